@@ -16,7 +16,6 @@ from test_contacts_bench import FIG4, plain
 
 import stickslip as ss
 from stickslip.kernels._jit import jit
-from stickslip.kernels.between_events import BREAKS, EVENTS
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.flight import NEAR, energies, soon, take_off
 from stickslip.simulation.engines import Beginning, engine_of
@@ -60,7 +59,7 @@ def random_read(contacts: int) -> float:
 
 
 def seconds_and_events(
-    count: int, duration: float, interface: ss.Interface = FIG4.interface, index: int = EVENTS
+    count: int, duration: float, interface: ss.Interface = FIG4.interface, what: str = "events"
 ) -> tuple[float, int]:
     """CPU time and events, or breaks, of a run without samples."""
     method = ss.Contacts(count, seed=1)
@@ -69,7 +68,7 @@ def seconds_and_events(
     begin = time.process_time()
     while not engine.advance(leg).over:
         pass
-    return time.process_time() - begin, int(engine._state.counts[index])
+    return time.process_time() - begin, int(engine._state.motion[0][what])
 
 
 def main() -> None:
@@ -95,13 +94,14 @@ def main() -> None:
             f"{loop / taken:<13.0f} {loop / (1e-9 * closed * events):<24.0f} {random_read(count):.0f} ns"
         )
     warm = replace(FIG4.interface, temperature=ss.Bell(width=0.01, attempts=1e6))
-    for what, index in (("an event", EVENTS), ("a break", BREAKS)):
+    for what in ("events", "breaks"):
         costs = []
         for interface in (FIG4.interface, warm):
             seconds_and_events(100, 0.01, interface)
-            taken, count = min(seconds_and_events(10_000, 6.0, interface, index) for _ in range(5))
+            taken, count = min(seconds_and_events(10_000, 6.0, interface, what) for _ in range(5))
             costs.append(1e9 * taken / count)
-        print(f"{what}: {costs[0]:.0f} ns, with temperature {costs[1]:.0f} ns, {costs[1] / costs[0]:.2f} times as much")
+        cold, warm = costs
+        print(f"{what[:-1]}: {cold:.0f} ns, with temperature {warm:.0f} ns, {warm / cold:.2f} times as much")
 
 
 if __name__ == "__main__":

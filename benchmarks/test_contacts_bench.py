@@ -56,8 +56,8 @@ def test_plain_loop_for_one_per_cent_of_a_run(benchmark):
 
 def test_renewal_convolution(benchmark):
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
-    exact = ss.rigid_slide(interface, 20.0, method=ss.Renewal(4000))["friction_force"].to_numpy()[::4]
+    exact = ss.rigid_slide(interface, 20.0, method=ss.model.Renewal(4000))["friction_force"].to_numpy()[::4]
     benchmark.group = "F(X) over 0..20 x_s to 1e-8"
     benchmark.extra_info.update(role="fast", promised=1, what="renewal convolution, beside 1 % of a plain run")
-    curve = benchmark.pedantic(ss.rigid_slide, (interface, 20.0), {"method": ss.Renewal(1000)}, rounds=20)
+    curve = benchmark.pedantic(ss.rigid_slide, (interface, 20.0), {"method": ss.model.Renewal(1000)}, rounds=20)
     assert np.abs(curve["friction_force"].to_numpy() - exact).max() < 1e-8

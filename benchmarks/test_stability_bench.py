@@ -1,14 +1,13 @@
-"""The stability map and its boundary, beside a count at each point of the map; ageing contacts; the bistable range."""
+"""The stability map and its boundary, beside a count at each point of the map; ageing contacts."""
 
 import numpy as np
-import pytest
 
-from stickslip.cycles import bistable_range, sustained
 from stickslip.model import Rig, constant
-from stickslip.paper.cases import FIG6, FIG7, FIG8
-from stickslip.stability import aged, boundary, count_unstable, critical, growth_rate, onset, stability_map
-from stickslip.stability.from_axis import known
-from stickslip.stability.transforms import axis_table
+from stickslip.paper.cases import FIG7, FIG8
+from stickslip.sliding import langevin
+from stickslip.sliding.response import _whole_axis
+from stickslip.sliding.transforms import axis_table
+from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
 
 RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))
 STIFFNESSES, VELOCITIES = np.geomspace(0.1, 10, 200), np.geomspace(0.1, 10, 200)
@@ -66,7 +65,7 @@ def test_unstable_modes(benchmark):
 def forget():
     """Forget every response of ageing contacts; the kernels stay compiled."""
     critical(AGED, "stiffness", between=(0.9, 1.1))
-    for kept in (aged._row, aged._at, aged._known, known):
+    for kept in (langevin._row, langevin._at, langevin._known, _whole_axis):
         kept.cache_clear()
 
 
@@ -82,28 +81,3 @@ def test_map_of_ageing_contacts_50_by_50_from_nothing(benchmark):
 def test_growth_rates_of_ageing_contacts_50_by_50_from_nothing(benchmark):
     values = (np.geomspace(0.1, 10, 50), np.geomspace(0.1, 10, 50))
     benchmark.pedantic(stability_map, (AGED,), {"values": values, "growth": True}, setup=forget, rounds=1)
-
-
-BY_RUNS = 2.99e-3
-"""Tolerance that asks for runs on either side of a fold; above it, folds are taken from cycles that are held up."""
-
-
-@pytest.mark.parametrize(("role", "tolerance"), [("plain", BY_RUNS), ("fast", 3e-3)])
-def test_bistable_range_of_figure_7(benchmark, role, tolerance):
-    benchmark.group = "bistable range of Fig. 7"
-    benchmark.extra_info.update(
-        role=role, promised=3, what="the fold from cycles held up, not from runs on either side"
-    )
-    settings = {"between": (0.3, 3.0), "tolerance": tolerance}
-    (band,) = benchmark.pedantic(bistable_range, (RIG,), settings, rounds=3, warmup_rounds=1)
-    assert abs(band.low.value - 0.7059) < 2e-3
-
-
-@pytest.mark.parametrize(("role", "tolerance"), [("plain", BY_RUNS), ("fast", 3e-3)])
-def test_sustained_delays_of_figure_6(benchmark, role, tolerance):
-    rig = Rig(FIG6.interface, FIG6.slider, constant(1.0))
-    benchmark.group = "sustained delays of Fig. 6"
-    benchmark.extra_info.update(role=role, promised=1.4, what="the edge at the fold, not by halving")
-    settings = {"between": (0.01, 1.0), "tolerance": tolerance}
-    (window,) = benchmark.pedantic(sustained, (rig, "delay"), settings, rounds=3, warmup_rounds=1)
-    assert abs(window.low.value - 0.0757) < 2e-4

@@ -42,7 +42,9 @@ def _snapshots(interface, method):
 
 
 def _until(method):
-    drive = ss.constant(1.0, 5.0).until(ss.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.ForceBelow(0.3))
+    drive = (
+        ss.constant(1.0, 5.0).until(ss.model.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.model.ForceBelow(0.3))
+    )
     return _run(ss.Interface(thresholds=TENTH), method, drive=drive)
 
 
@@ -57,7 +59,7 @@ def small_cases() -> dict[str, Callable[[], object]]:
         interface = ss.Interface(thresholds=TENTH, delay=delay)
         for method in (few, coarse):
             cases[f"{method}, {name}"] = partial(_run, interface, method)
-        cases[f"renewal, {name}"] = partial(_rigid, interface, ss.Renewal(40))
+        cases[f"renewal, {name}"] = partial(_rigid, interface, ss.model.Renewal(40))
     delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
     strong = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1))
@@ -77,8 +79,10 @@ def small_cases() -> dict[str, Callable[[], object]]:
         _run, ageing, coarse, drive=ss.constant(2.0, 0.2), start=ss.FromSliding()
     )
     cases["kinetic equation, a snapshot"] = partial(_snapshots, ageing, coarse)
-    cases["closure"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back)
-    cases["closure, sliding"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back, start=ss.FromSliding())
+    cases["closure"] = partial(_run, ageing, ss.model.PaperClosure(cells=10), drive=back)
+    cases["closure, sliding"] = partial(
+        _run, ageing, ss.model.PaperClosure(cells=10), drive=back, start=ss.FromSliding()
+    )
     for growth in (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.LogarithmicGrowth(slope=0.1, time=0.1)):
         for delay in (ss.Delay(0.0), ss.Delay(0.1)):
             growing = ss.Interface(thresholds=TENTH, ageing=growth, delay=delay)

@@ -1,6 +1,5 @@
 """Contacts whose thresholds age: sampling, kinetic equation, stability, the paper's closure."""
 
-from functools import partial
 from math import erf, erfc, exp, sqrt
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip import model, stability
-from stickslip.kernels import langevin_contacts, langevin_density
 from stickslip.kernels.closure import Cohorts as ClosureCohorts
 from stickslip.kernels.closure import (
     Thresholds,
@@ -20,14 +18,13 @@ from stickslip.kernels.closure import (
     threshold_rates,
 )
 from stickslip.kernels.drive import Quadratic, drive_at
-from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growing, Growth, advance_growing
 from stickslip.kernels.langevin import Langevin, Life
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.kernels.langevin_response import excursions, life_transforms
 from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction, steady_moments
-from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move, travel
-from stickslip.kernels.stepping import Course, Stroke
+from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, travel
+from stickslip.kernels.stepping import Course
 
 STD = 0.1
 NONE = np.zeros(1)
@@ -50,16 +47,13 @@ def dynamic_stiffness(velocity, langevin, s, delay=0.0):
     return stability.dynamic_stiffness(interface, velocity, s)
 
 
-def friction_of_contacts(u, rate=1.0, step=0.04, n=10_000, span=20.0, newborn=0.0, delay=0.0, seed=1):
+def friction_of_contacts(u, step=0.04, n=10_000, span=20.0, seed=1):
     """Mean force of sampled contacts in steady rigid motion, and its standard error from 20 blocks."""
     rng = np.random.default_rng(seed)
-    velocity = u * rate**2
-    contacts, langevin = contacts_at_rest(n, rng), Langevin(rate, 1.0, STD, newborn)
+    contacts = contacts_at_rest(n, rng)
     contacts.threshold[:] *= rng.random(n)  # desynchronised, so that the start is soon forgotten
-    start = 12.0 / velocity + 4.0 / rate**2
-    times = start + np.arange(0, 401) * span / rate**2 / 400
-    course = Course(pulling(velocity), RIGID, times, step / rate**2, np.inf)
-    run = advance_contacts(np.zeros(4), contacts, course, langevin, np.array([delay]), rng)
+    times = 12.0 / u + 4.0 + np.arange(0, 401) * span / 400
+    run = advance_contacts(np.zeros(4), contacts, Course(pulling(u), RIGID, times, step, np.inf), ONE, NONE, rng)
     blocks = run[1:, 3].reshape(20, -1).mean(axis=1)
     return blocks.mean(), blocks.std() / sqrt(20)
 
@@ -146,16 +140,6 @@ def test_the_last_visit_to_the_boundary_is_where_the_bridge_has_it_on_average():
     assert age == pytest.approx(((time - t) * weight).sum() / weight.sum(), rel=1e-6)
 
 
-def test_a_forgotten_start_and_an_exact_one_give_the_same_distribution():
-    rng, n, noise, time = np.random.default_rng(7), 40_000, 1.0, 1.0
-    near = np.array([reflected(0.0, -3.9999, noise, time, rng) for _ in range(n)])
-    past = np.array([reflected(0.0, -4.0001, noise, time, rng) for _ in range(n)])
-    assert langevin_contacts.FORGOTTEN == 16.0  # the two lie on both sides of it
-    error = 4 * np.sqrt((near.var(axis=0) + past.var(axis=0)) / n)
-    # The age over an endless past has its last exp(-8) beyond the step.
-    assert np.all(np.abs(near.mean(axis=0) - past.mean(axis=0)) < error + 1e-3)
-
-
 def test_the_moment_of_breaking_inside_a_step_is_that_of_a_bridge():
     rng, n = np.random.default_rng(8), 20_000
     start, end, variance = 0.8, 0.5, 1.0
@@ -164,27 +148,6 @@ def test_the_moment_of_breaking_inside_a_step_is_that_of_a_bridge():
     mean, shape = start / end, start**2 / variance
     assert abs(clock.mean() - mean) < 4 * sqrt(mean**3 / shape / n)
     assert abs(np.mean(1 / clock) - (1 / mean + 1 / shape)) < 4 * sqrt((1 / (mean * shape) + 2 / shape**2) / n)
-
-
-@pytest.mark.eq(11)
-@pytest.mark.parametrize("damping", [3.0, 20.0, 90.0])
-def test_the_oscillator_satisfies_its_equation(damping):
-    slider, force, dt = Slider(1.5, 0.02, damping), (0.3, -0.7, 0.4), 1e-4
-    k, mass = slider.stiffness + 0.5, slider.mass  # of the spring and the contacts
-    # The drive starts at 0.2 with velocity -1 and acceleration 2; the contacts give the rest of the force.
-    drive, start = Quadratic(0.0, 0.2, -1.0, 2.0), Motion(0.0, 0.2, -1.0)
-    load = Load(1.5 * 0.2 + 0.5 * 0.2 - force[0], 0.5, force[1] + 1.5, 2.0 * (force[2] - 1.5))
-
-    def at(t):
-        there = move(slider, drive, start, load, t)
-        return there.X, there.V
-
-    for t in (0.01, 0.1, 0.5):
-        x, v = at(t)
-        acceleration = (at(t + dt)[1] - at(t - dt)[1]) / (2 * dt)
-        residual = mass * acceleration + mass * damping * v + k * x - force[0] - force[1] * t - force[2] * t**2
-        assert abs(residual) < 1e-5
-        assert abs((at(t + dt)[0] - at(t - dt)[0]) / (2 * dt) - v) < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -209,21 +172,6 @@ def test_work_and_turning_points_of_the_oscillator(mass, damping, length, tolera
     assert pytest.approx([X, V], abs=1e-12) == [got.X, got.V]
     assert [got.low, got.high] == pytest.approx([path.min(), path.max()], abs=20 * tolerance)  # a cubic between ends
     assert [got.work, got.squares] == pytest.approx([work, squares], abs=tolerance)
-
-
-def test_a_slider_with_very_strong_damping_creeps_and_does_not_overflow():
-    """A step of many hundred times the inverse damping rate, where hyperbolic functions exceed the largest number."""
-    slider, drive = Slider(stiffness=1.0, mass=1e-4, damping=1e6), Quadratic(0.0, 0.5, 0.0, 0.0)
-    there = move(slider, drive, Motion(0.0, 0.0, 0.0), Load(force=0.0, stiffness=1.0), 20.0)
-    rate = (1.0 + 1.0) / (slider.mass * slider.damping)  # of the slow mode; 1 / 5e7 smaller than the fast one
-    assert pytest.approx(0.25 * (1.0 - exp(-20.0 * rate)), rel=1e-6) == there.X
-
-
-def test_the_drive_is_quadratic_in_time():
-    drive = Quadratic(start=3.0, position=7.0, velocity=2.0, acceleration=-1.0)
-    assert drive_at(drive, 3.0) == (7.0, 2.0)
-    assert drive_at(drive, 5.0) == (9.0, 0.0)
-    assert drive_at(drive, 1.0) == (1.0, 4.0)
 
 
 # ---------------------------------------------------------------- steady friction
@@ -266,11 +214,6 @@ def test_contacts_have_the_friction_of_the_kinetic_equation(u):
     assert abs(force - exact) < 4 * error + 0.005 * exact
 
 
-def test_contacts_depend_on_velocity_over_rate_squared_alone():
-    (one, error), (other, error_too) = friction_of_contacts(0.5, n=5000), friction_of_contacts(0.5, rate=1.5, n=5000)
-    assert abs(one - other) < 4 * np.hypot(error, error_too)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("u", [0.5, 1.0])
 def test_halving_the_step_does_not_move_the_friction(u):
@@ -286,20 +229,6 @@ def test_the_plain_loop_is_biased_where_bridges_are_not():
     assert 1.5 < bias[0] / bias[1] < 4.0  # a quarter of the step gives less than a quarter of the bias
     force, error = friction_of_contacts(u, step=0.04, n=4000)
     assert abs(force / exact - 1) < 4 * error / exact + 0.003
-
-
-@pytest.mark.parametrize(("u", "delay"), [(0.5, 0.0), (0.5, 0.2), (2.0, 0.1)])
-def test_contacts_that_attach_above_their_boundary_break_at_a_finite_rate(u, delay):
-    force, error = friction_of_contacts(u, newborn=0.3, delay=delay, n=5000)
-    exact = steady_friction(np.array([u]), ONE._replace(newborn=0.3), delay)[0]
-    assert abs(force - exact) < 4 * error + 0.005 * exact
-
-
-def test_a_delay_needs_a_newborn_threshold():
-    rng = np.random.default_rng(0)
-    course = Course(pulling(1.0), RIGID, np.ones(1), 0.04, 1.0)
-    with pytest.raises(ValueError, match="newborn"):
-        advance_contacts(np.zeros(4), contacts_at_rest(3, rng), course, ONE, np.ones(1), rng)
 
 
 # ---------------------------------------------------------------- the kinetic equation in time
@@ -318,51 +247,17 @@ def density_at_rest(cells=400):
     return np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0]), Cohorts(place, mass, moment), nodes
 
 
-@pytest.mark.parametrize("newborn", [0.01, 0.05, 0.1])
-@pytest.mark.parametrize("length", [0.02, 0.1])
-def test_what_breaks_within_a_step_attaches_again_within_it(newborn, length):
-    """Nothing is lost before the masses are scaled: also if newborns break again and again while the step goes on."""
-    langevin = ONE._replace(newborn=newborn)
-    nodes = langevin_density.density_nodes(langevin, 10.0)
-    grid, n = langevin_density._Grid(nodes, cell_widths(nodes)), nodes.size
-    mass = np.exp(-0.5 * ((nodes - 0.1) / STD) ** 2) * grid.width
-    mass[0] = 0.0
-    moment, before = 0.01 * mass, mass.sum()
-    lines = np.zeros((6, n))
-    work = langevin_density._Work(*lines, np.zeros((2, 2, n)), np.full(1, n - 1))
-    step = langevin_density._prepare(langevin, Stroke(0.0, length, length, 0.0, 0.3))
-    birth = int(np.searchsorted(nodes, newborn)) - 1
-    part = (newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth])
-    births = langevin_density._Births(birth, part, 0.0, 0.0)
-    breaking = langevin_density._advance_cohort(mass, moment, grid, 0.0, step, n - 1, births, work)
-    assert min(breaking) > 0.01 * before  # it is no small part
-    assert mass.sum() == pytest.approx(before, rel=1e-12)
-
-
-def test_a_closed_cohort_joins_the_nearest():
-    nodes = np.linspace(0.0, 1.0, 5)
-    place = np.array([0.3, 1.0, 0.4, 0.45, 0.0, 0.0])
-    mass, moment = np.zeros((6, 5)), np.zeros((6, 5))
-    mass[:4, 1:] = 0.1
-    closed = langevin_density._close(Cohorts(place, mass, moment), nodes, 3, 0.7, 0.2, 0.0)
-    assert closed == 3
-    assert mass.sum(axis=1) == pytest.approx([0.4, 0.4, 0.8, 0.0, 0.0, 0.0])
-    assert moment[2] == pytest.approx([0.0, *[0.1 * 0.05] * 4])
-    assert place[3] == 0.7  # the next open cohort begins where the slider is
-    assert langevin_density._close(Cohorts(place, mass, moment), nodes, 3, 0.8, 0.2, 0.0) == 4  # 0.7: none is near
-
-
 def advance(density, drive, slider, rate, times, cells=400):
     step = 4.0 / cells
     course = Course(drive, slider, np.asarray(times), step / rate**2, step)
     return advance_density(*density, course, ONE._replace(rate=rate))
 
 
-def advance_to_and_fro(advance_to, times, sign=1.0):
+def advance_to_and_fro(advance_to, times):
     """Samples at `times` as the drive goes one way until 0.12, then turns round: `advance_to` takes drive and times."""
     turn = int(np.searchsorted(times, 0.12 * (1 - 1e-12)))
-    there = advance_to(pulling(sign * 10.0), np.append(times[:turn], 0.12))[:turn]
-    return np.vstack([there, advance_to(pulling(-sign * 10.0, 0.12, sign * 1.2), np.maximum(times[turn:], 0.12))])
+    there = advance_to(pulling(10.0), np.append(times[:turn], 0.12))[:turn]
+    return np.vstack([there, advance_to(pulling(-10.0, 0.12, 1.2), np.maximum(times[turn:], 0.12))])
 
 
 def friction_of_density(u, cells):
@@ -375,7 +270,7 @@ def friction_of_density(u, cells):
 
 
 @pytest.mark.eq(17)
-@pytest.mark.parametrize(("u", "tolerance"), [(0.5, 0.003), (1.0, 0.003), (2.0, 0.01), (5.0, 0.02)])
+@pytest.mark.parametrize(("u", "tolerance"), [(2.0, 0.01), (5.0, 0.02)])
 def test_the_density_slides_with_the_steady_friction(u, tolerance):
     exact = steady_friction(np.array([u]), ONE)[0]
     assert friction_of_density(u, 400) == pytest.approx(exact, rel=tolerance)
@@ -413,16 +308,6 @@ def test_the_density_at_rest_stays_the_gaussian_of_its_thresholds():
     assert run[0, 3] == 0.0
 
 
-def test_the_density_does_not_know_left_from_right():
-    """To and fro, beginning either way: forces change sign, and contacts born on the way back are pulled back."""
-    runs, times = [], np.linspace(0.005, 0.4, 80)
-    for sign in (1.0, -1.0):
-        density = density_at_rest(200)
-        part = partial(advance, density, slider=RIGID, rate=1.5, cells=200)
-        runs.append(advance_to_and_fro(lambda *to, part=part: part(drive=to[0], times=to[1]), times, sign))
-    np.testing.assert_allclose(runs[0][:, :4], -runs[1][:, :4], atol=1e-9)
-
-
 def test_fast_motion_to_and_fro_agrees_with_many_contacts():
     rng, n, times = np.random.default_rng(14), 40_000, np.linspace(0.005, 0.4, 80)
     density, contacts, state = density_at_rest(800), contacts_at_rest(n, rng), np.zeros(4)
@@ -436,29 +321,6 @@ def test_fast_motion_to_and_fro_agrees_with_many_contacts():
     sampled = advance_to_and_fro(sample, times)
     # A contact's stretching scatters by less than 0.5.
     assert np.all(np.abs(run[:, 3] - sampled[:, 3]) < 4 * 0.5 / sqrt(n) + 0.004)
-
-
-def test_newborns_with_strength_have_the_steady_friction_in_the_density_too():
-    u, newborn, cells = 0.5, 0.3, 400
-    langevin = ONE._replace(newborn=newborn)
-    state, (place, _, _), _ = density_at_rest(cells)
-    nodes = density_nodes(langevin, cells / 40)
-    cohorts = Cohorts(place, np.zeros((place.size, nodes.size)), np.zeros((place.size, nodes.size)))
-    cohorts.mass[0, nodes.size // 2] = 1.0
-    course = Course(pulling(u), RIGID, np.linspace(28.0, 32.0, 50), 0.01, 0.01)
-    run = advance_density(state, cohorts, nodes, course, langevin)
-    exact = steady_friction(np.array([u]), langevin)[0]
-    assert run[:, 3].mean() == pytest.approx(exact, rel=0.003)
-    assert np.all(np.abs(run[:, 4] - 1.0) < 1e-12)
-
-
-def test_the_density_can_be_advanced_in_chunks():
-    times = np.linspace(0.0, 1.2, 13)[1:]
-    whole, parts = density_at_rest(200), density_at_rest(200)
-    once = advance(whole, pulling(1.0), FIG_8, 1.5, times, 200)
-    first = advance(parts, pulling(1.0), FIG_8, 1.5, times[:11], 200)
-    second = advance(parts, pulling(1.0), FIG_8, 1.5, times[11:], 200)
-    assert np.allclose(np.vstack([first, second]), once, rtol=0.0, atol=3e-7)
 
 
 # ---------------------------------------------------------------- with a slider
@@ -492,16 +354,6 @@ def period(force, dt=0.01, between=(1.5, 2.5), cycles=6):
     return dt * lag / cycles
 
 
-@pytest.mark.eq(11)
-def test_contacts_and_slider_at_rest_balance():
-    rng, n = np.random.default_rng(11), 500
-    drive = Quadratic(0.0, 0.3, 0.0, 0.0)  # pulled by 0.3 at once, far from any threshold
-    course = Course(drive, Slider(2.0, 1e-4, 40.0), np.array([1.0, 2.0]), 0.04, 0.05)
-    run = advance_contacts(np.zeros(4), contacts_at_rest(n, rng), course, ONE, NONE, rng)
-    assert run[-1, 0] == pytest.approx(0.2, abs=1e-9)  # K (D - X) = X
-    assert run[-1, 2] == pytest.approx(run[-1, 3], abs=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "steady", "low", "high"),
@@ -521,24 +373,6 @@ def test_fig_8_contacts(rate, steady, low, high):
     if rate == 1.5:
         assert 0.73 <= force.max() <= 0.77
         assert 1.95 <= period(force) <= 2.05
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("rate", "low", "high"), [(0.9, 0.36, 0.46), (1.5, 1.20, 1.28)])
-def test_fig_8_kinetic_equation_has_the_peaks_of_many_contacts(rate, low, high):
-    run = advance(density_at_rest(), pulling(1.0), FIG_8, rate, np.arange(1, 1601) * 0.01)
-    sampled = pulled_contacts(rate, False, n=50_000, span=16.0, step=0.01, reach=0.01)[600:, 2]
-    force = run[600:, 2]
-    assert low < np.ptp(force) < high
-    # In windows longer than a period, over which the noise of 50,000 contacts is averaged.
-    top, bottom = force.reshape(-1, 250).max(axis=1).mean(), force.reshape(-1, 250).min(axis=1).mean()
-    top_sampled, bottom_sampled = (
-        sampled.reshape(-1, 250).max(axis=1).mean(),
-        sampled.reshape(-1, 250).min(axis=1).mean(),
-    )
-    assert top == pytest.approx(top_sampled, rel=0.03)
-    assert top - bottom == pytest.approx(top_sampled - bottom_sampled, rel=0.03)
-    assert np.all(np.abs(run[:, 4] - 1.0) < 1e-12)
 
 
 # ---------------------------------------------------------------- stability of smooth sliding
@@ -570,16 +404,6 @@ def test_lives_from_the_volterra_equation_are_those_of_the_kinetic_equation(u, n
     assert parts[1].real / parts[0].real == pytest.approx(work / length, rel=1e-4)
     assert parts[0].real == pytest.approx(length, rel=1e-4)
     assert np.all(np.abs(parts[2:]) < 1e-9 * length)  # nothing is perturbed that stands still
-
-
-def test_transforms_of_a_life_decay_and_turn_as_they_must():
-    # One transform at s and at its conjugate, and far to the right, where only the beginning of a life counts.
-    known = excursions(Life(0.5, STD, 0.3))
-    p = np.array([0.7 + 3.0j, 0.7 - 3.0j, 1e3 + 0.0j])
-    parts = life_transforms(known, p)
-    np.testing.assert_allclose(parts[:, 0], np.conj(parts[:, 1]), rtol=1e-12)
-    assert parts[0, 2].real == pytest.approx(1e-3, rel=1e-9)
-    assert parts[1, 2].real == pytest.approx(0.5 * 1e-6, rel=1e-9)
 
 
 def test_at_high_frequency_all_contacts_are_springs():
@@ -670,7 +494,10 @@ def test_oscillating_the_density_gives_the_dynamic_stiffness(omega):
 
 
 @pytest.mark.eq(7)
-@pytest.mark.parametrize(("velocity", "stiffness"), [(0.1, 3.306), (0.3, 2.257), (0.5, 0.919), (0.8, 0.112)])
+@pytest.mark.parametrize(
+    ("velocity", "stiffness"),
+    [pytest.param(0.1, 3.306, marks=pytest.mark.slow), (0.3, 2.257), (0.5, 0.919), (0.8, 0.112)],
+)
 def test_effective_stiffness_of_fig_11(velocity, stiffness):
     way, force = pull_newborns(velocity, ONE, 1.5, 400)
     assert np.max(-np.gradient(force, way)[2:]) == pytest.approx(stiffness, rel=0.01)
@@ -687,13 +514,6 @@ def test_newborns_dragged_along_agree_with_contacts():
 
 
 # ---------------------------------------------------------------- the paper's closure
-
-
-@pytest.mark.eq(1, 2, 3, 18)
-def test_the_closure_differs_from_the_exact_friction_as_stated():
-    u = np.array([0.01, 0.5, 1.0])
-    ratio = closure_friction(u, ONE) / steady_friction(u, ONE)
-    assert ratio - 1 == pytest.approx([0.231, -0.089, -0.281], abs=0.005)
 
 
 def test_the_closure_at_low_speed_is_that_of_an_exponential_life():
@@ -735,27 +555,6 @@ def of_growing(ageing, velocity, delay=0.0):
     """Friction of contacts whose thresholds grow, by their lives."""
     thresholds = ss.Gaussian(mean=1.0, std=STD)
     return ss.kinetic_friction(ss.Interface(thresholds=thresholds, ageing=ageing, delay=ss.Delay(delay)), velocity)
-
-
-@pytest.mark.parametrize(
-    ("growth", "ageing"),
-    [
-        (Growth(EXPONENTIAL, 2.25, 0.0), ss.ExponentialGrowth(rate=2.25)),
-        (Growth(EXPONENTIAL, 1.0, 0.3), ss.ExponentialGrowth(rate=1.0, newborn=0.3)),
-        (Growth(LOGARITHMIC, 0.1, 0.01), ss.LogarithmicGrowth(slope=0.1, time=0.01)),
-    ],
-)
-@pytest.mark.parametrize("delay", [0.0, 0.2])
-def test_contacts_that_grow_with_age_have_the_friction_of_their_lives(growth, ageing, delay):
-    rng, velocity, n = np.random.default_rng(13), 0.5, 4000
-    exact = of_growing(ageing, velocity, delay)
-    pool = rng.normal(1.0, STD, 100_000)
-    # Born at moments spread over a life, so that all ages are there from the start.
-    contacts = Growing(np.zeros(n), rng.choice(pool, n), rng.uniform(0.0, 3.0, n))
-    course = Course(pulling(velocity), RIGID, np.linspace(40.0, 120.0, 400), np.inf, 0.05)
-    run = advance_growing(np.zeros(4), contacts, course, growth, pool, np.array([delay]), rng)
-    force, error = run[:, 3].mean(), run[:, 3].reshape(10, -1).mean(axis=1).std() / sqrt(10)
-    assert abs(force - exact) < 5 * error + 0.003 * exact
 
 
 def test_growth_too_slow_for_the_slider_carries_nothing():

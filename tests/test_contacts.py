@@ -14,7 +14,6 @@ from stickslip.kernels import events as kernel
 from stickslip.kernels import flight as flights
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.event_queue import (
-    BIN,
     clear,
     drop,
     first_slot,
@@ -26,6 +25,7 @@ from stickslip.kernels.event_queue import (
     size,
     used,
 )
+from stickslip.kernels.motion import Piece, Sampling, make_motion
 from stickslip.kernels.oscillator import Slider
 
 
@@ -97,41 +97,6 @@ def test_the_queue_gives_what_a_heap_gives(steps, bins, width, start):
     assert not any(slots_of.values())
 
 
-@given(st.lists(st.floats(0, 100), min_size=1, max_size=50), st.floats(0.01, 10))
-def test_the_queue_as_the_engine_uses_it(gaps, width):
-    """Keys that grow with the smallest one, as breaking positions do: hold many, pop one, push one."""
-    queue = make_queue(64, 32, width)
-    heap: list[float] = []
-    position = 0.0
-    for slot, gap in enumerate(gaps):
-        push(queue, position + gap, slot)
-        heapq.heappush(heap, position + gap)
-        if slot % 3 == 2:
-            assert peek(queue) == heap[0]
-            position = heapq.heappop(heap)
-            pop(queue)
-    rest = []
-    while (key := peek(queue)) < math.inf:
-        rest.append(key)
-        pop(queue)
-    assert rest == sorted(heap)
-
-
-@given(st.lists(st.floats(-100, 100), min_size=30, max_size=40))
-def test_a_cleared_queue_is_empty_and_can_be_filled_again(values):
-    queue = make_queue(40, 16, 0.5)
-    for round_ in range(3):
-        clear(queue, values[round_])
-        assert peek(queue) == math.inf
-        for slot, key in enumerate(values):
-            push(queue, key, slot)
-        order = []
-        while (key := peek(queue)) < math.inf:
-            order.append(key)
-            pop(queue)
-        assert order == sorted(values)
-
-
 # ------------------------------------------------------------------------------------------------ between events
 
 COEFFICIENTS = [
@@ -182,19 +147,6 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
 
 
 @pytest.mark.parametrize("numbers", COEFFICIENTS)
-def test_taylor_and_closed_form_meet(numbers):
-    flight = flight_of(*numbers)
-    eta, w2, v, *_ = numbers
-    unit = 1.0 / (eta + math.sqrt(w2))
-    for share in (0.999 * flights.NEAREST, 1.001 * flights.NEAREST, 0.999 * flights.NEAR, 1.001 * flights.NEAR, 0.3):
-        near, far = flights.taylor(flight, share * unit), flights.far(flight, share * unit)
-        # The closed form subtracts the offset of the oscillation from itself.
-        slack = 1e-13 * abs(v) + 4e-15 * (abs(flight.q0) + abs(flight.y0)) / unit + 1e-13 * abs(flight.q1)
-        assert near[0] == pytest.approx(far[0], abs=slack * unit)
-        assert near[1] == pytest.approx(far[1], abs=slack)
-
-
-@pytest.mark.parametrize("numbers", COEFFICIENTS)
 @pytest.mark.parametrize("drive", [(1.0, 0.0), (-0.5, 3.0)])
 def test_energies_of_a_flight_balance(numbers, drive):
     """Work of the drive and the integral of the squared velocity, against quadrature along the flight."""
@@ -238,24 +190,6 @@ def test_rigid_motion_goes_on_as_it_goes(v, most, found):
     flight = flights.take_off(0.0, 0.0, 1.0, v, 0.0, 0.0, 0.0)
     assert flights.first_crossing(flight, 1.0, 0.6, most, np.empty(24)) == pytest.approx(found)
     assert flights.first_turn(flight, most, np.empty(24)) == math.inf
-
-
-@pytest.mark.parametrize("numbers", COEFFICIENTS)
-def test_energies_of_the_shortest_flights_are_a_taylor_expansion(numbers):
-    """Each of its terms, against the powers of the path: in the flights above the last ones are below rounding."""
-    flight = flight_of(*numbers)._replace(v=0.7, c2=-1.3, c3=0.9, c4=1.7, c5=-0.6)
-    path = np.polynomial.Polynomial([0, flight.v, flight.c2, flight.c3, flight.c4, flight.c5])
-    force, K, drive_v, drive_a = 0.3, 2.0, -0.5, 3.0
-    pulled = np.polynomial.Polynomial([0, drive_v, 0.5 * drive_a])
-    for h in (0.7, 1.0):
-        work, _ = flights._short_energies(flight, h, path(h), force, K, drive_v, drive_a)
-        # The moment of the path is expanded to one power less.
-        lost = drive_a * K * flight.c5 * h**7 / 7
-        assert work == pytest.approx(((force + K * (pulled - path)) * pulled.deriv()).integ()(h) + lost, rel=1e-14)
-    lengths = np.array([0.02, 0.01])
-    squares = [flights._short_energies(flight, h, path(h), force, K, drive_v, drive_a)[1] for h in lengths.tolist()]
-    missed = np.abs(squares - (path.deriv() ** 2).integ()(lengths))
-    assert np.log2(missed[0] / missed[1]) == pytest.approx(7, abs=0.1)
 
 
 @settings(max_examples=200)
@@ -321,12 +255,11 @@ def test_no_crossing_hides_behind_a_turn_of_the_drive(damping, lasting, end, for
 
 def pulled(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0.0, velocity=0.0):
     """Run the engine over one piece of a drive; samples, the state at the end, and why it stopped."""
-    state = kernel.make_state(
-        np.asarray(birth, float), np.asarray(threshold, float), np.asarray(pending, float), 0.1, X, velocity
-    )
+    given = (np.asarray(part, float) for part in (birth, threshold, pending))
+    state = kernel.make_state(*given, 0.1, make_motion(X, velocity))
     D0, v0, a, end = drive
     samples = np.full((times.size, 8), np.nan)
-    piece, sampling = kernel.Piece(Quadratic(0.0, D0, v0, a), end), kernel.Sampling(times, samples)
+    piece, sampling = Piece(Quadratic(0.0, D0, v0, a), end), Sampling(times, samples)
     why = kernel.advance(state, rig.slider, piece, sampling, kernel.Draws(thresholds, delays, rig.delay), 10**9)
     return samples, state, why
 
@@ -415,7 +348,7 @@ def test_events_are_those_of_an_ode_solver(name, N):
     samples, state, why = pulled(rig, birth, threshold, pending, thresholds, delays, drive, times)
     exact, breaks = by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times)
     assert why == kernel.REACHED_END
-    assert int(state.counts[kernel.BREAKS]) == breaks
+    assert state.motion[0].breaks == breaks
     assert breaks > 0
     # The solver's error of 1e-12 a step grows with the slope of the force at each break, K/k of 1, and the velocity.
     np.testing.assert_allclose(samples[:, 0], exact[:, 0], atol=2e-7)
@@ -437,10 +370,10 @@ def test_the_running_sums_are_those_of_the_contacts(name):
     )
     assert why == kernel.REACHED_END
     contacts = kernel.attached_contacts(state)
-    x = state.motion[kernel.POSITION] - contacts["birth"]
-    assert int(state.counts[kernel.ATTACHED]) == contacts.size
+    x = state.motion[0].position - contacts["birth"]
+    assert state.motion[0].attached == contacts.size
     assert samples[0, 2] == pytest.approx(np.sum(x) / N, abs=1e-13)
-    assert kernel.contact_force(state) == pytest.approx(np.sum(x) / N, abs=1e-13)
+    assert kernel.force_of(state) == pytest.approx(np.sum(x) / N, abs=1e-13)
     assert samples[0, 4] == pytest.approx(0.5 * np.sum(x * x) / N, abs=1e-13)
     # No contact is stretched beyond its threshold.
     assert np.all(np.abs(x) <= contacts["threshold"] * (1 + 1e-12))
@@ -455,23 +388,6 @@ def test_the_running_sums_are_those_of_the_contacts(name):
         assert sorted([*waiting, *contacts["slot"]]) == list(range(N))
 
 
-def test_the_engine_says_why_it_stops():
-    rng = np.random.default_rng(0)
-    N, times = 5, np.linspace(0, 4, 5)
-    rig = Rig(Slider(2.0, 0.01, 20.0), math.nan)
-    start = (rng.normal(0, 0.1, N), rng.uniform(0.5, 1.5, N), [])
-    drive = (0.0, 1.0, 0.0, 4.0)
-    many = rng.uniform(0.5, 1.5, 100)
-    for thresholds, delays, expected in (
-        (many[:3], 0.1 * many, kernel.THRESHOLDS_USED_UP),
-        (many, 0.1 * many[:3], kernel.DELAYS_USED_UP),
-        (many, 0.1 * many, kernel.REACHED_END),
-    ):
-        _, state, why = pulled(rig, *start, thresholds, delays, drive, times)
-        assert why == expected
-    assert float(state.motion[kernel.TIME]) == 4.0
-
-
 def test_blocks_of_random_numbers_and_budgets_change_nothing():
     """Thresholds handed over in blocks, and returns in between, leave every number as it is."""
     rng = np.random.default_rng(1)
@@ -481,44 +397,40 @@ def test_blocks_of_random_numbers_and_budgets_change_nothing():
     all_thresholds = rng.normal(1, 0.1, 4_000)
     drive, times = (0.0, 1.0, 0.0, 5.0), np.linspace(0, 5, 51)
     whole, end_state, _ = pulled(rig, birth, threshold, [], all_thresholds, np.empty(0), drive, times)
-    state = kernel.make_state(birth, threshold, np.empty(0), 0.1)
+    state = kernel.make_state(birth, threshold, np.empty(0), 0.1, make_motion())
     samples = np.full((times.size, 8), np.nan)
-    piece, sampling = kernel.Piece(Quadratic(0.0, 0.0, 1.0, 0.0), 5.0), kernel.Sampling(times, samples)
+    piece, sampling = Piece(Quadratic(0.0, 0.0, 1.0, 0.0), 5.0), Sampling(times, samples)
     blocks = iter(np.split(all_thresholds, range(7, 4_000, 7)))
     draws = kernel.Draws(next(blocks), np.empty(0), rig.delay)
     while (why := kernel.advance(state, rig.slider, piece, sampling, draws, 11)) != kernel.REACHED_END:
-        if why == kernel.THRESHOLDS_USED_UP:
-            draws, state.counts[kernel.THRESHOLD] = draws._replace(thresholds=next(blocks)), 0
+        if why == kernel.DRAWS_USED_UP:
+            draws, state.motion[0].thresholds_used = draws._replace(thresholds=next(blocks)), 0
     np.testing.assert_array_equal(samples, whole)
-    np.testing.assert_array_equal(state.motion, end_state.motion)
+    end, whole_end = state.motion[0].copy(), end_state.motion[0]
+    assert end.thresholds_used == (whole_end.thresholds_used - 1) % 7 + 1
+    end.thresholds_used = whole_end.thresholds_used
+    assert end == whole_end
 
 
 @pytest.mark.parametrize("N", [1, 2, 13, 300])
 def test_sums_and_queues_survive_many_rebuilds(N):
     """A slider pulled to and fro: entries go stale on both sides, and both queues are filled anew many times."""
     rng = np.random.default_rng(5)
-    slider, sampling = Slider(4.0, 1e-2, 3.0), kernel.Sampling(np.empty(0), np.empty((0, 8)))
+    slider, sampling = Slider(4.0, 1e-2, 3.0), Sampling(np.empty(0), np.empty((0, 8)))
     thresholds = rng.uniform(0.01, 0.05, 400_000)
-    state = kernel.make_state(np.zeros(N), rng.uniform(0.01, 0.05, N), np.empty(0), 0.0)
+    state = kernel.make_state(np.zeros(N), rng.uniform(0.01, 0.05, N), np.empty(0), 0.0, make_motion())
     t, D, velocity, used = 0.0, 0.0, 1.0, 0
     for _ in range(20):
-        piece = kernel.Piece(Quadratic(t, D, velocity, 0.0), t + 1.0)
+        piece = Piece(Quadratic(t, D, velocity, 0.0), t + 1.0)
         why = kernel.advance(state, slider, piece, sampling, kernel.Draws(thresholds[used:], np.empty(0), 0.0), 10**9)
-        used += int(state.counts[kernel.THRESHOLD])
-        state.counts[kernel.THRESHOLD] = 0
+        used += state.motion[0].thresholds_used
+        state.motion[0].thresholds_used = 0
         assert why == kernel.REACHED_END
         t, D, velocity = t + 1.0, D + velocity, -velocity
     contacts = kernel.attached_contacts(state)
-    x = state.motion[kernel.POSITION] - contacts["birth"]
-    assert used == int(state.counts[kernel.BREAKS])
+    x = state.motion[0].position - contacts["birth"]
+    assert used == state.motion[0].breaks
     assert used > 20 * N * 5
-    assert int(state.counts[kernel.ATTACHED]) == N
+    assert state.motion[0].attached == N
     assert np.all(np.abs(x) <= contacts["threshold"] * (1 + 1e-12))
-    assert kernel.contact_force(state) == pytest.approx(np.mean(x), abs=1e-12)
-
-
-@pytest.mark.parametrize("width", [0.1, 4.0])
-def test_a_cleared_queue_begins_at_the_bin_of_its_key(width):
-    queue = make_queue(capacity=8, bins=16, width=width)
-    clear(queue, 5.35)
-    assert queue.counts[BIN] == math.floor(5.35 / width)
+    assert kernel.force_of(state) == pytest.approx(np.mean(x), abs=1e-12)

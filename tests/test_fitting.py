@@ -12,15 +12,14 @@ import xarray as xr
 from drawn import assert_drawn, assert_kept
 
 import stickslip as ss
-from stickslip import fitting, stability
+from stickslip import fitting
 from stickslip.cli import main
 from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior, simulate
-from stickslip.fitting.command import _pairs
 from stickslip.fitting.inference import infer
 from stickslip.fitting.known import quantity_of
 from stickslip.fitting.observation import Observation
-from stickslip.fitting.rates import Strengthening, half_speed_of, strengthening_of
+from stickslip.fitting.rates import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.rigs import remade
 from stickslip.fitting.summary import FITTED, NAMES, detrended, resampled, statistics
 from stickslip.fitting.synthetic import sampled
@@ -59,9 +58,7 @@ def found():
     )
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Picking
-# ---------------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------------------ picking
 
 
 def force7(**how):
@@ -80,10 +77,7 @@ def test_the_slips_of_a_measured_trace(smallest):
     assert events.drift == pytest.approx(1.45, abs=0.08)
     assert events.sawtooth == pytest.approx(10.7, abs=0.5)
     assert events.resolution == pytest.approx(0.01)
-
-
-def test_too_large_a_drop_loses_slips():
-    assert len(force7(after=45, smallest=1.5)) < 160
+    assert len(force7(after=45, smallest=1.5)) < 160  # too large a drop loses slips
 
 
 def test_statistics_of_a_measured_trace_without_its_drift():
@@ -130,63 +124,52 @@ def test_ringing_belongs_to_its_slip():
     assert abs(len(fitting.pick_events(ringing)) - len(fitting.pick_events(clean))) <= 2
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What must be refused
-# ---------------------------------------------------------------------------------------------------------------------
+# ----------------------------------------------------------------------------------------------- what must be refused
 
 
-def trace_of(force, step=0.01):
-    return xr.Dataset({"spring_force": ("time", force)}, coords={"time": step * np.arange(len(force))})
+def trace_of(force, **more):
+    return xr.Dataset(
+        {"spring_force": ("time", force)} | {name: ("time", values) for name, values in more.items()},
+        coords={"time": 0.01 * np.arange(len(force))},
+    )
 
 
-def velocity_step():
-    peaks, troughs = simulate(np.array(TRUTH), 120, np.random.default_rng(1))
-    slow, fast = saw(peaks[:60], troughs[:60], samples=120), saw(peaks[60:], troughs[60:], samples=30)
-    return trace_of(np.concatenate([part["spring_force"].values for part in (slow, fast)]))
-
-
-def two_halves():
-    one = simulate(np.array(TRUTH), 60, np.random.default_rng(1))
-    other = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, np.random.default_rng(1))
-    return saw(*(np.concatenate(pair) for pair in zip(one, other, strict=True)))
-
-
-def with_a_gap():
+def with_changes(**changes):
+    """A good trace, but for some samples of one of its variables."""
     trace = bench()
-    filled = np.zeros(trace.sizes["time"], dtype=bool)
-    filled[1000:1006] = True
-    return trace.assign(filled=("time", filled))
+    return trace.assign({name: ("time", change(trace.sizes["time"])) for name, change in changes.items()})
 
 
-def with_a_load():
-    trace = bench()
-    return trace.assign(load=("time", np.linspace(20.0, 24.0, trace.sizes["time"])))
+def two(one, other, **how):
+    """One series of slips after another."""
+    return saw(*(np.concatenate(pair) for pair in zip(one, other, strict=True)), **how)
 
 
-def with_a_jump():
-    trace = bench()
-    return trace.isel(time=np.delete(np.arange(trace.sizes["time"]), slice(1000, 1007)))
-
-
+RNG = np.random.default_rng
+PEAKS, TROUGHS = simulate(np.array(TRUTH), 120, RNG(1))
 SINE = 10.0 + np.sin(0.06 * np.arange(20_000))
+SLOW_AND_FAST = [saw(PEAKS[at], TROUGHS[at], samples=n) for at, n in ((slice(60), 120), (slice(60, None), 30))]
+OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
 NOT_STICK_SLIP = {
     "oscillation": (trace_of(SINE), "rises for 1 times as long as it drops"),
-    "noise": (trace_of(10 + 0.2 * np.random.default_rng(0).normal(size=20_000)), "cannot be told from noise"),
-    "random walk": (
-        trace_of(100.0 + 0.1 * np.cumsum(np.random.default_rng(0).normal(size=20_000))),
-        "depends on what is called one",
+    "noise": (trace_of(10 + 0.2 * RNG(0).normal(size=20_000)), "cannot be told from noise"),
+    "random walk": (trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))), "depends on what is called one"),
+    "velocity step": (
+        trace_of(np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])),
+        "loading rate changes 4",
     ),
-    "velocity step": (velocity_step(), "loading rate changes 4"),
-    "halves that differ": (two_halves(), "halves of the trace differ"),
+    "halves that differ": (two((PEAKS[:60], TROUGHS[:60]), OTHER), "halves of the trace differ"),
     "few slips": (bench(count=25), "slips: at least 30"),
     "few samples": (bench(samples=8), "samples from slip to slip"),
-    "fewer samples": (bench(samples=4), "record faster"),
     "noisy": (bench(noise=0.05), "of the peak force: at most 3 %"),
-    "gap": (with_a_gap(), "6 samples in a row"),
-    "jump": (with_a_jump(), "7 samples in a row"),
-    "load": (with_a_load(), "normal load changes by"),
+    "gap": (with_changes(filled=lambda n: np.abs(np.arange(n) - 1000.5) < 3), "6 samples in a row"),
+    "jump": (bench().isel(time=np.delete(np.arange(5000), slice(1000, 1007))), "7 samples in a row"),
+    "load": (with_changes(load=lambda n: np.linspace(20.0, 24.0, n)), "normal load changes by"),
+    "saturated": (
+        bench(noise=0.002).map(lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True)),
+        "fit: the tops of the force are flat",
+    ),
     "constant": (trace_of(np.full(1000, 5.0)), "0 drops"),
-    "negative": (trace_of(np.sin(0.06 * np.arange(2000)) - 0.0), ""),
 }
 
 
@@ -199,9 +182,13 @@ def test_what_is_refused(name):
     assert "\n" not in str(error.value)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Simulator and table
-# ---------------------------------------------------------------------------------------------------------------------
+def test_of_a_long_trace_the_first_slips_are_fitted():
+    found = ss.fit(bench(count=340, noise=0.002), prior=NARROW, draws=1500)
+    assert len(found.events) == 307
+    assert "only the first 307 of" in str(found)
+
+
+# ------------------------------------------------------------------------------------------------ simulator and table
 
 
 def test_contacts_all_alike_without_scatter_give_equal_slips():
@@ -213,34 +200,6 @@ def test_contacts_all_alike_without_scatter_give_equal_slips():
     settled = (stiffness * residual + stopped) / (1.0 + stiffness)  # re-attached, it rings down there
     np.testing.assert_allclose(peaks, 1.0, rtol=1e-12)
     np.testing.assert_allclose(troughs, settled, rtol=1e-9)
-
-
-def test_many_contacts_approach_the_slow_pull_without_inertia():
-    """Overdamped and stiff, the force stays at the kinetic friction of slow sliding, half the second moment."""
-    std = 0.2
-    values = np.array([2000, std, 0.0, 30.0, 0.9, 0.0])
-    from stickslip.kernels.arrest import Arrest, slips
-
-    peaks, troughs = np.empty(500), np.empty(500)
-    slips(Arrest(2000, *values[1:]), 1e-9, 10**8, np.random.default_rng(0), peaks, troughs)
-    kinetic = ss.kinetic_friction(ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std)), velocity=1.0)
-    assert 0.5 * (peaks.mean() + troughs.mean()) == pytest.approx(kinetic, rel=0.05)
-
-
-def test_the_same_seed_gives_the_same_slips_and_thresholds_set_the_scale_alone():
-    one = simulate(np.array(TRUTH), 50, np.random.default_rng(7))
-    other = simulate(np.array(TRUTH), 50, np.random.default_rng(7))
-    np.testing.assert_array_equal(one, other)
-
-
-def test_residual_force_sets_the_drop():
-    drops = []
-    for residual in (0.0, 0.4, 0.8):
-        peaks, troughs = simulate(np.array([200, 0.2, residual, 0.05, 0.2, 0.0]), 60, np.random.default_rng(2))
-        drops.append(float((1.0 - troughs / peaks).mean()))
-    assert drops[0] > drops[1] > drops[2]
-    assert drops[0] > 0.8
-    assert drops[2] < 0.4
 
 
 def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
@@ -290,19 +249,6 @@ def test_series_that_would_be_refused_are_not_compared():
     assert seen.valid.tolist() == [False, True]
 
 
-def test_statistics_that_all_draws_share_stop_no_fit():
-    """Drops all alike: their scatter is next to nothing in every series."""
-    prior = Prior(contacts=(8.0, 10.0))
-    made = table(prior=prior, draws=400, slips=60)
-    same = replace(
-        made, peaks=np.ones_like(made.peaks), troughs=np.full_like(made.troughs, 0.5), count=made.count * 0 + 60
-    )
-    ideal = Observation(slips=40, slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
-    observed = ideal.see(same.count[:1], same.peaks[:1], same.troughs[:1], seed=1).statistics[0]
-    sample = infer(same, ideal, observed, nearest=100)
-    assert np.all(np.isfinite(sample.parts))
-
-
 NEAR_A_HALF = 0.02
 
 
@@ -320,7 +266,7 @@ def compared():
     return table(prior=NARROW, draws=2500, slips=60), ideal, observed
 
 
-@pytest.mark.parametrize("rounds", [0, 1, 2])
+@pytest.mark.parametrize("rounds", [0, 1])
 def test_what_is_known_holds_for_the_draws_of_every_round(compared, rounds):
     made, _, _ = compared
     sample = infer(*compared, likelihood=near_a_half, rounds=rounds, nearest=60)
@@ -330,26 +276,6 @@ def test_what_is_known_holds_for_the_draws_of_every_round(compared, rounds):
     assert math.sqrt(float(sample.weights @ (values - 0.5) ** 2)) < 2.0 * NEAR_A_HALF
 
 
-def test_only_the_ratios_of_likelihoods_count(compared):
-    one, other = (infer(*compared, likelihood=lambda x, f=f: f * near_a_half(x), nearest=30) for f in (1.0, 0.125))
-    np.testing.assert_allclose(one.parts, other.parts, rtol=1e-9)
-    np.testing.assert_allclose(one.weights, other.weights, rtol=1e-9)
-
-
-def test_a_round_of_which_too_few_agree_with_what_is_known_is_left_out(compared):
-    """Known to a hair once the first draws were chosen: no draw of a round is that near."""
-    asked = []
-
-    def known(values):
-        asked.append(len(values))
-        return np.where(np.abs(values[..., 2] - 0.5) < (0.05 if len(asked) == 1 else 1e-7), 1.0, 0.0)
-
-    with_rounds = infer(*compared, likelihood=known, rounds=2, nearest=60)
-    assert len(asked) == 2
-    asked.clear()
-    np.testing.assert_array_equal(with_rounds.weights, infer(*compared, likelihood=known, rounds=0, nearest=60).weights)
-
-
 def test_block_bootstrap_errors_are_those_of_repeated_series():
     series = [simulate(np.array(TRUTH), 150, np.random.default_rng(seed)) for seed in range(40)]
     spread = np.std([statistics(*one) for one in series], axis=0)[:7]
@@ -357,9 +283,7 @@ def test_block_bootstrap_errors_are_those_of_repeated_series():
     assert np.all((errors > 0.5 * spread) & (errors < 2.0 * spread))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Fits
-# ---------------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------------------- fits
 
 
 def test_a_fit_holds_the_truth(found):
@@ -377,11 +301,7 @@ def test_a_fit_holds_the_truth(found):
     assert min(found.p_values[name] for name in FITTED) > 0.02
 
 
-def test_a_fit_prints_and_is_plain(found):
-    text = str(found)
-    for one in found.parameters:
-        assert one.title in text
-        assert one.verdict in text
+def test_a_fit_is_plain_data(found):
     plain = json.loads(json.dumps(found.to_dict()))
     assert set(plain["parameters"]) == set(KEYS)
     assert plain["quantities"]["breaking_displacement"]["unit"] == "m"
@@ -400,6 +320,7 @@ def test_quantities_go_as_far_as_what_is_known(found):
         bare.rig()
 
 
+@pytest.mark.slow
 def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     trace = bench(noise=0.002, seed=4)
     rate = fitting.pick_events(trace).loading_rate
@@ -438,12 +359,11 @@ def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_pa
         fitting.over_draws(ss.example("brake_pad"))
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_the_rig_that_is_written_makes_its_trace(found, seed):
+def test_the_rig_that_is_written_makes_its_trace(found):
     """With other contacts than it was chosen by: within the errors of the two means, 99 %, and a tenth for choosing."""
     rig = found.rig()
     assert "its own run drops" in rig.source
-    made = remade(rig.replace(method=ss.Contacts(rig.method.count, seed=seed)), found.events, found.known)
+    made = remade(rig.replace(method=ss.Contacts(rig.method.count, seed=2)), found.events, found.known)
     for one, other in ((made.drops, found.events.drops), (np.diff(made.time[made.peak_at]), found.events.recurrence)):
         error = 2.6 * one.std() / math.sqrt(one.size)
         assert one.mean() == pytest.approx(np.mean(other), abs=error + 0.1 * np.mean(other))
@@ -475,32 +395,13 @@ def test_the_unit_of_time_changes_no_rig(found):
     assert one.natural.slider == other.natural.slider
 
 
-def test_the_rig_holds_what_was_fitted_and_answers_as_one_without_the_residual(found):
-    """Sliding on, contacts that re-attach as they slide are weaker ones without a residual; the stiffness N k stays."""
+def test_the_rig_holds_what_was_fitted(found):
     rig = found.rig()
     residual = rig.interface.newborn.mean
     assert residual == pytest.approx(float(np.median(found.values[:, 2])), abs=0.3)
     assert rig.interface.sliding_force == pytest.approx(residual, rel=1e-12)
     i = int(np.argmin(np.abs(found.values[:, 2] / residual - 1.0) + np.abs(found.strength / rig.unit("f_s") - 1.0)))
     assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)  # of a spring of 100 N/m
-    rig = replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.3), track_scatter=0.0))
-    left = 1.0 - residual
-    thresholds = ss.Gaussian(mean=1.0, std=rig.interface.thresholds.std / left)
-    weaker = ss.Interface(thresholds=thresholds, delay=rig.interface.delay)
-    speed = rig.natural.velocity
-    s = np.array([0.3, 2.0j, 30.0j]) * speed
-    full, reduced = (stability.dynamic_stiffness(*one, s) for one in ((rig.interface, speed), (weaker, speed / left)))
-    assert full == pytest.approx(reduced, rel=1e-7)
-    force = ss.kinetic_friction(rig.interface, speed)
-    assert force == pytest.approx(residual + left * ss.kinetic_friction(weaker, speed / left), rel=1e-9)
-
-
-def test_a_fitted_rig_has_a_verdict(found):
-    answer = ss.predict(found.rig(name="bench"), fast=True)
-    assert answer.static_friction > answer.kinetic_friction > 0.0
-    # The force before slips of few contacts lies below that of many that start unstretched.
-    assert answer.static_friction == pytest.approx(10.0, rel=0.4)
-    assert answer.regime.kind != "undecided"
 
 
 def test_fitted_entries_that_cannot_be(tmp_path):
@@ -541,19 +442,13 @@ def test_speeds_add_the_delay_and_holds_ageing():
     assert found.strengthening.per_decade == pytest.approx(0.03, abs=1e-6)
     assert "changes by 3 ± " in str(found.strengthening)
     assert "contacts age" in str(found)
-    # A delay that the speeds tell, but with which no run makes the trace, stands in no rig.
-    assert isinstance(found.rig().interface.delay, ss.OnArrest)
     with pytest.raises(InputError, match="does not fall"):
         half_speed_of(speeds, forces[::-1])
     with pytest.raises(InputError, match="at least 4"):
         half_speed_of(speeds[:2], forces[:2])
 
 
-def test_pictures(found, tmp_path):
-    from stickslip.plot import save
-
-    assert save(found.events.plot(), tmp_path / "slips.png").stat().st_size > 10_000
-    assert save(found.plot(), tmp_path / "fit.png").stat().st_size > 10_000
+def test_pictures(found):
     assert_drawn(found.events.plot(), "slips")
     assert_drawn(found.plot(), "fit")
     assert_kept(str(found), "fit_told")
@@ -584,10 +479,6 @@ def test_the_quick_recipe_inverts_the_closed_forms():
         ss.quick_fit(
             static_friction=static, kinetic_friction=kinetic, stiffness=K, speed=speed, mass=0.1, loading_rate=K * speed
         )
-    with pytest.raises(InputError, match="static_friction/kinetic_friction"):
-        ss.quick_fit(
-            static_friction=9.0, kinetic_friction=1.0, stiffness=K, speed=speed, mass=0.1, breaking_displacement=x_s
-        )
 
 
 def test_the_command_refuses_in_one_line(tmp_path, capsys):
@@ -599,50 +490,17 @@ def test_the_command_refuses_in_one_line(tmp_path, capsys):
     assert "--stiffness" in capsys.readouterr().err
 
 
-def test_the_growth_with_rest_has_the_error_of_a_straight_line():
+def test_the_growth_with_rest_and_its_error_are_those_of_a_straight_line():
+    """Three holds leave one degree of freedom: 2.5 % lie above the 97.5 % quantile of Student's t without ageing."""
     times = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
     forces = 10.0 + 0.3 * np.log10(times) + np.array([0.02, -0.05, 0.01, 0.04, -0.03, 0.01])
     (slope, _), covariance = np.polyfit(np.log10(times), forces, 1, cov=True)
     found = strengthening_of(tuple(zip(times.tolist(), forces.tolist(), strict=True)))
     assert found.per_decade == pytest.approx(slope / forces[0], rel=1e-9)
     assert found.error == pytest.approx(np.sqrt(covariance[0, 0]) / forces[0], rel=1e-9)
-
-
-def test_what_the_holds_add_is_said_as_it_is():
-    told = {sign: str(Strengthening(per_decade=sign * 0.05, error=0.01, freedom=10)) for sign in (1, -1)}
-    assert told[1].endswith("changes by 5 ± 1 % per decade of rest: contacts age")
-    assert told[-1].endswith("no ageing is seen")
-    assert str(Strengthening(per_decade=0.05, error=0.03, freedom=10)).endswith("no ageing is seen")
-
-
-def test_of_holds_that_do_not_age_one_in_forty_is_said_to():
-    """Three holds leave one degree of freedom: 2.5 % above the 97.5 % quantile of Student's t."""
-    rng, holds = np.random.default_rng(0), (1.0, 10.0, 100.0)
-    aged = sum(
-        str(strengthening_of(tuple(zip(holds, rng.normal(10.0, 0.1, 3).tolist(), strict=True)))).endswith("age")
-        for _ in range(1000)
-    )
-    assert aged == pytest.approx(25, abs=15)
-
-
-def test_noise_raises_the_peaks_of_simulations_as_those_of_the_trace():
-    peaks, troughs = simulate(np.array(TRUTH), 300, np.random.default_rng(5))
-    events = fitting.pick_events(saw(peaks, troughs, samples=200, noise=0.02))
-    fewer = replace(Observation.of(events), slips=200)
-    seen = fewer.see(np.array([300]), peaks[None], troughs[None])
-    assert seen.valid.all()
-    strength = events.mean_peak / seen.mean_peak[0]
-    assert strength == pytest.approx(10.0 / peaks.mean(), rel=0.01)
-
-
-def test_a_saturated_trace_is_refused_and_a_long_one_cut():
-    trace = bench(noise=0.002)
-    force = trace["spring_force"]
-    with pytest.raises(InputError, match=r"fit: the tops of the force are flat .* saturated"):
-        ss.fit(trace.assign(spring_force=force.clip(max=float(force.quantile(0.97)))), draws=100)
-    found = ss.fit(bench(count=340, noise=0.002), prior=NARROW, draws=1500)
-    assert len(found.events) == 307
-    assert "only the first 307 of" in str(found)
+    assert str(replace(found, per_decade=-0.05)).endswith("no ageing is seen")
+    drawn = (tuple(zip((1.0, 10.0, 100.0), row, strict=True)) for row in RNG(0).normal(10.0, 0.1, (1000, 3)).tolist())
+    assert sum(str(strengthening_of(holds)).endswith("age") for holds in drawn) == pytest.approx(25, abs=15)
 
 
 @pytest.mark.parametrize("row", ["0.001 12.5 N", "0,5 12,3", "0.5;12,3"])
@@ -650,14 +508,9 @@ def test_a_table_whose_first_row_is_no_pair_of_numbers_is_no_heading(tmp_path, r
     path = tmp_path / "speeds.txt"
     path.write_text(f"{row}\n0.002 11\n0.003 10\n")
     with pytest.raises(InputError, match=r"line 1: .* must be two numbers"):
-        _pairs(path)
+        read_pairs(path)
     path.write_text("speed [m/s], force [N]\n0.002,11\n0.003; 10\n")
-    assert _pairs(path) == ((0.002, 11.0), (0.003, 10.0))
-
-
-def test_an_interval_of_more_than_a_decade_identifies_no_size():
-    one = fitting.Interval(key="", title="", unit="1", low=0.0024, median=0.012, high=0.064)
-    assert str(one).endswith("to a factor 5.2 either way")
+    assert read_pairs(path) == ((0.002, 11.0), (0.003, 10.0))
 
 
 def test_statistics_are_what_their_names_say():

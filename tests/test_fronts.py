@@ -14,10 +14,9 @@ from drawn import assert_drawn, assert_kept
 from scipy.optimize import brentq
 
 import stickslip as ss
-from stickslip import cli
+from stickslip import cli, elastic
 from stickslip.io import rig_files
 from stickslip.measure.front_map import front_summary
-from stickslip.measure.fronts import _half_times, _pieces
 from stickslip.model.units import Scales
 
 NEVER = ss.Delay(math.inf)
@@ -34,7 +33,7 @@ def bar(kappa, leaf=0.0, alpha=0.0, zeta=0.0, *, std=0.0, sliding=0.0, mean=1.0,
 
 
 def speed(rig, prestress, **how):
-    return float(ss.front_speed(rig, prestress=prestress, **how))
+    return float(elastic.front_speed(rig, prestress=prestress, **how))
 
 
 # ---------------------------------------------------------------- fronts on a lattice
@@ -72,20 +71,6 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
 @pytest.mark.parametrize(
     ("groups", "prestress", "expected"),
     [
-        ((STIFF,), 0.3, 1.048285),
-        ((STIFF,), 0.5, 1.154701),
-        ((STIFF,), 0.7, 1.400280),
-        ((STIFF,), 0.9, 2.294157),
-        ((1.0,), 0.5, 1.038784),
-        ((1.0,), 0.7, 1.090758),
-        ((1.0,), 0.9, 1.234012),
-        ((0.25,), 0.5, 1.020105),
-        ((0.25,), 0.7, 1.047366),
-        ((0.25,), 0.9, 1.124644),
-        ((4.0,), 0.5, 1.072010),
-        ((4.0,), 0.9, 1.420438),
-        ((100.0,), 0.5, 1.147892),
-        ((100.0,), 0.7, 1.395127),
         ((STIFF, 0.0, 0.0, 0.1), 0.5, 1.23576),
         ((STIFF, 0.0, 0.0, 0.5), 0.5, 1.56031),
         ((STIFF, 0.0, 0.0, 1.0), 0.5, 2.00000),
@@ -110,7 +95,6 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
         ((0.0025, 0.000625, 0.05), 0.5, 0.19886),
         ((0.0025, 0.000625, 0.05), 0.6, 0.49955),
         ((0.0025, 0.000625, 0.05), 0.8, 0.84412),
-        ((1.0, 0.2, 0.0), 0.95, 1.33529),
     ],
 )
 def test_published_numbers_of_the_lattice(groups, prestress, expected):
@@ -151,15 +135,15 @@ def test_softer_contacts_are_slower_and_viscosity_is_faster():
 
 def test_the_speed_is_in_the_rigs_own_unit_of_time():
     rig = bar(0.04, 0.01, 0.2)
-    si = ss.Rig(rig.interface, rig.slider, STILL, scales=ss.Scales(force=100.0, stretching=1e-6, time=0.01))
-    front = ss.front_speed(si, prestress=0.6)
+    si = ss.Rig(rig.interface, rig.slider, STILL, scales=ss.model.Scales(force=100.0, stretching=1e-6, time=0.01))
+    front = elastic.front_speed(si, prestress=0.6)
     assert front.speed == pytest.approx(100 * speed(rig, 0.6), rel=1e-12)
     assert front.speed / front.sound_speed == pytest.approx(speed(rig, 0.6), rel=1e-12)
 
 
 def test_a_front_along_a_sheet_is_that_of_a_chain():
     rig = bar(0.04, 0.01, 0.2)
-    sheet = ss.Sheet(along=60, across=9, coupling=25.0, shear=3.0, mass=25.0, damping=0.2, leaf=0.25)
+    sheet = ss.model.Sheet(along=60, across=9, coupling=25.0, shear=3.0, mass=25.0, damping=0.2, leaf=0.25)
     assert speed(ss.Rig(rig.interface, sheet, STILL), 0.6) == pytest.approx(speed(rig, 0.6), rel=1e-12)
 
 
@@ -191,7 +175,7 @@ def test_without_leaf_springs_a_distribution_has_a_front_at_any_prestress():
     none, soft = (speed(bar(0.01, leaf, 0.1, std=0.1), 0.3) for leaf in (0.0, 1e-8))
     assert none == pytest.approx(soft, rel=1e-5)
     assert none > 0
-    assert ss.front_threshold(bar(0.01, 0.0, 0.1, std=0.1)) == 0.0
+    assert elastic.front_threshold(bar(0.01, 0.0, 0.1, std=0.1)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -209,7 +193,7 @@ def test_without_leaf_springs_a_distribution_has_a_front_at_any_prestress():
 )
 def test_threshold_of_fronts(leaf, std, expected):
     rig = bar(0.04, leaf * 0.04, 0.2, std=std)
-    assert ss.front_threshold(rig) == pytest.approx(expected, abs=1e-6)
+    assert elastic.front_threshold(rig) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("std", [0.1, 0.2])
@@ -217,7 +201,7 @@ def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std):
     """Equal areas by parts: (tau - f_d)^2 = K/(1 + K) of the mean of (x_c - f_d)^2 over thresholds beyond tau."""
     rig = bar(0.04, 0.01, 0.2, std=std, sliding=0.2)
     strength = rig.interface.threshold_distribution.moment(1)
-    tau = 0.2 + ss.front_threshold(rig) * (strength - 0.2)
+    tau = 0.2 + elastic.front_threshold(rig) * (strength - 0.2)
     x = np.linspace(tau, 4.0, 400_001)
     weight = rig.interface.threshold_distribution.density(x)
     mean_square = np.trapezoid((x - 0.2) ** 2 * weight, x) / np.trapezoid(weight, x)
@@ -227,8 +211,8 @@ def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std):
 @pytest.mark.parametrize("std", [0.0, 0.1])
 def test_no_front_below_the_threshold(std):
     rig = bar(0.01, 0.0025, 0.1, std=std)
-    least = ss.front_threshold(rig)
-    below = ss.front_speed(rig, prestress=0.99 * least)
+    least = elastic.front_threshold(rig)
+    below = elastic.front_speed(rig, prestress=0.99 * least)
     assert not below.exists
     assert float(below) == 0.0
     assert "no front" in str(below)
@@ -237,7 +221,7 @@ def test_no_front_below_the_threshold(std):
 
 def test_coarse_blocks_pin_a_front_above_the_threshold():
     rig = bar(0.25, 0.05, 0.3)
-    pinned = ss.front_speed(rig, prestress=0.45)
+    pinned = elastic.front_speed(rig, prestress=0.45)
     assert pinned.threshold < 0.45
     assert not pinned.exists
     assert "these blocks pin it" in str(pinned)
@@ -245,9 +229,11 @@ def test_coarse_blocks_pin_a_front_above_the_threshold():
 
 
 def test_a_delay_as_short_as_the_front_is_a_caveat():
-    assert "re-attach within the front" in str(ss.front_speed(bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), prestress=0.6))
-    assert not ss.front_speed(bar(0.04, 0.01, 0.2, delay=ss.Delay(700.0)), prestress=0.6).caveats
-    assert not ss.front_speed(bar(0.04, 0.01, 0.2, delay=ss.OnArrest()), prestress=0.6).caveats
+    assert "re-attach within the front" in str(
+        elastic.front_speed(bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), prestress=0.6)
+    )
+    assert not elastic.front_speed(bar(0.04, 0.01, 0.2, delay=ss.Delay(700.0)), prestress=0.6).caveats
+    assert not elastic.front_speed(bar(0.04, 0.01, 0.2, delay=ss.OnArrest()), prestress=0.6).caveats
 
 
 # ---------------------------------------------------------------- precursors
@@ -259,8 +245,17 @@ def side_driven(blocks=50, coupling=4.0, sliding=0.425, **more):
     return ss.Rig(interface, ss.Chain(**chain), STILL)
 
 
+def springs_between(body):
+    """Matrix of the springs that couple the blocks."""
+    matrix = np.zeros((body.size, body.size))
+    for (i, j), k in zip(*body.links, strict=True):
+        matrix[[i, j], [i, j]] += k
+        matrix[[i, j], [j, i]] -= k
+    return matrix
+
+
 def test_precursor_force_to_six_digits():
-    force = ss.precursor_force(side_driven())
+    force = elastic.precursor_force(side_driven())
     assert force.sel(tip=[0, 10, 20]).values == pytest.approx([2.561553, 6.811553, 11.061553], abs=5e-7)
     assert float(force.max()) / 50 == pytest.approx(0.444328, abs=5e-7)
     assert int(force.idxmax()) == 47
@@ -269,34 +264,28 @@ def test_precursor_force_to_six_digits():
 @pytest.mark.parametrize("tip", [0, 1, 17, 28, 29])
 def test_precursor_force_from_the_balance_of_every_block(tip):
     """The same from the equations of all blocks at once: those behind the tip slide, the tip is at its threshold."""
-    n, coupling, sliding = 30, 3.0, 0.3
-    rig = side_driven(n, coupling, sliding)
-    chain = rig.slider
-    pairs, stiffness = chain.links
-    matrix = np.zeros((n, n))
-    for (i, j), k in zip(pairs, stiffness, strict=True):
-        matrix[[i, j], [i, j]] += k
-        matrix[[i, j], [j, i]] -= k
+    n, sliding = 30, 0.3
+    rig = side_driven(n, 3.0, sliding)
     stuck = np.arange(n) >= tip
-    matrix += np.diag(np.where(stuck, 1.0, 0.0))
+    matrix = springs_between(rig.slider) + np.diag(np.where(stuck, 1.0, 0.0))
     unit = np.zeros(n)
     unit[0] = 1.0
     per_force, offset = (np.linalg.solve(matrix, rhs) for rhs in (unit, np.where(stuck, 0.0, -sliding)))
     force = (1.0 - offset[tip]) / per_force[tip]
-    assert float(ss.precursor_force(rig).sel(tip=tip)) == pytest.approx(force, rel=1e-10)
+    assert float(elastic.precursor_force(rig).sel(tip=tip)) == pytest.approx(force, rel=1e-10)
 
 
 def test_precursors_lengthen_by_one_over_the_sliding_force():
-    force = ss.precursor_force(side_driven(200)).values
+    force = elastic.precursor_force(side_driven(200)).values
     assert np.diff(force)[:100] == pytest.approx(0.425, rel=1e-10)
 
 
 def test_screening_length_is_how_stuck_blocks_follow():
     """The displacement of a row of stuck blocks, pushed at one end, falls by e over the screening length."""
     rig = side_driven(400, 25.0)
-    decay = 25.0 / (1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / ss.screening_length(rig)))
-    assert decay == pytest.approx(math.exp(-1 / ss.screening_length(rig)), rel=1e-12)
-    assert ss.screening_length(side_driven(10, 1e6)) == pytest.approx(1000.0, rel=1e-6)
+    decay = 25.0 / (1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / elastic.screening_length(rig)))
+    assert decay == pytest.approx(math.exp(-1 / elastic.screening_length(rig)), rel=1e-12)
+    assert elastic.screening_length(side_driven(10, 1e6)) == pytest.approx(1000.0, rel=1e-6)
 
 
 # ---------------------------------------------------------------- modes of smooth sliding
@@ -325,7 +314,7 @@ def sliding(sliding_force=0.0, **chain):
     ],
 )
 def test_growth_of_modes(chain, mode, stiffness, root):
-    found = ss.modes(sliding(**chain)).isel(mode=mode)
+    found = elastic.modes(sliding(**chain)).isel(mode=mode)
     assert float(found.stiffness) == pytest.approx(stiffness, abs=1e-4)
     assert float(found.growth) == pytest.approx(root.real, abs=1e-5)
     assert float(found.frequency) == pytest.approx(root.imag, abs=1e-5)
@@ -336,120 +325,104 @@ def test_growth_of_modes(chain, mode, stiffness, root):
 )
 def test_a_sliding_force_makes_every_mode_more_stable(force, root):
     rig = sliding(force, blocks=4, coupling=3.0, leaf=2.0)
-    found = ss.modes(rig, count=1)
+    found = elastic.modes(rig, count=1)
     assert complex(found.growth[0], found.frequency[0]) == pytest.approx(root, abs=1e-5)
-    assert math.isfinite(ss.critical_length(rig).wavelength) == (root.real > 0)
+    assert math.isfinite(elastic.critical_length(rig).wavelength) == (root.real > 0)
 
 
 def test_a_mode_is_a_rigid_slider_on_its_own_spring():
     rig = sliding(blocks=5, coupling=3.0, leaf=1.0)
     rigid = ss.Rig(rig.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), ss.constant(velocity=1.5))
-    found = ss.modes(rig)
+    found = elastic.modes(rig)
     assert complex(found.growth[0], found.frequency[0]) == pytest.approx(complex(ss.growth_rate(rigid)), rel=1e-10)
     assert found.growth.values.tolist() == sorted(found.growth.values.tolist(), reverse=True)
 
 
-@pytest.mark.parametrize("blocks", [1, 2, 3, 8])
 @pytest.mark.parametrize("ends", ["free", "periodic"])
 @pytest.mark.parametrize("side", [0.0, 7.0])
-def test_modes_are_the_eigenvalues_of_the_springs(blocks, ends, side):
-    chain = ss.Chain(blocks=blocks, coupling=3.0, mass=1e-4, damping=42.0, leaf=0.5, side=side, ends=ends)
-    assert ss.modes(sliding_on(chain)).stiffness.values == pytest.approx(eigenvalues(chain), rel=1e-9)
-
-
-@pytest.mark.parametrize("ends", ["free", "periodic"])
-@pytest.mark.parametrize("side", [0.0, 7.0])
-def test_modes_of_a_sheet_are_the_eigenvalues_of_its_springs(ends, side):
-    sheet = ss.Sheet(
-        along=5, across=4, coupling=3.0, shear=2.0, mass=1e-4, damping=42.0, leaf=0.5, side=side, ends=ends
+def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
+    bodies = [
+        ss.Chain(blocks=n, coupling=3.0, mass=1.0, damping=1.0, leaf=0.5, side=side, ends=ends) for n in (1, 2, 8)
+    ]
+    bodies.append(
+        ss.model.Sheet(
+            along=5, across=4, coupling=3.0, shear=2.0, mass=1.0, damping=1.0, leaf=0.5, side=side, ends=ends
+        )
     )
-    found = ss.modes(sliding_on(sheet), count=11)
-    assert found.stiffness.values == pytest.approx(eigenvalues(sheet)[:11], rel=1e-9)
-
-
-def sliding_on(body):
-    rig = sliding(blocks=1, coupling=1.0, leaf=1.0)
-    return ss.Rig(rig.interface, body, rig.drive)
-
-
-def eigenvalues(body):
-    matrix = np.diag(body.pulled)
-    for (i, j), k in zip(*body.links, strict=True):
-        matrix[[i, j], [i, j]] += k
-        matrix[[i, j], [j, i]] -= k
-    return np.linalg.eigvalsh(matrix)
+    for body in bodies:
+        rig = replace(sliding(blocks=1, coupling=1.0, leaf=1.0), slider=body)
+        exact = np.linalg.eigvalsh(np.diag(body.pulled) + springs_between(body))[:11]
+        assert elastic.modes(rig, count=exact.size).stiffness.values == pytest.approx(exact, rel=1e-9)
 
 
 def test_wavelengths():
-    ring = ss.modes(sliding(blocks=12, coupling=2.0, leaf=1.0, ends="periodic"))
+    ring = elastic.modes(sliding(blocks=12, coupling=2.0, leaf=1.0, ends="periodic"))
     assert ring.wavelength.values[:5] == pytest.approx([math.inf, 12, 12, 6, 6])
-    free = ss.modes(sliding(blocks=12, coupling=2.0, leaf=1.0))
+    free = elastic.modes(sliding(blocks=12, coupling=2.0, leaf=1.0))
     assert free.wavelength.values[:3] == pytest.approx([math.inf, 24, 12])
-    held = ss.modes(sliding(blocks=12, coupling=2.0, side=2.0))  # a quarter of a wave from the drive to the free end
+    held = elastic.modes(
+        sliding(blocks=12, coupling=2.0, side=2.0)
+    )  # a quarter of a wave from the drive to the free end
     assert held.wavelength.values[:2] == pytest.approx([2 * 25, 2 * 25 / 3])
-    stiff = ss.modes(sliding(blocks=3, coupling=2.0, side=1e3))
+    stiff = elastic.modes(sliding(blocks=3, coupling=2.0, side=1e3))
     assert np.isnan(stiff.wavelength.values).tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize(("blocks", "unstable"), [(8, 1), (32, 3), (128, 11)])
 def test_the_longest_waves_grow(blocks, unstable):
-    found = ss.modes(sliding(blocks=blocks, coupling=20.0, leaf=1.0), count=14)
+    found = elastic.modes(sliding(blocks=blocks, coupling=20.0, leaf=1.0), count=14)
     assert int((found.growth > 0).sum()) == unstable
-    shortest = ss.critical_length(sliding(blocks=blocks, coupling=20.0, leaf=1.0)).wavelength
+    shortest = elastic.critical_length(sliding(blocks=blocks, coupling=20.0, leaf=1.0)).wavelength
     assert ((found.growth > 0) == (found.wavelength > shortest)).all()
 
 
 def test_shortest_wavelength_that_grows():
-    found = ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
+    found = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
     assert found.stiffness == pytest.approx(2.226362, abs=1e-6)
     assert 2 * math.pi / found.wavelength == pytest.approx(0.24826, abs=5e-6)
     assert found.wavelength == pytest.approx(25.31, abs=5e-3)
     assert found.blocks == 0
 
 
-@pytest.mark.parametrize(("coupling", "side", "blocks"), [(80.0, 40.0, 8), (400.0, 400.0, 21)])
-def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks):
-    rig = sliding(blocks=3, coupling=coupling, side=side)
-    found = ss.critical_length(rig)
+@pytest.mark.parametrize(
+    ("coupling", "side", "blocks", "continuum"), [(80.0, 40.0, 8, None), (400.0, 400.0, 21, 21.05)]
+)
+def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks, continuum):
+    found = elastic.critical_length(sliding(blocks=3, coupling=coupling, side=side))
     assert found.blocks == blocks
+    assert continuum is None or found.length == pytest.approx(continuum, abs=5e-3)
     growth = [
-        float(ss.modes(sliding(blocks=n, coupling=coupling, side=side), count=1).growth[0])
+        float(elastic.modes(sliding(blocks=n, coupling=coupling, side=side), count=1).growth[0])
         for n in (blocks - 1, blocks)
     ]
     assert growth[0] < 0 < growth[1]
 
 
-def test_nucleation_length_of_the_continuum():
-    assert ss.critical_length(sliding(blocks=3, coupling=400.0, side=400.0)).length == pytest.approx(21.05, abs=5e-3)
-
-
-def test_softest_mode_of_a_slider_pulled_at_one_end():
-    softest = [float(ss.modes(sliding(blocks=n, coupling=80.0, side=40.0), count=1).stiffness[0]) for n in (8, 7)]
-    assert softest == pytest.approx([2.19443, 2.74553], abs=5e-6)
-
-
 def test_viscosity_of_the_bulk_shortens_no_wave():
     dry, wet = (
-        ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0, viscosity=c)).wavelength for c in (0.0, 0.02)
+        elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0, viscosity=c)).wavelength for c in (0.0, 0.02)
     )
     assert wet > dry
-    found = ss.modes(sliding(blocks=200, coupling=20.0, leaf=1.0, viscosity=0.02), count=20)
+    found = elastic.modes(sliding(blocks=200, coupling=20.0, leaf=1.0, viscosity=0.02), count=20)
     assert ((found.growth > 0) == (found.wavelength > wet)).all()
 
 
 def test_stiff_leaf_springs_keep_every_wave_stable():
-    found = ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
+    found = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
     assert math.isinf(found.wavelength)
     assert "stable at every wavelength" in str(found)
     in_si = replace(sliding(blocks=8, coupling=20.0, leaf=3.0), scales=Scales(force=120.0, stretching=1e-6))
-    assert ss.critical_length(in_si).stiffness == pytest.approx(found.stiffness * in_si.unit("k"))
+    assert elastic.critical_length(in_si).stiffness == pytest.approx(found.stiffness * in_si.unit("k"))
     assert in_si.unit("k") != 1.0
 
 
 def test_modes_in_si_units():
     rig = sliding(blocks=8, coupling=40.0, side=40.0)
-    scales = ss.Scales(force=100.0, stretching=1e-6, time=0.01)
-    natural, si = ss.modes(rig, count=2), ss.modes(ss.Rig(rig.interface, rig.slider, rig.drive, scales=scales), count=2)
+    scales = ss.model.Scales(force=100.0, stretching=1e-6, time=0.01)
+    natural, si = (
+        elastic.modes(rig, count=2),
+        elastic.modes(ss.Rig(rig.interface, rig.slider, rig.drive, scales=scales), count=2),
+    )
     assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
     assert si.stiffness.values == pytest.approx(1e8 * natural.stiffness.values, rel=1e-12)
     assert (si.growth.units, si.stiffness.units) == ("1/s", "N/m")
@@ -464,28 +437,37 @@ SPREAD = bar(0.04, 0.01, 0.2, std=0.1)
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda: ss.front_speed(ALIKE, prestress=1.0), r"^prestress = 1: must be .* below 1"),
+        (lambda: elastic.front_speed(ALIKE, prestress=1.0), r"^prestress = 1: must be .* below 1"),
         (
-            lambda: ss.front_speed(ALIKE, prestress=0.5, blocks="fine"),
+            lambda: elastic.front_speed(ALIKE, prestress=0.5, blocks="fine"),
             r"^blocks = 'fine': must be one of lattice",
         ),
-        (lambda: ss.front_speed(SPREAD, prestress=0.5, blocks="lattice"), r"^blocks = 'lattice': known only where all"),
         (
-            lambda: ss.front_speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), prestress=0.5),
+            lambda: elastic.front_speed(SPREAD, prestress=0.5, blocks="lattice"),
+            r"^blocks = 'lattice': known only where all",
+        ),
+        (
+            lambda: elastic.front_speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), prestress=0.5),
             r"^Chain.viscosity = 2.5: fronts in a viscous bar are known only",
         ),
-        (lambda: ss.front_speed(bar(0.04, sliding=1.0), prestress=0.5), r"^Interface.sliding_force = 1: must be below"),
-        (lambda: ss.front_speed(SPREAD, prestress=0.99), r"^prestress = 0.99: the contacts are past their largest"),
-        (lambda: ss.precursor_force(ALIKE), r"^Rig.slider = .*pulled at one end only"),
         (
-            lambda: ss.precursor_force(ss.Rig(SPREAD.interface, side_driven().slider, STILL)),
+            lambda: elastic.front_speed(bar(0.04, sliding=1.0), prestress=0.5),
+            r"^Interface.sliding_force = 1: must be below",
+        ),
+        (
+            lambda: elastic.front_speed(SPREAD, prestress=0.99),
+            r"^prestress = 0.99: the contacts are past their largest",
+        ),
+        (lambda: elastic.precursor_force(ALIKE), r"^Rig.slider = .*pulled at one end only"),
+        (
+            lambda: elastic.precursor_force(ss.Rig(SPREAD.interface, side_driven().slider, STILL)),
             r"^Interface.thresholds = .* needs all thresholds alike",
         ),
-        (lambda: ss.modes(sliding(blocks=4, coupling=1.0)), r"^Rig.slider = .* nothing holds the slider"),
-        (lambda: ss.modes(sliding(blocks=4, coupling=1.0, leaf=1.0), count=0), r"^count = 0: must be"),
+        (lambda: elastic.modes(sliding(blocks=4, coupling=1.0)), r"^Rig.slider = .* nothing holds the slider"),
+        (lambda: elastic.modes(sliding(blocks=4, coupling=1.0, leaf=1.0), count=0), r"^count = 0: must be"),
         (
-            lambda: ss.modes(sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")),
-            r"^Rig.slider: 5000 blocks in a ring",
+            lambda: elastic.modes(sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")),
+            r"^Rig.slider: 5000 blocks in a network",
         ),
         (lambda: ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0)), r"^Rig.slider = .* use|modes\(\)"),
     ],
@@ -501,12 +483,12 @@ RIGID = ss.Rig(ALIKE.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0
 @pytest.mark.parametrize(
     "ask",
     [
-        lambda rig: ss.front_speed(rig, prestress=0.5),
-        ss.front_threshold,
-        ss.screening_length,
-        ss.precursor_force,
-        ss.modes,
-        ss.critical_length,
+        lambda rig: elastic.front_speed(rig, prestress=0.5),
+        elastic.front_threshold,
+        elastic.screening_length,
+        elastic.precursor_force,
+        elastic.modes,
+        elastic.critical_length,
     ],
 )
 def test_a_rigid_slider_has_no_fronts(ask):
@@ -514,17 +496,11 @@ def test_a_rigid_slider_has_no_fronts(ask):
         ask(RIGID)
 
 
-@pytest.mark.parametrize(
-    ("mechanism", "message"),
-    [
-        ({"track_scatter": 0.1}, r"^Interface.track_scatter = 0.1: not available with front_speed"),
-        ({"ageing": ss.Langevin(rate=1.5)}, r"^Interface.ageing = .* not available with front_speed"),
-    ],
-)
-def test_mechanisms_that_the_theory_leaves_out(mechanism, message):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=NEVER, **mechanism)
-    with pytest.raises(ss.InputError, match=message):
-        ss.front_speed(ss.Rig(interface, ALIKE.slider, STILL), prestress=0.6)
+@pytest.mark.parametrize("mechanism", [{"track_scatter": 0.1}, {"ageing": ss.Langevin(rate=1.5)}])
+def test_mechanisms_that_the_theory_leaves_out(mechanism):
+    rig = replace(SPREAD, interface=replace(SPREAD.interface, **mechanism))
+    with pytest.raises(ss.InputError, match=rf"^Interface.{next(iter(mechanism))} = .* not available with front_speed"):
+        elastic.front_speed(rig, prestress=0.6)
 
 
 # ---------------------------------------------------------------- pictures
@@ -567,14 +543,11 @@ def test_spacetime_shows_every_block_at_every_time(passing):
     assert 0.0 < float(passing["attached"].mean()) < 1.0
 
 
-@pytest.mark.parametrize("name", ["spacetime", "fronts", "front_curve"])
-def test_pictures_of_a_front_are_what_they_were(passing, name):
-    assert_drawn(getattr(ss.plot, name)(passing).figure, f"front_{name}")
-
-
-@pytest.mark.parametrize("name", ["precursors", "precursor_lengths", "slip_profiles"])
-def test_pictures_of_precursors_are_what_they_were(pulled, name):
-    assert_drawn(getattr(ss.plot, name)(pulled).figure, name)
+def test_pictures_are_what_they_were(passing, pulled):
+    for name in ("spacetime", "fronts", "front_curve"):
+        assert_drawn(getattr(ss.plot, name)(passing).figure, f"front_{name}")
+    for name in ("precursors", "precursor_lengths", "slip_profiles"):
+        assert_drawn(getattr(ss.plot, name)(pulled).figure, name)
 
 
 def test_spacetime_of_the_velocity_is_in_decades(passing):
@@ -590,24 +563,12 @@ def test_spacetime_of_a_long_run_keeps_the_peaks(passing):
     assert mesh.get_array().max() == pytest.approx(float(np.abs(passing["velocity"]).max()))
 
 
-def test_half_of_the_way_is_told_between_samples():
-    time = np.arange(11.0)
-    X = np.column_stack([3.0 * time, np.minimum(0.7 * time, 2.0), -np.minimum(0.7 * time, 2.0), 0.0 * time])
-    assert _half_times(time, X) == pytest.approx([5.0, 1.0 / 0.7, 1.0 / 0.7, 1.0])
-
-
-def test_spacetime_of_the_force(passing):
-    ax = ss.plot.spacetime(passing, "force")
-    assert ax.get_ylabel() == "time (time units)"
-    assert "friction force of a block" in ax.figure.axes[1].get_ylabel().replace("\n", " ")
-
-
 def test_front_speed_along_a_slider(passing):
     lines = drawn(ss.plot.fronts(passing))
     assert lines["sound"].get_ydata()[0] == 1.0
     x, v = lines["first breaks"].get_data()
     assert lines["sound"].axes.get_xlim() == (-0.5, passing.sizes["block"] - 0.5)
-    assert v == pytest.approx(ss.fronts(passing)["speed"].values[x.astype(int)])
+    assert v == pytest.approx(ss.measure.fronts(passing)["speed"].values[x.astype(int)])
 
 
 def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
@@ -646,7 +607,7 @@ def test_precursors_grow_along_the_line(pulled):
 
 def test_slip_profiles_are_what_blocks_moved(pulled):
     ax = ss.plot.slip_profiles(pulled)
-    found = ss.events(pulled)
+    found = ss.measure.events(pulled)
     large = found.isel(event=found["blocks"].values >= 3)
     moved = pulled["displacement"]
     for line, start, end in zip(ax.get_lines(), large["start"].values, large["end"].values, strict=True):
@@ -663,7 +624,7 @@ def test_a_run_as_plain_data_for_a_page(passing):
     inside = (passing["time"].values >= shown["time"][17]) & (passing["time"].values < shown["time"][18])
     blocks = (np.arange(300) > shown["block"][40]) & (np.arange(300) < shown["block"][41])
     assert values[17, 40] == velocity[np.ix_(inside, blocks)].max()
-    table = ss.fronts(passing)
+    table = ss.measure.fronts(passing)
     assert [row["blocks"] for row in found["fronts"]] == table["blocks"].values.tolist()
     assert found["fronts"][0]["front_speed"] == float(table["front_speed"][0])
     assert found["sound_speed"] == pytest.approx(1.0)
@@ -719,29 +680,20 @@ def gallery(name):
     return module
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_smooth_sliding_invades_stick_slip_on_a_long_bar(seed):
+def test_smooth_sliding_invades_stick_slip_on_a_long_bar():
     """At the same drive the rigid slider keeps whichever of the two it started in."""
     case = gallery("side_by_side")
-    count = case.in_stick_slip(case.run(64, 58, duration=36.0, seed=seed))
+    count = case.in_stick_slip(case.run(64, 58, duration=36.0, seed=1))
     assert count[0] == 58
     assert count[-1] <= 6
     assert 1.8 < case.speed(count, 64) < 2.7
 
 
-@pytest.mark.parametrize(("blocks", "left"), [(8, 8), (16, 0)])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_stick_slip_takes_a_short_bar_and_smooth_sliding_a_longer_one(blocks, left, seed):
+@pytest.mark.parametrize(("blocks", "at_rest", "left"), [(8, 4, 8), (16, 8, 0), (12, 0, 0), (12, 12, 12)])
+def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_either_stays(blocks, at_rest, left):
     case = gallery("side_by_side")
-    count = case.in_stick_slip(case.run(blocks, blocks // 2, duration=30.0, seed=seed))
-    assert count[-1] == left
-
-
-@pytest.mark.parametrize(("at_rest", "before"), [(0, 0), (12, 12)])
-def test_on_its_own_either_stays(at_rest, before):
-    case = gallery("side_by_side")
-    count = case.in_stick_slip(case.run(12, at_rest, duration=30.0))
-    assert count[0] == count[-1] == before
+    count = case.in_stick_slip(case.run(blocks, at_rest, duration=30.0))
+    assert (count[0], count[-1]) == (at_rest, left)
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.py")))
@@ -751,15 +703,25 @@ def test_gallery(name, tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def test_a_slow_front_by_slow_slip_and_none_without_a_sliding_force():
-    """The fast front as theory has it; the slow one at a 27th of its speed."""
+@pytest.mark.parametrize(
+    ("beyond", "arrest", "slow", "within"),
+    [(0.44, 114, 0.0260, 0.0010), pytest.param(0.40, 108, 0.0142, 0.0006, marks=pytest.mark.slow)],
+)
+def test_a_slow_front_by_slow_slip(beyond, arrest, slow, within):
+    """The fast front as theory has it, which stops where the prestress falls; a slow one goes on."""
     module = gallery("slow_front")
-    run = ss.simulate(module.rig())
-    fast, slow = module.speeds(run)
-    assert int(ss.fronts(run)["blocks"][0]) == pytest.approx(114, abs=1)
+    run = ss.simulate(module.rig(beyond=beyond))
+    fast, found = module.speeds(run)
+    fronts = ss.measure.fronts(run)
+    assert int(fronts["blocks"][0]) == pytest.approx(arrest, abs=1)
     assert fast == pytest.approx(0.6965, abs=2e-3)
-    assert fast == pytest.approx(float(ss.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
-    assert slow == pytest.approx(0.0260, abs=1e-3)
+    assert fast == pytest.approx(float(elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
+    assert found == pytest.approx(slow, abs=within)
+    assert float(fronts["front_speed"][1]) == pytest.approx(slow, rel=0.1)
+
+
+def test_no_slow_front_without_a_sliding_force():
+    module = gallery("slow_front")
     stopped = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
     assert int(np.isfinite(stopped).sum()) == 114
     assert float(stopped.max()) < 250
@@ -772,7 +734,7 @@ def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
     place, kept = tmp_path / "rig.toml", str(tmp_path / "run.nc")
     place.write_text(rig_files.to_toml(rig))
     assert cli.main(["simulate", str(place), "-o", kept, "--plot", str(tmp_path / "run.png")]) == 0
-    (front,) = ss.fronts(ss.simulate(rig))["front_speed"].values
+    (front,) = ss.measure.fronts(ss.simulate(rig))["front_speed"].values
     line = f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the speed of sound\n1 event of at least 3"
     assert line in capsys.readouterr().out
     assert cli.main(["measure", kept]) == 0
@@ -789,7 +751,7 @@ def test_a_sweep_over_a_chain_in_a_file(tmp_path):
     rig = replace(bar(0.05, blocks=4, leaf=0.05, std=0.1, delay=ss.Delay(0.5)), drive=ss.constant(1.0, duration=10.0))
     (tmp_path / "rig.toml").write_text(rig_files.to_toml(rig))
     (tmp_path / "sweep.toml").write_text(
-        'rig = "rig.toml"\n[axes]\nvelocity = { values = [0.5, 1.0] }\n[run]\ndistance = 10.0\ncycles = 0\n'
+        'rig = "rig.toml"\n[axes]\nvelocity = [0.5, 1.0]\n[run]\ndistance = 10.0\ncycles = 0\n'
     )
     assert cli.main(["sweep", str(tmp_path / "sweep.toml"), "--store", str(tmp_path / "s.sqlite")]) == 0
 
@@ -810,7 +772,7 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
     """All modes meet the same contacts, so at the end of a wave's range of speeds its stiffness is the critical one."""
     rig = sliding(blocks=32, coupling=20.0, leaf=1.0)
     found = ss.predict(rig)
-    table = ss.modes(rig)
+    table = elastic.modes(rig)
     assert found.growing == int((table["growth"] > 0).sum()) == 3
     assert [wave.wavelength for wave in found.waves] == table["wavelength"].values[:5].tolist()
     assert [wave.growth for wave in found.waves] == pytest.approx(table["growth"].values[:5].tolist(), rel=1e-9)
@@ -845,11 +807,14 @@ def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.startswith("rig: ")
     assert "By wavelength, the softest first (linear stability)" in said
-    assert f"critical stiffness {rig.in_units(ss.critical_length(rig).stiffness / rig.unit('k'), 'stiffness')}" in said
+    assert (
+        f"critical stiffness {rig.in_units(elastic.critical_length(rig).stiffness / rig.unit('k'), 'stiffness')}"
+        in said
+    )
     assert cli.main(["predict", str(tmp_path / "bar.toml"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["units"] == {"velocity": "m/s", "stiffness": "N/m", "wavelength": "blocks"}
-    assert told["waves"][0]["growth"] == pytest.approx(float(ss.modes(rig)["growth"][0]))
+    assert told["waves"][0]["growth"] == pytest.approx(float(elastic.modes(rig)["growth"][0]))
 
 
 @pytest.mark.parametrize(
@@ -874,7 +839,7 @@ def test_contacts_that_come_back_at_once_have_nothing_that_grows():
 def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
     """The first block breaks loose where precursors begin: with slip as far as block 0, of the closed form."""
     rig = bar(0.25, std=0.0, blocks=40, side=4.0, alpha=0.3)
-    force = float(ss.precursor_force(rig).sel(tip=0))
+    force = float(elastic.precursor_force(rig).sel(tip=0))
     distance = 1.0 + force / rig.slider.side
     short = replace(rig, drive=ss.constant(0.01, duration=0.5 * distance / 0.01), method=ss.Contacts(2))
     said = "the first block breaks loose when the drive has gone about"
@@ -884,22 +849,3 @@ def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
     run = ss.simulate(replace(short, drive=ss.constant(0.01, duration=1.01 * distance / 0.01)))
     assert 0.01 * float(run["first_break"][0]) == pytest.approx(distance, rel=0.01)
     assert np.isnan(run["first_break"][1:]).all()
-
-
-def test_a_bar_keeps_the_length_of_its_blocks_in_which_fronts_are_told():
-    rig = rig_files.from_text(
-        '[chain]\nblocks = 4\nspacing = "5 mm"\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\n'
-        '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\n'
-        'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
-    )
-    assert rig.in_units(rig.slider.spacing, "length") == "5 mm"
-    assert rig_files.from_text(rig_files.to_toml(rig)).slider == rig.slider
-
-
-def test_a_front_that_waits_is_told_in_pieces():
-    time = np.concatenate([0.1 * np.arange(12), 50.0 + 0.2 * np.arange(8)])
-    one, other = _pieces(time, 0, 1)
-    assert one[:3] == (0, 11, 12)
-    assert other[:3] == (12, 19, 8)
-    assert one[3:] == pytest.approx((0.0, 1.1, 10.0))
-    assert other[3:] == pytest.approx((50.0, 51.4, 5.0))

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import stickslip as ss
 from stickslip.errors import LONGEST_MESSAGE, UndecidedError
-from stickslip.explorer import answers, documents
+from stickslip.explorer import documents, simulate
 from stickslip.io import rig_files
 from stickslip.simulation import estimate
 from stickslip.sweep import run_cases, status_of
@@ -204,29 +204,29 @@ CALLS = (
     lambda a, b: ss.critical(RIG, a, between=b),
     lambda a, b: ss.rigid_slide(INTERFACE, a, velocity=b),
     lambda a, b: ss.Bell(width=a, attempts=b),
-    lambda a, b: ss.Parabolic(temperature=a, attempts=b),
+    lambda a, b: ss.model.Parabolic(temperature=a, attempts=b),
     lambda a, b: ss.Barrier(height=a, attempts=1.0, power=b),
     lambda a, b: ss.LogarithmicGrowth(slope=a, time=b),
     lambda a, b: ss.Interface(thresholds=ss.Uniform(0.5, 1.5), sliding_force=a, newborn=b),
     lambda a, b: ss.Interface(thresholds=a, temperature=b),
     lambda a, b: ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), track_scatter=a, delay=b),
     lambda a, b: ss.Chain(blocks=a, coupling=b, mass=1.0, damping=1.0),
-    lambda a, b: ss.Sheet(along=a, across=2, coupling=b, shear=1.0, mass=1.0, damping=1.0),
+    lambda a, b: ss.model.Sheet(along=a, across=2, coupling=b, shear=1.0, mass=1.0, damping=1.0),
     lambda a, b: ss.Prestressed(stretching=a, push=b),
     lambda a, b: ss.Rig(INTERFACE, a, b),
     lambda a, b: ss.simulate(RIG, method=a, start=b),
     lambda a, b: ss.save(a, b),
     lambda a, _: ss.example(a),
     lambda a, _: ss.static_friction(a),
-    lambda a, _: ss.friction_slope(THERMAL, a),
-    lambda a, b: ss.turning_velocities(THERMAL, between=(a, b)),
+    lambda a, _: ss.stability.friction_slope(THERMAL, a),
+    lambda a, b: ss.stability.turning_velocities(THERMAL, between=(a, b)),
     lambda a, b: ss.rate_and_state(THERMAL, a, step=b),
-    lambda a, b: ss.fit_rate_and_state(a, at=b),
+    lambda a, b: ss.rate_state.fit_rate_and_state(a, at=b),
     lambda a, b: ss.velocity_step(INTERFACE, before=a, after=b, distance=2.0, method=ss.Contacts(20)),
     lambda a, b: ss.slide_hold_slide(THERMAL, velocity=a, holds=b, method=ss.Contacts(20)),
-    lambda a, b: ss.front_speed(CHAIN, prestress=a, blocks=b),
-    lambda a, _: ss.modes(CHAIN, count=a),
-    lambda a, _: ss.fronts(a),
+    lambda a, b: ss.elastic.front_speed(CHAIN, prestress=a, blocks=b),
+    lambda a, _: ss.elastic.modes(CHAIN, count=a),
+    lambda a, _: ss.measure.fronts(a),
     lambda a, b: ss.growth_rate(RIG.replace(velocity=a, delay=b)),
     lambda a, _: ss.critical_stiffness(ss.Interface(thresholds=ss.Gaussian(1.0, a))),
     lambda a, b: ss.sustained(RIG, a, between=b),
@@ -248,7 +248,7 @@ def with_a_message(message, _tmp_path):
     text, kind, document = message
     request = documents.from_json(text if kind is None else json.dumps({**document, "kind": kind}))
     if kind is not None:
-        for _ in {"run": answers.run, "edit": answers.edit, "stretchings": answers.stretchings}[kind](request, ignored):
+        for _ in getattr(simulate, kind)(request, ignored):
             pass
 
 

@@ -47,14 +47,25 @@ MECHANISMS: dict[str, dict[str, object]] = {
     "Langevin": {"ageing": LANGEVIN},
     "Langevin, delay": {"ageing": LANGEVIN, "delay": DELAY},
     "Bell, Langevin": {"temperature": BELL, "ageing": LANGEVIN},
+    "logarithmic growth, on arrest": {"ageing": LOGARITHMIC, "delay": ss.OnArrest(), "track_scatter": 0.2},
+    "barrier, exponential growth, newborns": {"temperature": BARRIER, "ageing": EXPONENTIAL, "newborn": STRETCHED},
+    "barrier, on arrest, sliding force": {"temperature": BARRIER, "delay": ss.OnArrest(), "sliding_force": 0.3},
+    "growth from nothing": {"ageing": ss.ExponentialGrowth(rate=2.0)},
     "areas": {"areas": "site"},
+    "areas, sliding force": {"areas": "fresh", "delay": DELAY, "sliding_force": 0.3},
+    "areas, logarithmic growth, newborns": {
+        "areas": "site",
+        "ageing": LOGARITHMIC,
+        "delay": DELAY,
+        "newborn": STRETCHED,
+    },
     "areas, Bell": {"areas": "site", "temperature": BARRIER},
 }
 METHODS = {
     "Contacts": ss.Contacts(200, seed=3),
     "MasterEquation": ss.MasterEquation(rtol=1e-4),
     "Population": ss.Population(2_000, seed=3),
-    "PaperClosure": ss.PaperClosure(),
+    "PaperClosure": ss.model.PaperClosure(),
     "QuasiStatic": ss.QuasiStatic(20, seed=3),
 }
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-2, damping=15.0)
@@ -77,7 +88,7 @@ class Pair:
     @property
     def accuracy(self) -> float:
         """Rounding from event to event; else ten times the tolerance, and as much for the default steps."""
-        if isinstance(self.method, ss.PaperClosure):
+        if isinstance(self.method, ss.model.PaperClosure):
             return 1 / self.method.cells
         from_event_to_event = isinstance(self.method, ss.Contacts) and self.body is SLIDER
         return 1e-9 if from_event_to_event else 1e-3
@@ -224,7 +235,7 @@ def test_snapshots_hold_the_attached_contacts_and_their_force(name):
 @every_pair
 def test_what_is_recorded_changes_nothing(name):
     fine = simulate(PAIRS[name], output=ss.Output(interval=0.025, snapshots=(0.7, 2.0)))
-    rounding = 1e-6 if isinstance(PAIRS[name].method, ss.PaperClosure) else 1e-9  # the closure makes more of it
+    rounding = 1e-6 if isinstance(PAIRS[name].method, ss.model.PaperClosure) else 1e-9  # the closure makes more of it
     assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) < rounding
 
 
@@ -280,7 +291,7 @@ def test_relaxed_contacts_under_a_drive_at_rest_stay_there(name):
 @pytest.mark.eq(1, 10)
 def test_smooth_sliding_goes_on_with_the_steady_force(name):
     pair, lives = PAIRS[name], 8.0
-    if isinstance(pair.method, ss.PaperClosure) or not has_steady_force(pair.interface):
+    if isinstance(pair.method, ss.model.PaperClosure) or not has_steady_force(pair.interface):
         pytest.skip("another force by design, or none in closed form")
     spring = {"stiffness": 40.0} if pair.body is SLIDER else {"leaf": 40.0}
     stable = replace(pair, body=replace(pair.body, damping=60.0, **spring))

@@ -13,12 +13,9 @@ from stickslip import stability
 from stickslip.errors import InputError
 from stickslip.explorer import documents
 from stickslip.io import rig_files
-from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.units import Scales
 from stickslip.rigid import effective_stiffness
-from stickslip.simulation.engines.base import Beginning, Leg
-from stickslip.simulation.engines.events import Events
 from stickslip.theory import attached_fraction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -69,20 +66,24 @@ def test_energy_balance_closes_for_every_mixture(interface, drive, damping, stif
     assert np.allclose(counted, np.round(counted), atol=1e-9)
 
 
+CREEP = ss.LogarithmicGrowth(slope=0.02, time=0.05)
+
+
 def reference(rig, dt):
     """One contact after the other in small steps: the rules to the letter, and nothing in common with the engine."""
     interface, slider, count = rig.interface, rig.slider, rig.method.count
     K, M, eta = slider.stiffness, slider.mass, slider.damping
     limit, delay = interface.sliding_force, interface.delay.time
     stretching = 0.0 if interface.newborn is None else interface.newborn.moment(1)
-    threshold = interface.thresholds.moment(1)
-    x, back = np.zeros(count), np.zeros(count)  # stretchings; times of re-attachment of those detached
+    strength, growth = interface.thresholds.moment(1), interface.ageing
+    k = 1.0 if interface.areas is None else math.sqrt(strength)
+    x, back = np.zeros(count), np.zeros(count)  # stretchings; times of attachment, or re-attachment of those detached
     on = np.ones(count, dtype=bool)
     X = v = element = 0.0
     direction, rows = 1.0, []
     for step in range(round(rig.drive.duration / dt)):
         t = step * dt
-        rows.append((t, X, v, (x[on].sum() + (~on).sum() * element) / count, on.mean()))
+        rows.append((t, X, v, (k * x[on].sum() + (~on).sum() * element) / count, on.mean()))
         D = sum(
             piece.start * (s := min(max(t - begin, 0.0), piece.duration))
             + (piece.end - piece.start) / piece.duration * s * s / 2
@@ -96,7 +97,12 @@ def reference(rig, dt):
         direction = math.copysign(1.0, v) if v else direction
         x += v * dt
         element = min(max(element + v * dt, -limit), limit)
-        broken = on & (np.abs(x) >= threshold)
+        threshold = (
+            strength
+            if growth is None
+            else strength + growth.slope * np.log1p(np.maximum(t + dt - back, 0.0) / growth.time)
+        )
+        broken = on & (k * np.abs(x) >= threshold)
         on[broken], back[broken] = False, t + dt + delay
         born = ~on & (back <= t + dt)
         on[born], x[born] = True, direction * stretching
@@ -110,12 +116,16 @@ def reference(rig, dt):
         ({"sliding_force": 0.4}, THERE_AND_BACK, 1.0),
         ({"newborn": ss.Gaussian(mean=0.3, std=0.0)}, THERE_AND_BACK, 20.0),
         ({"sliding_force": 0.2, "newborn": ss.Gaussian(mean=-0.2, std=0.0)}, THERE_AND_BACK, 5.0),
+        ({"ageing": CREEP, "sliding_force": 0.4}, THERE_AND_BACK, 20.0),
+        ({"ageing": CREEP, "newborn": ss.Gaussian(mean=0.3, std=0.0)}, THERE_AND_BACK, 20.0),
+        ({"areas": "fresh", "sliding_force": 0.3}, THERE_AND_BACK, 20.0),
+        ({"areas": "site", "ageing": CREEP, "newborn": ss.Gaussian(mean=0.2, std=0.0)}, THERE_AND_BACK, 20.0),
     ],
 )
 def test_the_motion_is_that_of_the_rules_in_small_steps(changes, drive, damping):
     """Equal contacts, a heavy slider: no randomness, so runs can be compared sample by sample."""
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.0),
+        thresholds=ss.Gaussian(mean=0.7 if "areas" in changes else 1.0, std=0.0),
         initial=ss.Gaussian(mean=0.0, std=0.0),
         delay=ss.Delay(0.15),
         **changes,
@@ -134,6 +144,33 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, drive, damping)
     assert np.quantile(away, 0.95) < 30 * dt  # beside the jumps, which are steps late
 
 
+@pytest.mark.parametrize(
+    "nothing",
+    [
+        {"temperature": ss.Barrier(height=60.0, attempts=1e-12)},
+        {"ageing": ss.LogarithmicGrowth(slope=0.0, time=1.0)},
+        {"ageing": ss.ExponentialGrowth(rate=1e9, newborn=0.9)},
+    ],
+    ids=["no attempt", "no growth", "grown at once"],
+)
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"delay": ss.Delay(0.15), "sliding_force": 0.3},
+        {"newborn": STRETCHED},
+        {"delay": ss.OnArrest(), "sliding_force": 0.2, "newborn": STRETCHED, "track_scatter": 0.2},
+        {"delay": ss.RandomDelay(mean=0.1, std=0.1)},
+    ],
+    ids=["sliding force", "newborns", "arrests", "random delays"],
+)
+def test_a_rule_of_breaking_that_changes_nothing_gives_the_run_without_it(nothing, fields):
+    cold = ss.Interface(thresholds=TENTH, **fields)
+    rigs = [rig_of(each, THERE_AND_BACK, damping=20.0, count=100) for each in (cold, replace(cold, **nothing))]
+    runs = [ss.simulate(rig, output=ss.Output(interval=0.05)) for rig in rigs]
+    for name in ("displacement", "friction_force", "attached", "broken_energy"):
+        np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-6)
+
+
 def test_a_mechanism_that_is_absent_changes_no_bit():
     plain = ss.simulate(rig_of(ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))))
     with_nothing = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=0.0, track_scatter=0.0)
@@ -141,15 +178,6 @@ def test_a_mechanism_that_is_absent_changes_no_bit():
     unstretched = replace(with_nothing, newborn=ss.Gaussian(mean=0.0, std=0.0))
     for name in ("displacement", "friction_force"):  # other draws of thresholds, the same motion on average
         assert not plain[name].equals(ss.simulate(rig_of(unstretched))[name])
-
-
-def test_the_force_that_an_engine_tells_is_the_one_it_samples():
-    for sliding_force in (0.0, 0.3):
-        interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=sliding_force)
-        engine = Events(Beginning(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0), 1.0), ss.Contacts(300))
-        done = engine.advance(Leg(Quadratic(0.0, 0.0, 1.0, 0.0), 3.0, np.array([3.0]), Stop()))
-        assert 0.1 < done.rows[0, 3] < 0.95
-        assert engine.contact_force() == pytest.approx(done.rows[0, 2], abs=1e-13)
 
 
 RE_STUCK = ss.Interface(
@@ -414,7 +442,7 @@ WIDE = ss.Gaussian(mean=1.0, std=0.2)
 )
 def test_rigid_motion_with_stretched_newborns(newborn, delay):
     interface = ss.Interface(thresholds=WIDE, delay=delay, sliding_force=0.4, newborn=newborn)
-    exact = ss.rigid_slide(interface, 3.0, method=ss.Renewal(600))
+    exact = ss.rigid_slide(interface, 3.0, method=ss.model.Renewal(600))
     agrees_with_contacts(interface, exact, 20_000, beside=0.02, atol=2e-3)
 
 
@@ -456,7 +484,7 @@ def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay
 @pytest.mark.parametrize(
     ("changes", "call", "words"),
     [
-        ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with kinetic_friction"),
+        ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with smooth sliding"),
         ({"track_scatter": 0.1}, ss.static_friction, "track_scatter = 0.1: not available with static_friction"),
         ({"newborn": STRETCHED}, lambda i: stability.dynamic_stiffness(i, 1.0, 1j), "stretched all alike"),
         ({"delay": ss.OnArrest()}, lambda i: stability.dynamic_stiffness(i, 1.0, 1j), "delay = .*: not available"),

@@ -1,7 +1,5 @@
 """Pictures: labels with units, marks of slips, thinning, and files that are whole or not there."""
 
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 
@@ -22,7 +20,6 @@ from stickslip.model import Contacts, Output, Rig
 from stickslip.model.drive import constant
 from stickslip.model.units import Scales, in_si
 from stickslip.paper.cases import FIG4
-from stickslip.rigid import rigid_slide
 from stickslip.simulation import simulate
 
 
@@ -99,12 +96,6 @@ def test_overview_of_a_measured_trace_has_the_force_alone(trace):
     assert marks[2] == "1 filled in"
 
 
-def test_overview_without_slips_has_no_mark(run):
-    calm = run.isel(time=slice(0, 200))
-    force = plot.overview(calm).axes[0]
-    assert force.get_legend() is None
-
-
 def test_labels_of_panels_do_not_overlap(run):
     figure = plot.overview(run)
     figure.canvas.draw()
@@ -112,22 +103,6 @@ def test_labels_of_panels_do_not_overlap(run):
     assert not any(a.overlaps(b) for a in boxes for b in boxes if a is not b)
     whole = figure.bbox
     assert all(whole.y0 <= box.y0 and box.y1 <= whole.y1 for box in boxes)
-
-
-@pytest.mark.parametrize(
-    ("draw", "wanted"),
-    [
-        (plot.force_trace, ("time (ms)", "spring force (N)")),
-        (plot.velocity, ("time (ms)", "velocity of the slider (mm/s)")),
-        (plot.attached, ("time (ms)", "fraction of attached contacts")),
-        (plot.phase_portrait, ("velocity of the slider (mm/s)", "spring force (N)")),
-        (plot.energy, ("time (ms)", "energy (mJ)")),
-    ],
-)
-def test_each_picture_has_labels_with_units(run_si, draw, wanted):
-    ax = draw(run_si)
-    assert labels(ax) == wanted
-    assert ax.has_data()
 
 
 @pytest.mark.parametrize(
@@ -140,17 +115,7 @@ def test_pictures_of_a_run_are_what_they_were(run_si, name):
 
 def test_other_pictures_are_what_they_were(run, trace):
     assert_drawn(plot.overview(trace), "trace_overview")
-    assert_drawn(plot.rigid_curve(rigid_slide(FIG4.interface, 3.0)).figure, "rigid_curve")
     assert_drawn(plot.side_by_side(run, run.isel(time=slice(1000, None))), "side_by_side")
-
-
-def test_stretchings_and_rigid_curve(run):
-    ax = plot.stretchings(run)
-    assert len(ax.lines) == 3
-    assert labels(ax) == (r"stretching ($x_{\mathrm{s}}$)", r"density of stretchings, per contact (1/$x_{\mathrm{s}}$)")
-    ax = plot.rigid_curve(rigid_slide(FIG4.interface, 3.0), color=plot.GREEN)
-    assert ax.lines[0].get_color() == plot.GREEN
-    assert ax.get_ylabel()
 
 
 def test_energies_stack_up_to_the_work(run):
@@ -254,45 +219,6 @@ def test_the_same_figure_gives_the_same_bytes(run, tmp_path):
     for suffix in ("svg", "pdf"):
         one, two = (plot.save(plot.force_trace(run).figure, tmp_path / f"{i}.{suffix}") for i in "ab")
         assert one.read_bytes() == two.read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("run.jpeg", r"run\.jpeg: a picture is written as \.png, \.svg, \.pdf"),
-        ("run", r"a picture is written as"),
-        ("no/where.png", r"there is no directory .*no; make it first"),
-        (".", r"is a directory"),
-        ("zero\0.png", r"cannot be written|null"),
-        ("x" * 300 + ".png", r"cannot be written"),
-    ],
-)
-def test_a_bad_place_is_refused_in_one_line(trace, tmp_path, name, message):
-    figure = plot.force_trace(trace).figure
-    with pytest.raises(InputError, match=message) as error:
-        plot.save(figure, tmp_path / name)
-    assert "\n" not in str(error.value)
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_failed_write_leaves_the_old_file(trace, tmp_path, monkeypatch):
-    path = plot.save(plot.force_trace(trace).figure, tmp_path / "run.png")
-    old = path.read_bytes()
-
-    def full(*_args, **_options):
-        raise OSError(28, "No space left on device")
-
-    figure = plot.overview(trace)
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InputError, match="No space left on device"):
-        plot.save(figure, path)
-    assert path.read_bytes() == old
-    assert len(list(tmp_path.iterdir())) == 1
-
-
-def test_importing_the_package_does_not_load_matplotlib():
-    code = "import sys, stickslip; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_reversed_motion_draws():

@@ -5,7 +5,7 @@ import json
 import math
 import re
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 from drawn import NUMBER
@@ -16,10 +16,9 @@ import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.io import datasets, rig_keys
 from stickslip.io import rig_files as rigs
-from stickslip.io.validation import LARGEST_FILE
-from stickslip.model.distributions import DISTRIBUTIONS
+from stickslip.io.tables import LARGEST_FILE
 from stickslip.rigid import static_friction
-from stickslip.theory import kinetic_friction
+from stickslip.sliding import kinetic_friction
 
 EXAMPLE = rigs.example_file("pmma_slider")
 
@@ -85,9 +84,7 @@ RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
     [
         (None, None),
         *(("interface.delay", delay) for delay in (RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms")),
-        ("interface.sliding_force", "123.4 N"),
         ("interface.newborn", {"distribution": "gaussian", "mean": 0.3, "std": 0.0}),
-        ("interface.track_scatter", 0.123456789),
         ("interface.ageing", {"model": "langevin", "time": "3 s", "newborn": 0.1}),
         ("interface.ageing", {"model": "exponential", "time": "70 ms"}),
         ("interface.ageing", {"model": "logarithmic", "time": "7 ms", "slope": 0.02}),
@@ -101,7 +98,6 @@ RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
         ("drive", {"pieces": [{"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}] * 3}),
         ("simulation", {"method": "master equation", "rtol": 7e-4, "start": "sliding", "interval": "0.3 ms"}),
         ("slider", {"mass": "0 g", "stiffness": "0.7 N/um", "damping": "1e7 1/s"}),
-        ("slider", {"mass": "7 g", "stiffness": "0.7 N/um", "damping_ratio": 0.07}),
     ],
 )
 def test_a_rig_written_as_toml_reads_back_the_same(document, key, value):
@@ -144,7 +140,7 @@ def written(kind, factor, *, natural):
 
     def scaled(value):
         if isinstance(value, dict):
-            bell = rig_keys.BELL if "kind" in value else {}
+            bell = rig_keys.keys_of(ss.Bell) if "kind" in value else {}
             apart = {name for name, key in bell.items() if key.si}  # what no scale of the rig measures
             return {name: item if name in apart else scaled(item) for name, item in value.items()}
         if isinstance(value, list):
@@ -201,8 +197,7 @@ def test_a_rig_made_in_python_can_be_written():
     ("changes", "words"),
     [
         ({"method": ss.MasterEquation(memoryless=True)}, "the method MasterEq"),
-        ({"start": ss.FromSliding(perturbation=0.1)}, "perturbation"),
-        ({"drive": ss.constant(1.0).until(ss.Travel(3.0))}, "conditions"),
+        ({"drive": ss.constant(1.0).until(ss.model.Travel(3.0))}, "conditions"),
         ({"slider": lambda s: s}, "impedance"),
     ],
 )
@@ -211,75 +206,14 @@ def test_what_no_file_can_hold_is_said(changes, words):
         rigs.to_document(rigs.example("pmma_slider").replace(**changes))
 
 
-@pytest.mark.parametrize(
-    ("written", "same"),
-    [("75.6 g", "0.0756 kg"), ("75.6 g", "75600 mg")],
-)
-def test_units_of_one_quantity_are_interchangeable(document, written, same):
-    one = rigs.from_document(with_value(document, "slider.mass", written))
-    two = rigs.from_document(with_value(document, "slider.mass", same))
-    assert one.slider.mass == pytest.approx(two.slider.mass, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("distribution", "expected"),
-    [
-        ({"distribution": "gaussian", "std": 0.2}, ss.Gaussian(mean=1.0, std=0.2)),
-        ({"distribution": "uniform", "low": 0.5, "high": 1.5}, ss.Uniform(low=0.5, high=1.5)),
-        ({"distribution": "exponential"}, ss.Exponential(mean=1.0)),
-        ({"distribution": "gamma", "std": 0.3}, ss.Gamma(mean=1.0, std=0.3)),
-        ({"distribution": "lognormal", "std": 0.3}, ss.LogNormal(mean=1.0, std=0.3)),
-        ({"distribution": "weibull", "shape": 3.0}, ss.Weibull(scale=1.0, shape=3.0)),
-        (
-            {"distribution": "empirical", "edges": [0.5, 1.0, 1.5], "weights": [1.0, 2.0]},
-            ss.Empirical(edges=(0.5, 1.0, 1.5), weights=(1.0, 2.0)),
-        ),
-        ({"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}, ss.Empirical.from_samples([0.9, 1.0, 1.3])),
-    ],
-)
-def test_every_distribution_can_be_written(document, distribution, expected):
-    assert (
-        rigs.from_document(with_value(document, "interface.thresholds", distribution)).interface.thresholds == expected
-    )
-
-
-def test_delays_random_and_never(document):
-    random = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
-    delay = rigs.from_document(with_value(document, "interface.delay", random)).interface.delay
-    assert (delay.mean, delay.std, delay.negative) == (pytest.approx(0.4), pytest.approx(0.2), "fold")
-    never = rigs.from_document(with_value(document, "interface.delay", "never")).interface.delay
-    assert math.isinf(never.time)
-
-
-def test_natural_units_take_plain_numbers():
-    rig = rigs.from_document(
-        {
-            "units": "natural",
-            "slider": {"stiffness": 2, "mass": 1e-4, "damping": 200},
-            "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}, "delay": 0.2},
-            "drive": {"pieces": [{"start": 0.1, "end": 3, "duration": 10}, {"start": 3, "end": 0.1, "duration": 10}]},
-        }
-    )
-    assert rig.scales is None
-    assert rig.slider == ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-    assert rig.drive == ss.ramp(0.1, 3.0, 10).then(ss.ramp(3.0, 0.1, 10))
-
-
 MISTAKES = [
     ("slider.stifness", "4 MN/m", "slider.stifness", "did you mean 'stiffness'"),
     ("slider.mass", None, "slider.mass", "is missing"),
     ("slider.mass", "-75 g", "slider.mass = '-75 g'", "at least 0"),
     ("slider.mass", "75 mm", "slider.mass = '75 mm'", "not in a unit of 'kg'"),
     ("slider.mass", 75, "slider.mass = 75", "has no unit"),
-    ("slider.mass", "75", "slider.mass = '75'", "has no unit"),
-    ("slider.mass", "heavy", "slider.mass = 'heavy'", "cannot be read"),
-    ("slider.mass", "", "slider.mass = ''", "cannot be read"),
-    ("slider.mass", "nan g", "slider.mass = 'nan g'", "finite"),
-    ("slider.mass", "inf g", "slider.mass = 'inf g'", "finite"),
     ("slider.mass", True, "slider.mass = True", "quantity"),
-    ("slider.stiffness", "0 N/m", "slider.stiffness = '0 N/m'", "above 0"),
-    ("slider.damping", "3 1/s", "slider", "one of damping"),
-    ("slider.damping_ratio", -0.3, "slider.damping_ratio = -0.3", "at least 0"),
+    ("slider.damping", "3 1/s", "slider", "give damping_ratio or damping, not both"),
     ("slider.relative_damping", 0.3, "slider.relative_damping", "half of what relative_damping was"),
     (
         "interface.thresholds",
@@ -289,55 +223,29 @@ MISTAKES = [
     ),
     (
         "interface.thresholds",
-        {"distribution": "gaussian", "sdt": 0.1},
-        "interface.thresholds.sdt",
-        "did you mean 'std'",
-    ),
-    (
-        "interface.thresholds",
-        {"distribution": "gaussian", "std": -0.1},
-        "interface.thresholds.std = -0.1",
-        "at least 0",
-    ),
-    (
-        "interface.thresholds",
         {"distribution": "uniform", "low": 2.0, "high": 1.0},
         "interface.thresholds.high = 1",
         "above 2",
     ),
-    ("interface.thresholds", {"distribution": "empirical"}, "interface.thresholds", "samples, or edges and weights"),
-    ("interface.thresholds", 0.1, "interface.thresholds = 0.1", "table"),
+    ("interface.thresholds", {"distribution": "empirical"}, "interface.thresholds.samples", "missing"),
     ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "interface.initial", "nearer to 0"),
     ("interface.contact_strength", "768 kg", "interface.contact_strength", "unit of 'N'"),
     ("interface.friction_coefficient", 0.4, "interface.friction_coefficient", "mu_s and mu_k beside normal_load"),
-    ("interface.contact_strength", None, "interface.contact_strength", "is missing"),
-    ("interface.mu_s", 0.4, "interface", "give contact_strength, or mu_s, not both"),
-    ("interface.v_half", "1 mm/s", "interface", "give delay or v_half, not both"),
-    ("interface.breaking_displacement", None, "interface.breaking_displacement", "missing"),
-    ("interface.delay", "-2 ms", "interface.delay = '-2 ms'", "at least 0"),
-    ("interface.delay", {"mean": "2 ms"}, "interface.delay.std", "missing"),
+    ("interface.mu_s", 0.4, "interface", "give contact_strength or normal_load, mu_s and mu_k, not both"),
     ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
-    ("interface.ageing", {"model": "langevin", "time": "0 s"}, "interface.ageing.time", "above 0"),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
-    ("drive.distance", "-1 mm", "drive.distance", "above 0"),
-    ("drive.pieces", [], "drive", "either velocity, or pieces"),
+    ("drive.pieces", [], "drive", "give velocity or pieces, not both"),
     ("interface.ageing", {"distribution": "langevin", "time": "1 s"}, "interface.ageing.model", "'logarithmic'"),
-    ("simulation.start", "relaxed", "simulation.start = 'relaxed'", "'from rest' or 'sliding'"),
     ("drive", 3, "drive = 3", "table"),
     ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
-    ("simulation.contacts", 1.5, "simulation.contacts = 1.5", "whole number"),
-    ("simulation.contacts", True, "simulation.contacts = True", "whole number"),
-    ("simulation.contacts", 10**12, "simulation.contacts", "at most"),
     ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
-    ("simulation.rtol", 1e-5, "simulation.rtol", "belongs to the master equation and population"),
-    ("simulation.seed", -1, "simulation.seed", "at least 0"),
-    ("units", "imperial", "units = 'imperial'", "'SI' or 'natural'"),
+    ("simulation", {"method": "master equation", "seed": 3}, "simulation.seed", "belongs to method = 'contacts' or"),
     ("assumed", {"slider.colour": "look"}, "slider.colour", "names no key"),
 ]
 
 
 @pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
-def test_a_mistake_names_its_place_and_its_remedy(document, path, value, place, remedy):
+def test_a_mistake_names_its_key_its_value_and_its_remedy(document, path, value, place, remedy):
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document(with_value(document, path, value), "rig.toml")
     message = str(caught.value)
@@ -345,12 +253,6 @@ def test_a_mistake_names_its_place_and_its_remedy(document, path, value, place, 
     assert place in message
     assert remedy in message
     assert "\n" not in message
-
-
-@pytest.mark.parametrize(("path", "value", "place"), [mistake[:3] for mistake in MISTAKES])
-def test_a_mistake_knows_its_key(document, path, value, place):
-    with pytest.raises(ss.InputError) as caught:
-        rigs.from_document(with_value(document, path, value))
     keys = [mistake.place for mistake in caught.value.mistakes]
     assert place.partition(" ")[0] in [key.removeprefix("assumed.") for key in keys]
     assert caught.value.place == (keys[0] if len(keys) == 1 else "")
@@ -366,25 +268,11 @@ def test_all_missing_keys_are_told_at_once_each_with_a_value_that_it_could_have(
     assert rigs.from_document(tomllib.loads("\n".join(values))).velocity == pytest.approx(0.4e-3)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "told", "not_told"),
-    [
-        ("mu_s = 0.45", 'mu_s = "0.45"', "interface.mu_s", "thresholds"),
-        ("damping_ratio = 0.05", 'damping = "30 N*s/m"', "times a mass; divide it by the mass", "not in a unit"),
-    ],
-)
-def test_a_mistake_is_told_for_what_it_is_and_once(old, new, told, not_told):
-    text = rigs.to_toml(rigs.example("brake_pad"))
-    start, end = text.index("[interface.thresholds]"), text.index("[drive]")
-    text = text[:start] + text[end : text.index("[assumed]")]
-    text = text.replace('contact_strength = "2.4 kN"', 'normal_load = "1 kN"\nmu_s = 0.45\nmu_k = 0.32')
-    rigs.from_text(text)
-    with pytest.raises(ss.InputError, match=told) as caught:
-        rigs.from_text(text.replace(old, new))
-    assert not_told not in str(caught.value)
-
-
 def test_draws_of_a_fit_are_bounded(document):
+    for path in ("slider.mass", "interface.thresholds.std", "interface.delay"):
+        entry = {"interval": "1 to 2", "how": "weak", "draws": [1.0, -1.0]}
+        with pytest.raises(ss.InputError, match=rf"^rig: fitted.{path}.draws: holds -1; {path} must be at least 0$"):
+            rigs.from_document(document | {"fitted": {path: entry}})
     entry = {"interval": "1 to 2", "how": "weak", "draws": [1.0] * 10_001}
     with pytest.raises(ss.InputError, match=r"draws: more than 10000 values"):
         rigs.from_document(document | {"fitted": {"interface.thresholds.std": entry}})
@@ -432,23 +320,6 @@ def test_at_the_speed_v_half_the_friction_has_halved(document):
     assert kinetic_friction(rig.interface, at) == pytest.approx(0.5 * kinetic_friction(rig.interface, 0.0), rel=1e-12)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shifted(ss.Uniform):
-    """A distribution from elsewhere."""
-
-    tilt: float = 0.5
-
-
-def test_a_distribution_from_elsewhere_needs_no_more_than_its_name(document, monkeypatch):
-    monkeypatch.setitem(DISTRIBUTIONS, "shifted", Shifted)
-    written = {"distribution": "shifted", "low": 0.5, "high": 1.5, "tilt": 0.25}
-    rig = rigs.from_document(with_value(document, "interface.thresholds", written))
-    assert rig.interface.thresholds == Shifted(low=0.5, high=1.5, tilt=0.25)
-    assert rigs.to_document(rig)["interface"]["thresholds"] == written
-    with pytest.raises(ss.InputError, match=r"thresholds\.tlit: unknown key; did you mean 'tilt'"):
-        rigs.from_document(with_value(document, "interface.thresholds", written | {"tlit": 1.0}))
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -465,13 +336,6 @@ def test_a_file_that_is_no_rig(tmp_path, content, words):
     file.write_bytes(content)
     with pytest.raises(ss.InputError, match=words):
         rigs.read_rig(file)
-
-
-def test_no_file_and_a_directory(tmp_path):
-    with pytest.raises(ss.InputError, match="no such file"):
-        rigs.read_rig(tmp_path / "none.toml")
-    with pytest.raises(ss.InputError, match="directory"):
-        rigs.read_rig(tmp_path)
 
 
 # ---------------------------------------------------------------- how a rig is used
@@ -504,10 +368,8 @@ def test_a_rig_gives_a_list_or_a_range_of_speeds(velocity, first, speeds, betwee
     [
         ([], r"drive.velocity = \[\]"),
         (["20 mm/s", "1,2 m/s"], r"drive.velocity\[1\] = '1,2 m/s': write '1.2 m/s'"),
-        (["20 mm/s", "0 mm/s"], r"drive.velocity\[1\]"),
         ({"from": "1 mm/s"}, "drive.velocity.to"),
         ({"from": "2 mm/s", "to": "1 mm/s"}, "drive.velocity = "),
-        ({"from": "1 mm/s", "to": "2 mm/s", "step": "1 mm/s"}, "drive.velocity = "),
     ],
 )
 def test_speeds_that_cannot_be_are_refused_in_one_line(velocity, place):

@@ -18,7 +18,7 @@ from stickslip.model import (
     MasterEquation,
     RandomDelay,
 )
-from stickslip.model.distributions import Exponential, Gamma, Gaussian, SteadyState, Uniform, Weibull
+from stickslip.model.distributions import Exponential, Gaussian, SteadyState, Uniform
 from stickslip.rigid import (
     Renewal,
     critical_stiffness,
@@ -139,15 +139,6 @@ def test_started_in_the_steady_state_the_force_is_constant(distribution):
     np.testing.assert_allclose(run["friction_force"], distribution.moment(2) / (2 * distribution.moment(1)), rtol=slack)
     assert critical_stiffness(rig) == 0.0
     assert np.max(effective_stiffness(rig, np.linspace(0, 3, 301))) <= (0.05 if jumps else 100 * slack)
-
-
-@pytest.mark.parametrize("std", [0.1, 0.3])
-def test_started_in_the_steady_state_of_gaussian_thresholds_nothing_moves(std):
-    distribution = Gaussian(mean=1.0, std=std)
-    rig = Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
-    np.testing.assert_allclose(rigid_slide(rig, 10.0)["friction_force"], {0.1: 0.50500, 0.3: 0.54498}[std], atol=5e-6)
-    assert np.ptp(rigid_slide(rig, 10.0)["friction_force"].to_numpy()) < 1e-10
-    assert critical_stiffness(rig) == 0.0
 
 
 # ------------------------------------------------------------------------------------------------ K*
@@ -271,24 +262,6 @@ def test_the_error_of_the_master_equation_follows_its_tolerance():
     assert np.all(np.array(errors) < [1e-2, 1e-4, 1e-6])
 
 
-def test_the_renewal_is_of_high_order_for_a_smooth_distribution():
-    rig = gaussian(0.1, 0.2)
-    exact = rigid_slide(rig, 3.0, method=Renewal(1_536))["friction_force"].to_numpy()
-    errors = [
-        float(
-            np.max(
-                np.abs(
-                    rigid_slide(rig, 3.0, method=Renewal(points))["friction_force"].to_numpy()
-                    - exact[:: 1_536 // points]
-                )
-            )
-        )
-        for points in (48, 96, 192)
-    ]
-    assert errors[0] / errors[1] > 16
-    assert errors[2] < 1e-8
-
-
 def test_contacts_agree_with_the_renewal_for_every_distribution(distribution):
     """N^(-1/2) with the model's own variance: one contact's force lies between 0 and its threshold."""
     rig = Interface(thresholds=distribution, initial=Uniform(low=0.0, high=0.04), delay=Delay(0.2))
@@ -401,17 +374,3 @@ GOOD = gaussian(0.01, 0.1)
 def test_bad_input(call, message):
     with pytest.raises(InputError, match=message):
         call()
-
-
-def test_effective_stiffness_takes_a_number_or_an_array():
-    assert effective_stiffness(GOOD, 1.0).shape == (1,)
-    assert effective_stiffness(GOOD, np.zeros((5,))).shape == (5,)
-    # At rest every contact is attached and none breaks.
-    assert effective_stiffness(GOOD, 0.0)[0] == pytest.approx(-1.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("thresholds", [Gamma(mean=1, std=0.2), Weibull(scale=1, shape=6), Uniform(low=0.7, high=1.3)])
-def test_the_first_maximum_does_not_depend_on_the_grid(thresholds):
-    rig = Interface(thresholds=thresholds, initial=Gaussian(mean=0.0, std=0.03))
-    coarse, fine = (rigid_slide(rig, 3.0, method=Renewal(points)) for points in (300, 1_200))
-    np.testing.assert_allclose(coarse["friction_force"], fine["friction_force"][::4], atol=2e-5)

@@ -8,7 +8,6 @@ import xarray as xr
 from other_units import rescaled_rig
 
 import stickslip as ss
-from stickslip.errors import InputError
 from stickslip.simulation import estimate
 
 RIG = ss.Rig(
@@ -139,9 +138,3 @@ def test_an_answer_has_no_length_or_time_of_its_own(length, time):
     assert sizes
     # Rounding makes other runs of the same contacts: twice the precision of the search, .05.
     assert {each.parameters: each.size for each in found.mitigations} == pytest.approx(sizes, abs=0.1)
-
-
-@pytest.mark.parametrize("mean", [1e-6, 2e4])
-def test_thresholds_far_from_one_are_in_another_unit_than_ours(mean):
-    with pytest.raises(InputError, match=r"^Interface\.thresholds = .* units of x_s, the breaking displacement"):
-        ss.Interface(thresholds=ss.Gaussian(mean=mean, std=0.1 * mean))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import reference
 import xarray as xr
-from scipy.integrate import solve_ivp
 
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
@@ -22,12 +21,13 @@ from stickslip.model import (
     LogarithmicGrowth,
     MasterEquation,
     Output,
+    PaperClosure,
     Parabolic,
     RandomDelay,
     Rig,
     Slider,
 )
-from stickslip.model.distributions import Exponential, Gaussian, SteadyState, Uniform
+from stickslip.model.distributions import Exponential, Gaussian, SteadyState
 from stickslip.model.drive import ForceAbove, ForceBelow, Travel, constant, ramp
 from stickslip.simulation import LABELS, rerun, rig_of, simulate
 from stickslip.simulation.engines import (
@@ -82,36 +82,22 @@ MOTIONS = {
     "no delay": replace(FIG4, interface=interface(0.0)),
     "never back": replace(FIG4, interface=interface(math.inf)),
     "one contact": replace(FIG4, count=1, drive=constant(1.0, duration=30)),
-    "ten contacts": replace(FIG4, count=10, drive=constant(1.0, duration=20)),
     "soft": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=0.01), drive=constant(1.0, duration=100)),
     "stiff": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=1e4)),
     "undamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=0.0)),
     "heavy and undamped": replace(FIG4, slider=Slider(stiffness=2.0, mass=1.0, damping=0.0), drive=constant(1.0, 40)),
     "overdamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=1e5), drive=constant(1.0, duration=20)),
-    "heavy and overdamped": replace(
-        FIG4, slider=Slider(stiffness=2.0, mass=0.01, damping=1e4), drive=constant(1.0, 60)
-    ),
     "light": replace(FIG4, slider=Slider(stiffness=2.0, mass=1e-8, damping=1e4), count=100, drive=constant(1.0, 3)),
     "slow": replace(FIG4, drive=constant(1e-3, duration=3_000), count=100),
     "fast": replace(FIG4, drive=constant(100.0, duration=1)),
     "ramp": replace(FIG4, drive=ramp(0.1, 3.0, duration=6)),
-    "there and back": replace(
-        FIG4, slider=replace(FIG4_SLIDER, damping=20.0), drive=ramp(1, -1, 10).then(ramp(-1, 1, 10))
-    ),
     "to and fro": replace(FIG4, drive=constant(1, 2).then(constant(-2, 2)).then(constant(0, 0.5)).then(constant(3, 1))),
-    "backwards": replace(FIG4, drive=constant(-1.0, duration=6)),
     "released": replace(
         FIG4, interface=interface(initial=Gaussian(mean=0.6, std=0.05)), drive=constant(0.0, duration=2)
     ),
     "wide start": replace(FIG4, interface=interface(initial=Gaussian(mean=0.0, std=0.25))),
-    **{
-        f"random delay, {negative}": replace(
-            FIG4, interface=interface(RandomDelay(mean=0.2, std=0.12, negative=negative))
-        )
-        for negative in ("clip", "redraw", "fold")
-    },
+    "random delay": replace(FIG4, interface=interface(RandomDelay(mean=0.2, std=0.12, negative="redraw"))),
 }
-every_motion = pytest.mark.parametrize("name", MOTIONS)
 
 
 def run_of(case: Case, method=None, **options) -> xr.Dataset:
@@ -172,43 +158,10 @@ def test_the_default_interval_resolves_the_oscillation():
 # ------------------------------------------------------------------------------------------------ conservation
 
 
-@every_motion
+@pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.eq(11)
-def test_energy_balance_closes(name):
-    """Work of the drive = kinetic + spring + stored in contacts + damped + lost by the contacts."""
-    run = run_of(MOTIONS[name])
-    assert imbalance(run) < 1e-9
-    assert np.all(np.diff(run["broken_energy"]) >= 0)
-    assert np.all(np.diff(run["damped_energy"]) >= -1e-15 * float(run["damped_energy"][-1]))
-    assert float(run["damped_energy"][-1]) > 0 or MOTIONS[name].slider.damping == 0
-
-
-def test_energy_balance_closes_for_every_distribution(distribution):
-    case = replace(FIG4, interface=interface(0.1, distribution), drive=constant(1, 4).then(constant(-1, 2)))
-    assert imbalance(run_of(case)) < 1e-9
-
-
-@every_motion
-def test_contacts_are_counted(name):
-    """The attached ones are a whole number of all, never more; without delay none is missing."""
-    case = MOTIONS[name]
-    attached = run_of(case)["attached"].to_numpy() * case.count
-    np.testing.assert_allclose(attached, np.round(attached), atol=1e-9)
-    assert attached.min() >= 0
-    assert attached.max() <= case.count
-    if name == "no delay":
-        assert np.all(attached == case.count)
-    if name == "never back":
-        assert np.all(np.diff(attached) <= 0)
-        assert attached[-1] == 0
-
-
-# ------------------------------------------------------------------------------------------------ what is recorded
-
-
-@every_motion
-def test_the_motion_does_not_depend_on_what_is_recorded(name):
-    """Bit for bit, at common times, whatever the interval and the snapshots."""
+def test_books_balance_and_what_is_recorded_changes_no_bit(name):
+    """Work of the drive = kinetic + spring + stored in contacts + damped + lost by the contacts, in every regime."""
     case = MOTIONS[name]
     # Powers of two divide exactly, so that sample times agree to the last bit.
     coarse = 2.0 ** math.floor(math.log2(case.drive.duration / 20))
@@ -220,6 +173,20 @@ def test_the_motion_does_not_depend_on_what_is_recorded(name):
     for variable in few.data_vars:
         np.testing.assert_array_equal(common[variable], few[variable], err_msg=variable)
 
+    assert imbalance(many) < 1e-9
+    assert np.all(np.diff(many["broken_energy"]) >= 0)
+    assert np.all(np.diff(many["damped_energy"]) >= -1e-15 * float(many["damped_energy"][-1]))
+    assert float(many["damped_energy"][-1]) > 0 or case.slider.damping == 0
+
+    attached = many["attached"].to_numpy() * case.count
+    np.testing.assert_allclose(attached, np.round(attached), atol=1e-9)
+    assert 0 <= attached.min() <= attached.max() <= case.count
+    if name == "no delay":
+        assert np.all(attached == case.count)
+    if name == "never back":
+        assert np.all(np.diff(attached) <= 0)
+        assert attached[-1] == 0
+
 
 def test_seeds_differ_beyond_the_digits_of_a_float():
     case = replace(FIG4, count=50, drive=constant(1.0, 1.5))
@@ -228,46 +195,6 @@ def test_seeds_differ_beyond_the_digits_of_a_float():
 
 
 # ------------------------------------------------------------------------------------------------ exact answers
-
-
-@pytest.mark.parametrize("damping", [0.0, 20.0, 282.842712, 1e4])
-@pytest.mark.parametrize("drive", [constant(1.0, 0.5), ramp(2.0, -1.0, 0.5), constant(1, 0.25).then(ramp(3, 0, 0.25))])
-@pytest.mark.eq(11)
-def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
-    """M X'' + M eta X' = K (D - X) - (X - <birth>), by an ODE solver."""
-    slider = Slider(stiffness=2.0, mass=1e-2, damping=damping)
-    far = Interface(thresholds=Uniform(low=50, high=60), initial=Gaussian(mean=0.3, std=0.1))
-    run = simulate(Rig(far, slider, drive), method=Contacts(20, seed=3), output=Output(interval=1 / 128))
-    offset = -float(run["friction_force"][0])  # the mean birth position
-    assert np.all(run["attached"] == 1)
-
-    def slope(t, y, begin, position, piece):
-        D = position + piece.start * (t - begin) + 0.5 * piece.acceleration * (t - begin) ** 2
-        pull = slider.stiffness * (D - y[0]) - (y[0] - offset)
-        return [y[1], pull / slider.mass - slider.damping * y[1]]
-
-    begin, position, y = 0.0, 0.0, np.zeros(2)
-    for piece in drive.pieces:
-        t = run["time"].to_numpy()
-        t = t[(t >= begin) & (t <= begin + piece.duration)]
-        exact = solve_ivp(
-            slope,
-            (begin, begin + piece.duration),
-            y,
-            "DOP853",
-            t,
-            rtol=1e-12,
-            atol=1e-14,
-            max_step=1 / 128,  # between its own steps it interpolates, which is coarser
-            args=(begin, position, piece),
-        )
-        part = run.sel(time=t)
-        np.testing.assert_allclose(part["displacement"], exact.y[0], atol=1e-11)
-        np.testing.assert_allclose(part["velocity"], exact.y[1], atol=1e-9)
-        np.testing.assert_allclose(part["friction_force"], exact.y[0] - offset, atol=1e-11)
-        y = exact.y[:, -1]
-        position += 0.5 * (piece.start + piece.end) * piece.duration
-        begin += piece.duration
 
 
 @pytest.mark.parametrize("count", [1, 17])
@@ -281,36 +208,6 @@ def test_equal_contacts_break_together(count):
     assert run["broken_energy"][-1] == pytest.approx(0.5, rel=1e-15)
     # Afterwards it follows the drive at the distance that drags against the damping.
     assert float(run["spring_force"][-1]) == pytest.approx(1e-4 * 200 * 1.0, rel=1e-9)
-
-
-def test_a_contact_is_reborn_after_its_delay_where_the_slider_then_is():
-    """One contact, threshold 1, delay .2: the force restarts from 0 exactly .2 after the break."""
-    one = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(0.2))
-    run = simulate(Rig(one, FIG4_SLIDER, constant(1.0, 4.0)), method=Contacts(1), output=Output(interval=1e-4))
-    attached = run["attached"].to_numpy()
-    t, X, F = (run[name].to_numpy() for name in ("time", "displacement", "friction_force"))
-    breaks, births = np.flatnonzero(np.diff(attached) < 0), np.flatnonzero(np.diff(attached) > 0)
-    assert breaks.size >= 2
-    np.testing.assert_allclose(t[births] - t[breaks[: births.size]], 0.2, atol=1.01e-4)
-    assert np.all(np.abs(F[breaks] - 1) < 1e-3)
-    for birth in births:
-        # Within a sample of the birth the force is how far the slider has moved since.
-        after = slice(birth + 1, birth + 200)
-        np.testing.assert_allclose(np.diff(F[after]), np.diff(X[after]), atol=1e-14)
-        assert 0 <= F[birth + 1] <= X[birth + 1] - X[birth]
-
-
-def test_contacts_break_behind_when_the_slider_turns_back():
-    """Pulled to X > 0 and back below: the same contacts, born at 0, break at X = -1."""
-    same = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(math.inf))
-    drive = constant(1.0, 0.8).then(constant(-1.0, 4.0))
-    run = simulate(Rig(same, FIG4_SLIDER, drive), method=Contacts(5), output=Output(interval=1e-3))
-    X = run["displacement"].to_numpy()
-    assert 0.4 < X.max() < 1
-    first = int(np.flatnonzero(run["attached"].to_numpy() == 0)[0])
-    assert X[first] == pytest.approx(-1.0, abs=0.05)
-    assert X[first] < -1 < X[first - 1]
-    assert run["broken_energy"][-1] == pytest.approx(0.5, rel=1e-15)
 
 
 def test_scaling_time_scales_velocities():
@@ -367,17 +264,6 @@ def test_a_condition_that_never_holds_changes_nothing():
 # ------------------------------------------------------------------------------------------------ snapshots
 
 
-def test_snapshots_hold_all_attached_contacts():
-    run = run_of(FIG4, output=Output(interval=0.01, snapshots=(0.0, 0.5, 1.3, 2.0, 6.0), bins=77))
-    width = float(run["x"][1] - run["x"][0])
-    held = run["stretching_density"].sum("x").to_numpy() * width
-    np.testing.assert_allclose(held, run["attached"].sel(time=run["snapshot"], method="nearest"), atol=2e-3)
-    mean = (run["stretching_density"] * run["x"]).sum("x").to_numpy() * width
-    # A contact is counted at the middle of its bin.
-    force = run["friction_force"].sel(time=run["snapshot"], method="nearest")
-    np.testing.assert_allclose(mean, force, atol=0.5 * width)
-
-
 @pytest.mark.parametrize(
     "temperature", [None, Bell(width=0.01, attempts=1e6), Parabolic(temperature=0.01, attempts=1e6)], ids=str
 )
@@ -421,24 +307,6 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
 
 
 # ------------------------------------------------------------------------------------------------ starting in motion
-
-
-def test_a_perturbation_dies_out_or_grows():
-    """K 2, tau .1, eta .3 Omega: smooth sliding loses its stability at v = 1.388221 (PHYSICS 5)."""
-    slider = Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2e4))
-    amplitudes = {}
-    for velocity in (1.25, 1.55):
-        run = simulate(
-            Rig(interface(0.1), slider, constant(velocity, 60.0)),
-            method=MasterEquation(rtol=1e-8),  # the errors of its steps are far smaller than the perturbation
-            start=FromSliding(perturbation=0.01),
-            output=Output(interval=0.01),
-        )
-        late = run["spring_force"].sel(time=slice(50, 60))
-        early = run["spring_force"].sel(time=slice(10, 20))
-        amplitudes[velocity] = float(late.max() - late.min()) / float(early.max() - early.min())
-    assert amplitudes[1.25] < 0.9
-    assert amplitudes[1.55] > 1.1
 
 
 # ------------------------------------------------------------------------------------------------ the paper's figures
@@ -531,9 +399,6 @@ def test_fig5_the_elastic_instability(method):
 
 
 REPEATED = {
-    "contacts": (FIG4, {"method": Contacts(300, seed=9)}),
-    "random delays": (MOTIONS["random delay, redraw"], {"method": Contacts(300, seed=9)}),
-    "cohorts": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(rtol=1e-3)}),
     "memoryless": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(rtol=1e-3, memoryless=True)}),
     "sliding": (FIG4, {"method": Contacts(300, seed=9), "start": FromSliding(perturbation=0.1)}),
     "output": (FIG4, {"method": Contacts(50), "output": Output(interval=0.07, snapshots=(2.0, 1 / 3), bins=9)}),
@@ -541,7 +406,6 @@ REPEATED = {
         replace(FIG4, drive=constant(1, 5).until(Travel(2)).then(ramp(1, 0, 2)).until(ForceBelow(0.1))),
         {"method": Contacts(100, seed=2)},
     ),
-    "never back": (MOTIONS["never back"], {"method": Contacts(100, seed=2)}),
 }
 
 
@@ -549,15 +413,16 @@ REPEATED = {
 def test_a_run_can_be_repeated_from_its_file_bit_for_bit(name, tmp_path):
     case, options = REPEATED[name]
     run = run_of(case, **options)
-    xr.testing.assert_identical(rerun(run), run)
     loaded = store.load(store.save(run, tmp_path / "run.nc"))
     xr.testing.assert_identical(loaded, run)
     xr.testing.assert_identical(rerun(loaded), run)
     assert rig_of(loaded).interface == case.interface
 
 
-def test_every_distribution_can_be_repeated(distribution, tmp_path):
-    run = run_of(replace(FIG4, interface=interface(0.1, distribution), drive=constant(1.0, 2.0), count=100))
+def test_every_distribution_balances_and_can_be_repeated(distribution, tmp_path):
+    case = replace(FIG4, interface=interface(0.1, distribution), drive=constant(1, 4).then(constant(-1, 2)), count=100)
+    run = run_of(case)
+    assert imbalance(run) < 1e-9
     xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
 
 
@@ -586,26 +451,6 @@ def test_what_progress_raises_comes_out():
 
     with pytest.raises(StopError):
         run_of(FIG4, progress=stop)
-
-
-# ------------------------------------------------------------------------------------------------ limits
-
-
-def test_one_contact_and_many_contacts():
-    for count in (1, 2, 3):
-        run = run_of(replace(FIG4, count=count, drive=constant(1.0, 10.0)))
-        assert np.all(np.isfinite(run["displacement"]))
-        assert float(run["broken_energy"][-1]) > 0
-
-
-def test_a_stiff_spring_makes_rigid_motion():
-    """K = 1e5: X follows the drive, whose lag is the force over K, and F_c is that of slide()."""
-    run = simulate(
-        Rig(interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), constant(0.1, 20.0)),
-        method=Contacts(500, seed=10),
-        output=Output(interval=0.1),
-    )
-    np.testing.assert_allclose(run["displacement"], 0.1 * run["time"], atol=2e-4)
 
 
 # ------------------------------------------------------------------------------------------------ a solver of one's own
@@ -646,13 +491,13 @@ def followed(monkeypatch):
         replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0)),
         FIG4_SLIDER,
         constant(1.0, 9.0).until(Travel(0.5)).then(ramp(1.0, -1.0, 1.0)),
-        method=MasterEquation(),
+        method=PaperClosure(),
         output=Output(interval=1 / 64, snapshots=(0.25, 0.75)),
     )
-    with pytest.raises(InputError, match="not available with MasterEquation"):
+    with pytest.raises(InputError, match="not available with PaperClosure"):
         simulate(rig)
     monkeypatch.setattr(base, "ENGINES", dict(base.ENGINES))
-    solves(MasterEquation, LogarithmicGrowth)(Follower)
+    solves(PaperClosure, LogarithmicGrowth)(Follower)
     return rig
 
 
@@ -693,7 +538,6 @@ GOOD = {
         ({"slider": None}, r"^Rig\.slider = None: must be a Slider"),
         ({"drive": 1.0}, r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
         ({"method": "contacts"}, r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or MasterEquation"),
-        ({"method": Contacts}, r"^Rig\.method = <class .*: must be Contacts\(\.\.\.\) or MasterEquation"),
         ({"output": 0.1}, r"^Rig\.output = 0\.1: must be an Output"),
         ({"start": "sliding"}, r"^Rig\.start = 'sliding': must be FromRest\(\), FromSliding\(\) or Prestressed"),
         ({"slider": replace(FIG4_SLIDER, mass=0)}, r"^Slider\.mass = 0: a simulation needs a mass above 0"),
@@ -702,14 +546,13 @@ GOOD = {
             {"start": FromSliding(), "drive": constant(0.0, 1.0)},
             r"^FromSliding: the drive starts at velocity 0: .* above 0",
         ),
-        ({"start": FromSliding(), "drive": ramp(-1, 1, 1)}, r"^FromSliding: the drive starts at velocity -1"),
         ({"start": FromSliding(), "interface": interface(math.inf)}, r"^FromSliding: contacts that never re-attach"),
         (
             {
                 "interface": replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0)),
-                "method": MasterEquation(),
+                "method": PaperClosure(),
             },
-            r"^Interface\.ageing = LogarithmicGrowth.*: not available with MasterEquation",
+            r"^Interface\.ageing = LogarithmicGrowth.*: not available with PaperClosure",
         ),
         (
             {"interface": interface(thresholds=Gaussian(mean=1, std=0)), "method": MasterEquation()},
@@ -731,18 +574,13 @@ def test_more_samples_than_a_run_can_hold_are_refused_even_if_it_may_take_long()
     ("make", "message"),
     [
         (lambda: Contacts(0), r"^Contacts\.count = 0: must be .* at least 1"),
-        (lambda: Contacts(-5), r"^Contacts\.count = -5: must be .* at least 1"),
         (lambda: Contacts(1.5), r"^Contacts\.count = 1\.5: must be a whole number \(number of contacts N\)"),
         (lambda: Contacts(10**9), r"^Contacts\.count = 1e\+09: must be .* at most 1e\+08"),
-        (lambda: Contacts("many"), r"^Contacts\.count = 'many': must be a number"),
         (lambda: Contacts(10, seed=-1), r"^Contacts\.seed = -1: must be .* at least 0"),
-        (lambda: Contacts(10, seed=None), r"^Contacts\.seed = None: must be a number"),
         (lambda: MasterEquation(rtol=1), r"^MasterEquation\.rtol = 1: must be .* at most 0\.1"),
-        (lambda: MasterEquation(rtol=math.inf), r"^MasterEquation\.rtol = inf: must be a finite number"),
         (lambda: Output(interval=0), r"^Output\.interval = 0: must be .* above 0"),
         (lambda: Output(interval=math.nan), r"^Output\.interval = nan: must be a finite number above 0"),
         (lambda: Output(snapshots=(1.0, -1.0)), r"^Output\.snapshots\[1\] = -1: must be .* at least 0"),
-        (lambda: Output(snapshots=("now",)), r"^Output\.snapshots\[0\] = 'now': must be a number"),
         (lambda: Output(bins=0), r"^Output\.bins = 0: must be .* at least 1"),
         (lambda: FromSliding(perturbation=math.inf), r"^FromSliding\.perturbation = inf: must be a finite number"),
     ],

@@ -1,8 +1,6 @@
 """Linear stability of smooth sliding: known numbers, limits, and counts by searches that know nothing of the code."""
 
 import math
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,13 +22,14 @@ from stickslip.model.distributions import (
 )
 from stickslip.model.parameters import Parameter
 from stickslip.paper.cases import FIG7
+from stickslip.sliding import kinetic_friction, respond
+from stickslip.sliding.transforms import transforms
 from stickslip.stability import (
     PARAMETERS,
     STIFFNESS,
     VELOCITY,
     Modes,
     RadiationDamping,
-    SpringMassDamper,
     boundary,
     count_unstable,
     critical,
@@ -41,11 +40,8 @@ from stickslip.stability import (
     stability_map,
 )
 from stickslip.stability.impedances import impedance, natural_frequencies, poles
-from stickslip.stability.modes import respond
-from stickslip.stability.neutral import _bracketed_zeros, _vertex, neutral_frequencies
-from stickslip.stability.transforms import transforms
-from stickslip.stability.unaged import _clear_beyond, _starts_on_real_axis, _Tail
-from stickslip.theory import kinetic_friction
+from stickslip.stability.neutral import neutral_frequencies
+from stickslip.stability.roots import count_right_of
 
 INTERFACE, SLIDER = FIG7.interface, FIG7.slider
 NARROW = Gaussian(mean=0.0, std=0.001)
@@ -256,9 +252,8 @@ def test_dynamic_stiffness_is_real_on_the_real_axis_and_symmetric_about_it():
 def test_whatever_the_delay_the_response_lies_in_one_disc(distribution):
     for delay in DELAYS:
         response = respond(case(distribution, delay))
-        axis = response.axis(0.8, 20.0)
-        kappa = response.stiffness(0.8, 0.8j * axis.y[::8]) * response.scale(0.8)
-        centre = axis.centre[::8]
+        discs = response.discs(0.8, 16.0)
+        kappa, centre = response.stiffness(0.8, 1j * discs.omega[::8]), discs.centre[::8]
         assert np.all(np.abs(kappa - centre) <= np.abs(centre) * (1 + 1e-6))
 
 
@@ -324,14 +319,14 @@ def test_two_counts_and_the_growth_rate_agree(distribution, seed):
     stiffness, mass = 10 ** rng.uniform(-1.5, 1), 10 ** rng.uniform(-5, 0)
     slider = Slider(stiffness=stiffness, mass=mass, damping=math.sqrt(stiffness / mass) * 10 ** rng.uniform(-2, 0.5))
     count = count_unstable(Rig(interface, slider, constant(v)))
-    (neutral,) = neutral_frequencies(respond(interface), impedance(slider), [v])
-    assert neutral.unstable() == count
+    response, z = respond(interface), impedance(slider)
+    assert count_right_of(response, z, v, 1e-6 / response.cycle(v)) in (count, None)
     try:
         root = growth_rate(Rig(interface, slider, constant(v)))
     except UndecidedError:
         # Only a stable rig may have no slowest mode, and only with a distribution whose tail decays more slowly.
         assert count == 0
-        assert math.isfinite(respond(interface).leftmost)
+        assert math.isfinite(respond(interface).leftmost(v))
     else:
         assert (root.real > 0) == (count > 0)
         assert root.imag >= 0
@@ -351,7 +346,7 @@ def test_unstable_without_oscillation():
 
 def test_undecided_on_the_boundary_itself():
     (crossing,) = critical(Rig(INTERFACE, SLIDER, constant(1.0)), "velocity", between=(1.0, 1.9))
-    with pytest.raises(UndecidedError, match=r"neutral to within rounding, at angular frequency 7\.26513"):
+    with pytest.raises(UndecidedError, match=r"on its stability boundary .* at angular frequency 7\.26513"):
         count_unstable(Rig(INTERFACE, SLIDER, constant(crossing.value)))
 
 
@@ -395,16 +390,6 @@ def test_each_parameter_changes_the_count_where_it_says_so(parameter, between):
             for here in (turned.set(start, crossing.value * factor) for factor in (1 - 1e-7, 1 + 1e-7))
         )
         assert (below, above) == (crossing.unstable_below, crossing.unstable_above)
-
-
-def test_named_functions_are_the_general_one():
-    between = (1e-5, 1e-1)
-    assert critical(Rig(INTERFACE, SLIDER, constant(3.0)), "mass", between=between) == critical(
-        Rig(INTERFACE, SLIDER, constant(3.0)), "mass", between=between
-    )
-    between = (100.0, 1e4)
-    assert critical(Rig(INTERFACE, SLIDER, constant(3.0)), "damping", between=between).edges[0].regains_stability
-    assert critical(Rig(INTERFACE, SLIDER, constant(3.0)), "std", between=(0.1, 0.3)).edges[0].regains_stability
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
@@ -462,7 +447,6 @@ def test_every_way_to_write_the_same_slider(velocity):
     k, m, eta = SLIDER.stiffness, SLIDER.mass, SLIDER.damping
     same = [
         SLIDER,
-        SpringMassDamper(stiffness=k, mass=m, damping=eta),
         RadiationDamping(stiffness=k, radiation=m * eta, mass=m),
         Modes(masses=(m,), stiffnesses=(k,), dampings=(eta,)),
         # two equal modes in series, each twice as heavy and stiff
@@ -475,8 +459,8 @@ def test_every_way_to_write_the_same_slider(velocity):
     assert roots == pytest.approx([roots[0]] * len(same), rel=1e-9)
     counts = {count_unstable(Rig(INTERFACE, rig, constant(velocity))) for rig in same}
     assert len(counts) == 1
-    springs = [critical_spring(Rig(INTERFACE, rig, constant(velocity))) for rig in same[:3]]
-    assert springs == pytest.approx([springs[0]] * 3, rel=1e-10)
+    springs = [critical_spring(Rig(INTERFACE, rig, constant(velocity))) for rig in same[:2]]
+    assert springs == pytest.approx([springs[0]] * 2, rel=1e-10)
 
 
 def test_a_spring_that_radiates_without_a_mass_decays_at_one_rate():
@@ -504,7 +488,7 @@ def test_more_modes_against_a_polynomial_by_hand():
 
 
 def test_massless_slider():
-    rig = SpringMassDamper(stiffness=2.0, mass=0.0, damping=0.0)
+    rig = Slider(stiffness=2.0, mass=0.0, damping=0.0)
     parameters = {"delay": 0.1, "stiffness": 2.0, "mass": 0.0, "damping": 0.0}
     (crossing, *_) = critical(Rig(INTERFACE, rig, constant(1.0)), "velocity", between=(0.1, 10)).edges
     assert abs(by_hand(1j * crossing.frequency, velocity=crossing.value, **parameters)) < 1e-12
@@ -682,14 +666,6 @@ def test_map_of_growth_rates():
     assert read_provenance(found)["arguments"]["interface"]["thresholds"]["class"] == "Gaussian"
 
 
-def test_import_stays_quick():
-    code = (
-        "import sys, stickslip.stability, stickslip.theory; print({'numba', 'xarray', 'matplotlib'} & set(sys.modules))"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "set()"
-
-
 def test_the_range_that_was_searched_is_told_in_the_units_of_the_rig():
     found = critical(ss.example("brake_pad"), "velocity", between=(0.05, 0.5))
     assert found.searched == pytest.approx((0.05, 0.5))
@@ -728,64 +704,3 @@ def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
         low, high = limits(last * (1.0 - short))
         assert math.log(high / low) == pytest.approx(4.1 * math.sqrt(short), rel=0.03)  # two roots of a parabola
         assert limits(last * (1.0 + short)) == []
-
-
-def test_a_parabola_through_three_points_has_its_lowest_value():
-    place, lowest, bend = np.array([0.0, 0.3, -0.45]), np.array([0.2, -0.1, 1.5]), np.array([1.0, 0.2, 7.0])
-    before, here, after = (lowest + bend * (x - place) ** 2 for x in (-1.0, 0.0, 1.0))
-    np.testing.assert_allclose(_vertex(before, here, after), lowest, rtol=1e-13)
-
-
-@pytest.mark.parametrize(("stiffness", "mass", "count"), [(0.001, 1e-3, 2), (0.01, 0.0, 2), (0.1, 1e-3, 0)])
-def test_roots_on_the_real_axis_are_looked_for_where_the_sum_changes_sign(stiffness, mass, count):
-    response = respond(replace(INTERFACE, delay=Delay(0.1)))
-    body = impedance(Slider(stiffness=stiffness, mass=mass, damping=1.0))
-    starts = _starts_on_real_axis(response, body, 1.0, 0.0)
-    assert starts.shape == (count,)
-    before, after = ((body(s) + response.stiffness(1.0, s)).real for s in (0.95 * starts, 1.05 * starts))
-    assert np.all(before * after < 0)
-
-
-@pytest.mark.parametrize(("size", "clear"), [(5.9, False), (6.1, True)])
-def test_beyond_the_table_a_rig_is_clear_of_discs_as_large_as_any(size, clear):
-    tail = _Tail(worst=3.0, deficit=0.1)  # a rig can be neutral with kappa in a disc up to its diameter
-    assert _clear_beyond(lambda s: np.full(s.shape, size + 0j), 1.0, 10.0, np.empty(0), tail, 1.0, None) is clear
-
-
-@pytest.mark.parametrize(("mass", "highest"), [(1e6, 1e-5), (1e-6, 1e2)])
-def test_frequencies_go_beyond_those_of_a_light_slider(mass, highest):
-    response = respond(replace(INTERFACE, temperature=Bell(width=0.01, attempts=1e6)))
-    body, omega = impedance(Slider(stiffness=1.0, mass=mass, damping=0.0)), highest * np.geomspace(0.1, 1.0, 10)
-    more = response.beyond(body, omega)
-    assert more.min() > omega[-1]
-    assert more.max() == pytest.approx(10.0 / math.sqrt(mass), rel=0.02)
-    ratio = more[1:] / more[:-1]
-    assert ratio.max() < 1.2
-    heavy = impedance(Slider(stiffness=1.0, mass=mass * 1e6, damping=0.0))
-    assert response.beyond(heavy, omega).size == 0
-
-
-def test_an_overdamped_mode_far_slower_than_the_other_keeps_its_digits():
-    quick, slow = natural_frequencies(impedance(Slider(stiffness=1.0, mass=1e-14, damping=1e14)))
-    assert quick == pytest.approx(-1e14, rel=1e-12)
-    assert slow == pytest.approx(-1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("function", "right", "zero"),
-    [
-        (lambda x: x**3 - 2.0, 3.0, 2.0 ** (1 / 3)),
-        (lambda x: np.exp(x) - 3.0, 3.0, math.log(3.0)),
-        (lambda x: np.tanh(5.0 * (x - 1.234)), 3.0, 1.234),
-        (lambda x: np.exp(100.0 - x) - 0.3, 103.0, 100.0 - math.log(0.3)),
-    ],
-)
-def test_zeros_of_smooth_functions_take_few_evaluations(function, right, zero):
-    asked = []
-
-    def counted(x):
-        asked.append(x)
-        return function(x)
-
-    assert _bracketed_zeros(counted, np.array([right - 3.0]), np.array([right])) == pytest.approx([zero], rel=1e-14)
-    assert len(asked) <= 20  # bisection takes 50

@@ -8,6 +8,9 @@ import pytest
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Bell, Delay, Langevin, Rig, constant
 from stickslip.paper.cases import FIG8
+from stickslip.sliding import kinetic_friction, respond
+from stickslip.sliding import langevin as aged_table
+from stickslip.sliding.langevin import _at, _phases, _place
 from stickslip.stability import (
     AGEING,
     boundary,
@@ -19,10 +22,6 @@ from stickslip.stability import (
     onset,
     stability_map,
 )
-from stickslip.stability import aged as aged_table
-from stickslip.stability.aged import _at, _phases, _place
-from stickslip.stability.modes import respond
-from stickslip.theory import kinetic_friction
 
 
 def aged(rate):

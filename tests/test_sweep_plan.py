@@ -11,7 +11,6 @@ import time
 import tomllib
 import warnings
 from collections import Counter
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,7 @@ from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
 from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation
-from stickslip.sweep import Progress, Refinement, Runs, Span, Threads, _table, open_sweep, study, summary
+from stickslip.sweep import Refinement, Runs, Span, _table, open_sweep, study
 from stickslip.sweep.plan import from_document, open_plan, plan_of, read_plan
 from stickslip.sweep.theory import with_theory
 
@@ -119,26 +118,16 @@ def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
     assert plan.axes["velocity"].tolist() == pytest.approx([1e-4, 1 / 60])
     assert plan.study.rig.method.count == 2000  # as the rig file says
     assert plan.attributes()["velocity"]["units"] == "m/s"
-    again = from_document(tomllib.loads(plan.to_toml()))  # the rig is in it: the file may go
+    again = plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))  # the rig is in it: the file may go
     assert again.study == plan.study
-    assert again.document == plan.document
-
-
-def test_the_document_of_a_plan_holds_what_the_axes_stood_for():
-    """A rig without a drive takes its speed from the axis; what is kept of the plan is a rig by itself."""
-    bench = {name: table for name, table in tomllib.loads(BENCH.read_text()).items() if name != "drive"}
-    plan = from_document({"rig": bench, "axes": {"velocity": ["1 mm/s", "2 mm/s"]}})
-    kept, rig = rigs.from_document(plan.document["rig"]), plan.study.rig
-    assert (kept.drive, kept.slider, kept.interface) == (rig.drive, rig.slider, rig.interface)
-    assert kept.velocity == pytest.approx(2e-3)
+    assert again.is_same(plan)
 
 
 def test_the_order_of_the_axes_is_kept():
     axes = {"start": ["from rest"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
     plan = from_document(changed("axes", axes))
-    assert (
-        list(plan.axes) == list(from_document(tomllib.loads(plan.to_toml())).axes) == ["start", "velocity", "stiffness"]
-    )
+    again = plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))
+    assert list(plan.axes) == list(again.axes) == ["start", "velocity", "stiffness"]
 
 
 def test_parameters_are_in_the_units_of_the_file():
@@ -158,40 +147,28 @@ def test_parameters_are_in_the_units_of_the_file():
 
 MISTAKES = [
     ("axes.stifness", [1.0], "axes.stifness", "did you mean 'stiffness'"),
-    ("axes.stiffness", {"from": 1, "to": 2, "cout": 3}, "axes.stiffness.cout", "did you mean 'count'"),
-    ("axes.stiffness", {"valus": [1.0]}, "axes.stiffness.valus", "did you mean 'values'"),
     ("axes.stiffness", {"from": 1, "to": 0.5, "count": 3}, "axes.stiffness: to = 0.5", "above from = 1"),
-    ("axes.stiffness", {"from": 1, "to": 2}, "axes.stiffness", "count of at least 2"),
     ("axes.stiffness", {"from": 1, "to": 2, "count": 3, "spacing": "cubic"}, "spacing = 'cubic'", "'linear' or 'log'"),
-    ("axes.stiffness", {"values": []}, "axes.stiffness", "holds no value"),
+    ("axes.stiffness", [], "axes.stiffness", "holds no value"),
     ("axes.stiffness", ["4 MN/m"], "axes.stiffness.0 = '4 MN/m'", "plain number"),
     ("axes.stiffness", [2.0, 2.0], "axes.stiffness", "holds a value twice"),
-    ("axes.stiffness", [-1.0], "axes.stiffness.0 = -1.0", "above 0"),
     ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay: from = 0", "above 0"),
     ("axes.start", ["warm"], "axes.start.0 = 'warm'", "'from rest' or 'sliding'"),
     ("axes.seed", [-1], "axes.seed.0 = -1", "at least 0"),
-    ("axes.contacts", [0], "axes.contacts.0 = 0", "at least 1"),
     ("axes", {}, "axes", "at least one of stiffness"),
     ("rig", None, "rig is missing", "name of a rig file"),
-    ("rig", "none.toml", "none.toml", "no such file"),
-    ("rig.slider.mas", 1.0, "rig: slider.mas", "did you mean 'mass'"),
     ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
     ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
-    ("run.contcts", 3, "run.contcts", "did you mean 'contacts'"),
     ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
     ("run.method", "monte carlo", "run.method", "'contacts', 'population' or 'master equation'"),
-    ("run.method", "master equation", "run.contacts", "method = 'contacts'"),
     ("run.rtol", 1e-4, "run.rtol", "method = 'master equation'"),
     ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
-    ("run.extensions", -1, "run.extensions = -1", "at least 0"),
     ("measure", ["perod"], "'perod'", "did you mean 'period'"),
     ("axes.stiffness", {"from": 1, "to": 2, "count": 10**9}, "4e+09 cases", "max_cases = 1e+06"),
     ("measure", "period", "measure = 'period'", "list"),
     ("refine", {"runs": 3}, "refine.runs = 3", "at least 16"),
-    ("refine", {"run": 30}, "refine.run", "did you mean 'runs'"),
     ("refine", {}, "axes.velocity", "give from, to and spacing"),
-    ("nme", "x", "nme", "did you mean 'name'"),
 ]  # fmt: skip
 
 
@@ -205,13 +182,6 @@ def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value,
     assert place in line
     assert remedy in line
     assert not (tmp_path / "s.sqlite").exists()
-
-
-def test_of_many_mistakes_some_are_told_and_the_rest_counted():
-    with pytest.raises(InputError) as caught:
-        from_document(changed("run", {f"mistaken_{i}": 1 for i in range(9)}))
-    assert "run.mistaken_6: unknown key" in str(caught.value)
-    assert str(caught.value).endswith("; and 2 more")
 
 
 def test_what_changes_nothing_is_no_axis():
@@ -246,18 +216,6 @@ def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
         assert float(here["largest_velocity"]) == pytest.approx(0.3 * seen.largest_velocity)
 
 
-def test_the_regime_is_an_integer_with_flags(tmp_path):
-    result = from_document(NATURAL).run(store=tmp_path / "s.sqlite")
-    flags = result["regime"].attrs
-    assert flags["flag_meanings"] == "no_result smooth_sliding stick-slip sustained_oscillation undecided"
-    assert flags["flag_values"].tolist() == [-1, 0, 1, 2, 3]
-    stuck = result.where(result["regime"] == 1)
-    assert 0 < stuck["period"].count() < 12
-    result["regime"].isel(start=0).plot()
-    ss.save(result, tmp_path / "s.nc")
-    xr.testing.assert_equal(ss.load(tmp_path / "s.nc"), result)
-
-
 def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
     bench = ss.read_rig(BENCH)
     run_ = {"distance": "8 um", "cycles": 0.0, "extensions": 0}
@@ -273,49 +231,8 @@ def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
     edge = ss.sweep(bench, box, refinement=Refinement(runs=16, resolution=0.1), runs=Runs(distance=4e-6, cycles=0))
     assert edge.sizes["run"] <= 16
     assert set(plan_of(edge).logarithmic) == {"velocity", "stiffness"}
-    with pytest.raises(InputError, match=r"axes\.velocity\.values\.0 = '-0\.1 m/s': must be above 0"):
+    with pytest.raises(InputError, match=r"axes\.velocity\.0 = -0\.1: must be above 0"):
         ss.sweep(bench, {"velocity": [-0.1]})
-
-
-def test_a_rig_made_or_changed_in_python_is_swept_as_it_is(tmp_path):
-    store, short = tmp_path / "s.sqlite", Runs(distance=12.0, cycles=0.0, extensions=0)
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
-    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-    made = ss.Rig(interface, slider, ss.constant(1.0), method=Contacts(100))
-    found = ss.sweep(made, {"velocity": [0.3, 1.0]}, store=store, runs=short)
-    xr.testing.assert_identical(open_plan(store), found)
-    assert plan_of(found).study.rig.interface == interface
-    stiff = made.replace(stiffness=8.0)
-    again = ss.sweep(stiff, {"velocity": [0.3, 1.0]}, runs=short)
-    assert (again["peak_to_peak"] != found["peak_to_peak"]).all()
-    bench = ss.example("pmma_slider")
-    few = {"velocity": ["0.4 mm/s"], "contacts": [20]}
-    short = Runs(distance="8 um", cycles=0)
-    one, two = (
-        ss.sweep(rig, few, runs=short) for rig in (bench, bench.replace(stiffness=5 * bench.value("stiffness")))
-    )
-    assert float(one["peak_to_peak"].squeeze()) != float(two["peak_to_peak"].squeeze())
-    with pytest.raises(InputError, match=r"rig\.slider = .*: must be a Slider"):
-        ss.sweep(ss.Rig(interface, lambda s: 1.0 + s, ss.constant(1.0)), {"velocity": [1.0]})
-
-
-def test_results_come_in_the_units_of_the_file():
-    rig = tomllib.loads(BENCH.read_text())
-    document = {
-        "rig": rig,
-        "axes": {"velocity": ["0.4 mm/s"], "seed": [3]},
-        "run": {"contacts": 100, "distance": "40 um", "cycles": 0.0, "extensions": 0},
-    }
-    plan = from_document(document)
-    result = plan.run().isel(velocity=0, seed=0)
-    bench = plan.study.rig
-    drive = ss.constant(bench.velocity, 40e-6 / bench.velocity)
-    inside = regime(ss.simulate(bench.replace(drive=drive), method=Contacts(100, 3), start=FromRest()))
-    assert float(result["peak_to_peak"]) == pytest.approx(inside.peak_to_peak)
-    assert float(result["travel"]) == pytest.approx(40e-6)
-    assert result["peak_to_peak"].attrs["units"] == "N"
-    assert "per contact" not in result["peak_to_peak"].attrs["long_name"]
-    assert from_document(NATURAL).attributes()["peak_to_peak"]["units"] == "f_s"
 
 
 def test_a_run_lasts_as_long_as_the_file_asks():
@@ -363,27 +280,7 @@ def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, monkeyp
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-@pytest.mark.parametrize(
-    "options", [["--workers", "3"], pytest.param(["--processes", "--workers", "2"], marks=pytest.mark.slow)], ids=len
-)
-def test_workers_of_any_kind_give_the_same_bits(tmp_path, options):
-    file = written(tmp_path)
-    assert run("sweep", file, "--store", tmp_path / "one.sqlite", "--workers", 1) == 0
-    assert run("sweep", file, "--store", tmp_path / "other.sqlite", *options) == 0
-    xr.testing.assert_identical(open_sweep(tmp_path / "other.sqlite"), open_sweep(tmp_path / "one.sqlite"))
-
-
-def test_seeds_of_an_ensemble_are_those_of_the_file():
-    document = changed("axes", {"velocity": [1.0], "seed": {"count": 3}})
-    plan = from_document(document)
-    result = plan.run(executor=Threads(1)).isel(velocity=0)
-    assert result["seed"].values.tolist() == [1, 2, 3]
-    assert len(np.unique(result["peak_to_peak"])) == 3
-    alone = plan.study(velocity=1.0, seed=2)
-    assert float(result["peak_to_peak"].sel(seed=2)) == alone["peak_to_peak"]
-
-
-def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys, monkeypatch):
+def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     document = changed("axes", {"std": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
     file, store = written(tmp_path, document), tmp_path / "s.sqlite"
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.png") == 1
@@ -392,10 +289,6 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys, monkeypatch):
     told = [line for line in lines if line.startswith("failed: ")]
     assert len(told) == 2
     assert "std = -0.1, velocity = 0.5: InputError: std = -0.1: must be" in told[0]
-    monkeypatch.setattr(cli, "_FAILURES_SHOWN", 1)
-    assert run("sweep", file, "--store", store) == 1
-    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("failed: ")]
-    assert told[1:] == ["failed: ... and 1 more, in the variable error of the store"]
     result = open_sweep(store)
     assert (result["error"].sel(std=-0.1) != "").all()
     assert (result["peak_to_peak"].sel(std=[0.1, 0.2]) > 0).all()
@@ -410,12 +303,12 @@ def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
     before = open_sweep(store).load()
 
     other = written(tmp_path, changed("rig.slider.mass", 2e-4), "other.toml")
-    assert "holds another sweep; what differs: the object called" in refused(capsys, "sweep", other, "--store", store)
+    assert "holds another sweep; what differs: what the function holds" in refused(
+        capsys, "sweep", other, "--store", store
+    )
     assert "holds another sweep than" in refused(
         capsys, "sweep", other, "--store", store, "--replot", "--plot", tmp_path / "a.png"
     )
-    assert "is not the store of a sweep" in refused(capsys, "sweep", file, "--store", file)
-    assert "is a folder" in refused(capsys, "sweep", file, "--store", tmp_path)
     assert "there is no such file" in refused(capsys, "sweep", "--status", "--store", tmp_path / "no")
     assert "name a sweep file" in refused(capsys, "sweep", "--store", store)
     assert "there is no such file" in refused(
@@ -467,23 +360,6 @@ def test_the_boundary_on_top_is_the_computed_one():
     assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([reference.V1_FIG4], rel=1e-6)
 
 
-def test_the_boundary_of_a_rig_in_si_units_is_in_si_units():
-    rig = tomllib.loads(BENCH.read_text())
-    axes = {
-        "stiffness": {"from": "200 MN/m", "to": "2000 MN/m", "count": 2, "spacing": "log"},
-        "velocity": ["0.3 mm/s", "3 mm/s"],
-    }
-    run_ = {"contacts": 20, "distance": "2 um", "cycles": 0.0, "extensions": 0}
-    plan = from_document({"rig": rig, "axes": axes, "run": run_})
-    shown = with_theory(plan.run())
-    assert shown.attrs["theory"] == "linear stability of smooth sliding"
-    x, y = (shown[f"edge_{name}"].to_numpy() for name in ("stiffness", "velocity"))
-    here = plan.study.rig.replace(stiffness=float(x[0]))
-    critical = ss.critical(here, "velocity", between=(0.5 * y[0], 2 * y[0]))
-    assert min(abs(edge.value / y[0] - 1) for edge in critical.edges) < 1e-6
-    assert shown["edge_velocity"].attrs["units"] == "m/s"
-
-
 def test_where_there_is_no_theory_it_says_why():
     document = changed(
         "rig.interface.delay", "never", changed("axes", {"stiffness": [1.0, 2.0], "velocity": [1.0, 2.0]})
@@ -491,18 +367,11 @@ def test_where_there_is_no_theory_it_says_why():
     shown = with_theory(from_document(document).run())
     assert "no linear boundary: " in shown.attrs["theory"]
     assert "edge_velocity" not in shown
-    with pytest.raises(InputError, match="not made from a sweep file"):
+    with pytest.raises(InputError, match="not made from a rig"):
         plan_of(xr.Dataset())
 
 
 # ---------------------------------------------------------------- pictures
-
-
-def meshes_of(ax):
-    """The cells of each colour."""
-    from matplotlib.collections import QuadMesh
-
-    return {mesh.get_cmap().colors[0]: mesh for mesh in ax.collections if isinstance(mesh, QuadMesh)}
 
 
 def test_a_phase_diagram_shows_every_kind_of_cell():
@@ -511,32 +380,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     result["regime"][...] = np.array([kinds, kinds]).T.reshape(3, 2, 2)
     result["status"][0, 0, 0] = 2
     result["status"][2, 1, 1] = 0
-    figure = plot.sweep_picture(with_theory(result))
-    names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert names == [
-        "smooth sliding",
-        "sustained oscillation",
-        "stick-slip",
-        "undecided",
-        "failed",
-        "linear boundary, computed",
-    ]
-    assert [ax.get_title(loc="left") for ax in figure.axes] == ["(a) from a start at rest", "(b) from smooth sliding"]
-    cells = [np.argwhere(~np.ma.getmaskarray(meshes_of(ax)[plot.BLUE].get_array())) for ax in figure.axes]
-    for found, start in zip(cells, ("from rest", "sliding"), strict=True):
-        stuck = (result["regime"].sel(start=start) == 1) & (result["status"].sel(start=start) == 1)
-        np.testing.assert_array_equal(found, np.argwhere(stuck.transpose("velocity", "stiffness").values))
-    assert_drawn(figure, "phase_diagram")
-    assert all(ax.get_xscale() == "log" and ax.get_yscale() == "linear" for ax in figure.axes)
-    assert "speed" in " ".join(figure.axes[0].get_ylabel().split())
-
-
-def test_cells_whose_seeds_differ_are_shown_as_such():
-    result = from_document(changed("axes.seed", [1, 2])).run()
-    result["regime"][...] = study.KINDS.index("smooth sliding")
-    result["regime"][0, 0, 0, 1] = study.KINDS.index("stick-slip")
-    names = [text.get_text() for text in plot.sweep_picture(result).legends[0].get_texts()]
-    assert names == ["smooth sliding", "seeds differ"]
+    assert_drawn(plot.sweep_picture(with_theory(result)), "phase_diagram")
 
 
 def test_a_sweep_along_one_axis_is_a_line(tmp_path):
@@ -544,17 +388,7 @@ def test_a_sweep_along_one_axis_is_a_line(tmp_path):
     file, store = written(tmp_path, document), tmp_path / "s.sqlite"
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.svg") == 0
     assert "<svg" in (tmp_path / "s.svg").read_text()
-    figure = plot.sweep_picture(with_theory(open_sweep(store)))
-    (ax,) = figure.axes
-    assert_drawn(figure, "sweep_along_one_axis")
-    oscillation = open_sweep(store)["peak_to_peak"]
-    lines = {line.get_label(): line for line in ax.lines}
-    assert lines["from a start at rest"].get_ydata() == pytest.approx(
-        oscillation.sel(start="from rest").median("seed").values
-    )
-    marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
-    assert marks == 12
-    assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(reference.V1_FIG4)
+    assert_drawn(plot.sweep_picture(with_theory(open_sweep(store))), "sweep_along_one_axis")
 
 
 def test_cells_lie_where_their_values_are_in_any_order():
@@ -562,27 +396,7 @@ def test_cells_lie_where_their_values_are_in_any_order():
     result = from_document(changed("axes", axes)).run()
     result["regime"][...] = study.KINDS.index("smooth sliding")
     result["regime"][0, 1] = study.KINDS.index("stick-slip")
-    figure = plot.sweep_picture(with_theory(result))
-    (ax,) = figure.axes
-    assert_drawn(figure, "sweep_in_any_order")
-    mesh = meshes_of(ax)[plot.BLUE]
-    ((i, j),) = np.argwhere(~np.ma.getmaskarray(mesh.get_array()))
-    (x, y), (right, top) = mesh.get_coordinates()[i, j], mesh.get_coordinates()[i + 1, j + 1]
-    assert x < 50 < right
-    assert y < 0.3 < top
-    (boundary,) = [line for line in ax.lines if line.get_label() == "linear boundary, computed"]
-    assert boundary.get_ydata()[0] == pytest.approx(
-        reference.V1_FIG4
-    )  # theory knows the velocity, not the number of contacts
-
-
-def test_a_sweep_over_starts_alone_has_no_picture():
-    with pytest.raises(InputError, match="no axis to draw along"):
-        plot.sweep_picture(
-            with_theory(
-                from_document(changed("axes", {"start": ["from rest"]}, changed("rig.drive", {"velocity": 1.0}))).run()
-            )
-        )
+    assert_drawn(plot.sweep_picture(with_theory(result)), "sweep_in_any_order")
 
 
 def test_a_cut_through_three_axes(tmp_path, capsys):
@@ -705,41 +519,13 @@ def resumed(file, store, monkeypatch):
     return open_plan(store), counted
 
 
-def test_a_terminal_shows_how_far_a_sweep_is(monkeypatch):
-    shown = []
-
-    @contextmanager
-    def bar(title):
-        assert title == "map"
-        yield shown.append
-
-    monkeypatch.setattr(console, "bar", bar)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with console.progress_of("map") as line:
-        line(Progress(total=40, finished=15, failed=0, found=5))
-    assert shown == [0.375]
-
-
-def test_a_log_says_how_long_the_rest_will_take(monkeypatch, capsys):
-    now = iter([0.0, 60.0, 120.0])
-    monkeypatch.setattr(time, "monotonic", lambda: next(now))
-    monkeypatch.setattr(console, "_LINES_EVERY", 10.0)
-    with console.progress_of("map") as line:
-        line(Progress(total=40, finished=15, failed=0, found=5))  # ten in a minute, and 25 are left
-        line(Progress(total=40, finished=40, failed=1, found=5))
-    (told,) = capsys.readouterr().err.splitlines()
-    assert told.endswith("map: 15 of 40 cases, about 2.5 min left")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "options"),
     [
-        (signal.SIGKILL, []),
         (signal.SIGKILL, ["--processes"]),
         (signal.SIGINT, []),
         (signal.SIGTERM, ["--processes"]),
-        (signal.SIGHUP, ["--processes"]),
     ],
 )
 def test_stop_the_command_and_go_on(tmp_path, monkeypatch, expected, number, options):
@@ -817,42 +603,6 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected,
     assert sum(counted.values()) == len(counted) == 60 - len(kept)
 
 
-@pytest.mark.slow
-def test_a_disk_that_is_full(tmp_path):
-    # A limit on the size of files stands for the full disk.
-    file, store = written(tmp_path), tmp_path / "s.sqlite"
-    code = (
-        "import resource, sys\n"
-        "from stickslip import cli\n"
-        "from stickslip.sweep import _table\n"
-        "claim = _table.Table.claim\n"
-        "def then_full(table):\n"
-        "    claim(table)\n"
-        "    resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))\n"
-        "_table.Table.claim = then_full\n"
-        "sys.exit(cli.main(sys.argv[1:]))\n"
-    )
-    command = [sys.executable, "-c", code, "sweep", str(file), "--store", str(store)]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    environment.pop("COVERAGE_PROCESS_CONFIG", None)  # it would complain of the full disk, too
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
-    assert done.returncode == 2
-    line = done.stderr.strip().splitlines()[-1]
-    assert "cannot be written (disk I/O error); what was written is kept: free some space and start again" in line
-    assert run("sweep", file, "--store", store) == 0
-    assert summary(open_sweep(store)).done == 12
-
-
-def test_the_example_is_the_interface_of_fig_4():
-    from stickslip.paper.cases import FIG4
-
-    plan = read_plan(EXAMPLE)
-    assert plan.study.rig.interface == FIG4.interface
-    assert plan.study.rig.slider == FIG4.slider
-    assert plan.total == 3200
-    assert plan.study.rig.method.count == 2000
-
-
 def blocks_of(page, language):
     """Code blocks of a page, the name of the file in the first line of those that have one."""
     text = (ROOT / "docs" / "howto" / page).read_text()
@@ -890,5 +640,5 @@ def test_the_load_is_an_axis():
     for load in loads:
         alone = ss.sweep(rig.replace(load=load), {"velocity": [rig.value("velocity")], "seed": [3]}, runs=short)
         np.testing.assert_allclose(found["mean_force"].sel(load=load), alone["mean_force"][0], rtol=1e-12)
-    with pytest.raises(InputError, match=r"axes\.load\.values\.0 = '3 kg': .*'768 N'"):
+    with pytest.raises(InputError, match=r"axes\.load\.0 = '3 kg': .*'768 N'"):
         ss.sweep(rig, {"load": ["3 kg"]}, runs=short)

@@ -7,18 +7,17 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError
+from stickslip.kernels.lives import reach
 from stickslip.model import Delay, ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, RandomDelay, Slider
 from stickslip.model.distributions import Gaussian, Uniform
 from stickslip.paper.cases import FIG4, FIG7
+from stickslip.sliding import kinetic_friction
+from stickslip.sliding.lives import growth_of
 from stickslip.theory import (
     attached_fraction,
-    critical_delay_estimate,
     critical_stiffness_estimate,
     driving_force,
     effective_potential,
-    growth_model,
-    kinetic_friction,
-    lives,
     slip_displacement,
 )
 
@@ -67,8 +66,6 @@ def test_no_closed_form_where_there_is_none():
         attached_fraction(ageing, 1.0)
     with pytest.raises(InputError, match="velocity = 0"):
         kinetic_friction(ageing)
-    with pytest.raises(InputError, match="no fixed rule of growth"):
-        growth_model(ageing)
     with pytest.raises(InputError, match="newborn = 0"):
         kinetic_friction(replace(ageing, delay=Delay(0.1)), 1.0)
     never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
@@ -86,7 +83,7 @@ def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
         assert kinetic_friction(replace(interface, ageing=ageing), 0.5) == pytest.approx(aged, rel=1e-3)
     # Equal strengths: f(t) = t, held while v t < 1 - exp(-t).
     equal = replace(interface, thresholds=Uniform(low=1 - 1e-6, high=1 + 1e-6), ageing=ExponentialGrowth(rate=1.0))
-    (life,) = lives(growth_model(equal), np.ones(1), 0.5)
+    life = reach(growth_of(equal.ageing), 1.0, 0.5) / 0.5
     assert 0.5 * life == pytest.approx(1 - math.exp(-life))
     assert kinetic_friction(equal, 0.5) == pytest.approx(0.25 * life**2 / (life + 0.2), rel=1e-3)
 
@@ -114,20 +111,6 @@ def test_slip_displacement_solves_the_oscillator_to_its_order():
     assert slip_displacement(slider, 3.5, 0.005) == pytest.approx(3.5 * slip_displacement(slider, 1.0, 0.005))
     with pytest.raises(InputError, match="mass"):
         slip_displacement(Slider(stiffness=1.0, mass=0.0, damping=0.0), 1.0, 0.1)
-
-
-@pytest.mark.eq(12)
-@pytest.mark.parametrize("mass", [1e-12, 1e-6, 1e-4, 1e-1, 1e6])
-def test_critical_delay_estimates_are_the_limits_of_the_slip(mass):
-    slider = Slider(stiffness=2.0, mass=mass, damping=0.0)
-    estimate = critical_delay_estimate(FIG4.interface, slider, 1.5)
-    time = estimate.phase / slider.frequency
-    assert slip_displacement(slider, 1.5, time) == pytest.approx(0.1, rel=1e-9)
-    if estimate.phase < 1e-2:
-        assert time == pytest.approx(estimate.light, rel=1e-4)
-    if estimate.phase > 1e3:
-        assert time == pytest.approx(estimate.heavy, rel=1e-4)
-    assert estimate.light == pytest.approx(0.1 / 1.5)
 
 
 @pytest.mark.eq(5, 6)

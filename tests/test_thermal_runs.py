@@ -7,7 +7,6 @@ import pytest
 from scipy import integrate, optimize
 
 import stickslip as ss
-from stickslip.kernels import event_queue, thermal_clock
 from stickslip.simulation import estimate
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
@@ -30,14 +29,14 @@ STEADY = {
     "bell, growing": (LT, 1.0, 0.56522),
     "bell, growing, fast": (LT, 1162.0, 0.53898),
     "parabolic": (
-        ss.Interface(thresholds=NARROW, temperature=ss.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415,
+        ss.Interface(thresholds=NARROW, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415,
     ),
     "barrier": (ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6)), 1.0, 0.39555),
     "barrier, Kramers": (
         ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0, 0.40097,
     ),
     "parabolic, hot": (
-        ss.Interface(thresholds=NARROW, temperature=ss.Parabolic(temperature=0.05, attempts=1e6)), 1.0, 0.15507,
+        ss.Interface(thresholds=NARROW, temperature=ss.model.Parabolic(temperature=0.05, attempts=1e6)), 1.0, 0.15507,
     ),
     "bell, delay, at the maximum": (
         ss.Interface(thresholds=NARROW, temperature=BELL, delay=ss.Delay(0.01)), 0.9972, 0.45169,
@@ -77,7 +76,7 @@ def test_the_master_equation_slides_with_the_slope_of_the_friction_law(case):
 @pytest.mark.parametrize(("between", "turn"), [((100.0, 1e4), 1162.0), ((0.05, 20.0), 0.9972)])
 def test_the_master_equation_turns_where_friction_is_least_or_largest(between, turn):
     interface = STEADY["bell, growing" if turn > 1 else "bell, delay, at the maximum"][0]
-    (exact,) = ss.turning_velocities(interface, between=between)
+    (exact,) = ss.stability.turning_velocities(interface, between=between)
     assert exact.velocity == pytest.approx(turn, rel=0.005)
     place = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])
     force = [slide(interface, turn * math.exp(one), ss.MasterEquation(), 0.1).mean() for one in place]
@@ -133,15 +132,6 @@ def pulled(interface, drive=THERE_AND_BACK, **slider):
     return ss.Rig(interface, ss.Slider(**given), drive, output=ss.Output(interval=0.05))
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.1])
-def test_without_attempts_contacts_are_those_without_temperature(delay):
-    cold = ss.Interface(thresholds=NARROW, delay=ss.Delay(delay))
-    barely = ss.Interface(thresholds=NARROW, delay=ss.Delay(delay), temperature=ss.Bell(width=1e-3, attempts=1e-9))
-    runs = [ss.simulate(pulled(interface), method=ss.Contacts(200, seed=3)) for interface in (cold, barely)]
-    for name in ("displacement", "friction_force", "attached", "broken_energy"):
-        np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-9)
-
-
 def test_without_attempts_cohorts_are_those_without_temperature():
     start = ss.Gaussian(mean=0.0, std=0.05)
     cold = ss.Interface(thresholds=NARROW, initial=start)
@@ -157,35 +147,21 @@ COMBINED = {
     "bell, delay, sliding force": ss.Interface(
         thresholds=WIDE, temperature=ss.Bell(width=0.02, attempts=1e4), delay=ss.Delay(0.2), sliding_force=0.2
     ),
-}
-ALL_COMBINED = COMBINED | {
     "bell, growing, delay": ss.Interface(
         thresholds=WIDE,
         temperature=ss.Bell(width=0.02, attempts=1e4),
         ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-2),
         delay=ss.RandomDelay(mean=0.1, std=0.03),
     ),
-    "bell, growing to a strength": ss.Interface(
-        thresholds=WIDE,
-        temperature=ss.Bell(width=0.02, attempts=1e4),
-        ageing=ss.ExponentialGrowth(rate=3.0, newborn=0.3),
-    ),
-    "parabolic, delay": ss.Interface(
-        thresholds=WIDE, temperature=ss.Parabolic(temperature=0.02, attempts=1e4), delay=ss.Delay(0.1)
-    ),
-    "barrier, growing": ss.Interface(
-        thresholds=WIDE,
-        temperature=ss.Barrier(height=50.0, attempts=1e4),
-        ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-2),
-    ),
 }
-
-
-@pytest.mark.parametrize(
-    "case", [case if case in COMBINED else pytest.param(case, marks=pytest.mark.slow) for case in ALL_COMBINED]
+every_mixture = pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow) if "growing" in case else case for case in COMBINED]
 )
+
+
+@every_mixture
 def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
-    rig, count, seeds = pulled(ALL_COMBINED[case]), 2000, 12
+    rig, count, seeds = pulled(COMBINED[case]), 2000, 12
     cohorts = ss.simulate(rig, method=ss.MasterEquation())
     runs = [ss.simulate(rig, method=ss.Contacts(count, seed=seed)) for seed in range(seeds)]
     for name in ("friction_force", "displacement", "broken_energy"):
@@ -197,25 +173,15 @@ def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
         assert np.sqrt((difference**2).mean()) < 2.5 * error
 
 
-@pytest.mark.parametrize("case", [*COMBINED, pytest.param("bell, growing, delay", marks=pytest.mark.slow)])
+@every_mixture
 def test_cohorts_lose_no_contact(case):
-    interface = ALL_COMBINED[case]
+    interface = COMBINED[case]
     engine = engine_of(interface, ss.MasterEquation())(
         Beginning(interface, None, 1.0, ss.FromSliding()), ss.MasterEquation()
     )
     drive = ss.constant(1.0, 0.5).then(ss.constant(0.0, 100.0)).then(ss.constant(1.0, 0.5))
     follow(engine, drive, 0.0, np.linspace(0.0, 101.0, 11))
     assert engine.mass == pytest.approx(1.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("interface", [T, LT], ids=["clock", "boxes"])
-def test_a_long_hold_is_over_soon(interface):
-    """Contacts rest for 1e6 times: the number of events goes with the logarithm."""
-    engine = engine_of(interface, ss.Contacts(1000))(
-        Beginning(interface, None, 1.0, ss.FromSliding()), ss.Contacts(1000)
-    )
-    follow(engine, ss.constant(0.0, 1e6), 0.0, np.array([0.0, 1e6]))
-    assert engine._state.counts[2] < 150 * 1000
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -244,18 +210,6 @@ def test_contacts_of_different_areas_slide_with_the_steady_force(areas, warm, fo
     assert run.mean() == pytest.approx(force, abs=3 * error)
 
 
-@pytest.mark.parametrize("areas", ["fresh", "site"])
-@pytest.mark.parametrize("delay", [0.0, 0.3])
-def test_contacts_of_different_areas_balance_their_energy(areas, delay):
-    """A slider that turns and rests: work is spent, and at rest the force of those that hold is what is summed."""
-    run = ss.simulate(pulled(of_areas(areas, warm=True, delay=delay)), method=ss.Contacts(400, seed=2))
-    spent = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
-    balance = run.work - spent
-    assert float(np.abs(balance - balance[0]).max()) < 1e-11 * float(run.work.max())
-    assert float(run.attached.min()) < 1.0 if delay else float(run.attached.min()) == 1.0
-    assert ss.rerun(run).identical(run)
-
-
 def test_contacts_of_one_area_are_contacts():
     """Of area 1 all: the same run as without areas, by the engine that knows none."""
     one = ss.Gaussian(mean=1.0, std=0.0)
@@ -266,14 +220,6 @@ def test_contacts_of_one_area_are_contacts():
     for name in ("friction_force", "displacement", "broken_energy"):
         for run in runs[1:]:
             np.testing.assert_allclose(run[name], runs[0][name], rtol=0, atol=1e-9)
-
-
-def test_sites_keep_their_areas():
-    interface, method = of_areas("site", warm=False, delay=0.3), ss.Contacts(500, seed=4)
-    engine = engine_of(interface, method)(Beginning(interface, None, 1.0, ss.FromSliding()), method)
-    before = np.sort(np.abs(engine._state.contacts["threshold"]))
-    follow(engine, ss.constant(1.0, 5.0).then(ss.constant(-1.0, 1.0)), 0.0, np.array([0.0, 6.0]))
-    np.testing.assert_array_equal(np.sort(np.abs(engine._state.contacts["threshold"])), before)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -292,16 +238,15 @@ def noisy(temperature, std=0.1, delay=0.0, newborn=0.3):
 
 BARRIERS = {
     "bell": BELL,
-    "parabolic": ss.Parabolic(temperature=0.02, attempts=1e4),
+    "parabolic": ss.model.Parabolic(temperature=0.02, attempts=1e4),
     "barrier, Kramers": ss.Barrier(height=60.0, attempts=1e5, kramers=True),
 }
 
 
-@pytest.mark.parametrize("name", ["bell", *(pytest.param(name, marks=pytest.mark.slow) for name in [*BARRIERS][1:])])
-@pytest.mark.parametrize("delay", [0.0, 0.2])
-def test_noisy_thresholds_slide_with_the_steady_force(name, delay):
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) for name in BARRIERS])
+def test_noisy_thresholds_slide_with_the_steady_force(name):
     """Contacts one by one against their kinetic equation."""
-    interface, count, distance = noisy(BARRIERS[name], delay=delay), 2000, 4.0
+    interface, count, distance = noisy(BARRIERS[name], delay=0.2), 2000, 4.0
     run = slide(interface, 2.0, ss.Contacts(count, seed=5), distance)
     error = 0.25 / math.sqrt(count * distance / 0.5)
     assert run.mean() == pytest.approx(ss.kinetic_friction(interface, 2.0), abs=4 * error)
@@ -324,26 +269,6 @@ def test_thresholds_with_little_noise_grow_by_a_rule(name):
 def test_noisy_thresholds_that_are_never_tried_are_those_without_temperature():
     cold, barely = noisy(None), noisy(ss.Bell(width=0.01, attempts=1e-9))
     assert ss.kinetic_friction(barely, 1.0) == pytest.approx(ss.kinetic_friction(cold, 1.0), abs=1e-5)
-    count, distance = 1000, 4.0
-    run = slide(barely, 2.0, ss.Contacts(count, seed=5), distance).mean()
-    error = 0.25 / math.sqrt(count * distance / 0.5)
-    assert run == pytest.approx(ss.kinetic_friction(cold, 2.0), abs=4 * error)
-
-
-def test_noisy_thresholds_under_a_slider_with_mass():
-    """A stiff rig slides as a rigid one, and one that turns stays in balance."""
-    interface = noisy(BELL, delay=0.1)
-    rig = ss.Rig(interface, ss.Slider(stiffness=50.0, mass=0.1, damping=30.0), ss.constant(2.0, 3.0))
-    run = ss.simulate(rig, method=ss.Contacts(2000, seed=1), start=ss.FromSliding(), output=ss.Output(interval=0.01))
-    error = 0.25 / math.sqrt(2000 * 12.0)
-    assert float(run.friction_force.mean()) == pytest.approx(ss.kinetic_friction(interface, 2.0), abs=4 * error)
-    turned = ss.simulate(pulled(interface), method=ss.Contacts(300, seed=1))
-    drag = 20.0 * 1e-2 * turned.velocity
-    # At rest again after the hold spring and contacts are in balance.
-    at = turned.sel(time=4.9, method="nearest")
-    assert float(at.spring_force - at.friction_force - drag.sel(time=4.9, method="nearest")) == pytest.approx(
-        0.0, abs=0.02
-    )
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -368,8 +293,9 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts():
     given = {"before": 1.0, "after": 10.0, "distance": 1.0, "points": 200}
     for interface in (T, LT):
         cohorts = ss.velocity_step(interface, **given).friction_force
-        contacts = ss.velocity_step(interface, **given, method=ss.Contacts(20_000, seed=4)).friction_force
-        assert float(np.abs(contacts - cohorts).max()) < 4 * 0.3 / math.sqrt(20_000)
+        contacts = ss.velocity_step(interface, **given, method=ss.Contacts(40_000, seed=4)).friction_force
+        # Stretchings scatter by .36, and the lives at the start are drawn from four times as many: .36 sqrt(5/4).
+        assert float(np.abs(contacts - cohorts).max()) < 4 * 0.4 / math.sqrt(40_000)
 
 
 def test_exponential_thresholds_are_rate_and_state():
@@ -379,6 +305,28 @@ def test_exponential_thresholds_are_rate_and_state():
     change = run.friction_force - float(run.friction_force[0])
     values = np.interp([0.3, 0.5, 1.0], run.displacement, change)
     assert values == pytest.approx([0.0159, 0.0130, 0.0079], abs=8e-4)
+
+
+GROWTHS = {"logarithmic": GROWING, "exponential": ss.ExponentialGrowth(rate=2.0, newborn=0.3)}
+
+
+@pytest.mark.parametrize("name", GROWTHS)
+@pytest.mark.parametrize("delay", [0.0, 0.2])
+def test_thresholds_that_grow_at_no_temperature_step_from_one_steady_force_to_the_other(name, delay):
+    interface = ss.Interface(thresholds=NARROW, ageing=GROWTHS[name], delay=ss.Delay(delay))
+    run = ss.velocity_step(interface, before=1.0, after=3.0, distance=3.0, points=300)
+    assert float(run.friction_force[0]) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=2e-5)
+    contacts = ss.velocity_step(
+        interface, before=1.0, after=3.0, distance=3.0, points=300, method=ss.Contacts(4_000, seed=3)
+    )
+    assert float(np.abs(contacts.friction_force - run.friction_force).max()) < 4 * 0.35 / math.sqrt(4_000)
+
+
+def test_logarithmic_ageing_alone_heals_by_its_slope():
+    """At no temperature a contact breaks at its threshold, which a hold has raised by ``c ln(1 + t/t_0)``."""
+    run = ss.slide_hold_slide(ss.Interface(thresholds=NARROW, ageing=GROWING), velocity=1.0, holds=(1e3, 1e4))
+    assert run.relaxation.to_numpy() == pytest.approx(0.0, abs=1e-9)
+    assert float(run.peak[1] - run.peak[0]) == pytest.approx(0.02 * math.log(10), rel=0.01)
 
 
 HOLDS = {"T": (T, -0.0874, 0.0048), "LT": (LT, -0.0461, 0.0889)}
@@ -427,19 +375,6 @@ def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequenc
     assert found[1] == pytest.approx(frequency, rel=0.003)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("std", "critical", "frequency"), [(0.1, 0.02347, 2.608), (0.5, 0.01669, 2.086)])
-def test_steps_on_springs_grow_below_the_critical_one(std, critical, frequency):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), temperature=BELL, ageing=GROWING)
-    found = [
-        mode_of(ss.velocity_step(interface, before=1.0, after=1.003, distance=25.0, stiffness=k * critical), frequency)
-        for k in (0.96, 1.04)
-    ]
-    part = found[0][0] / (found[0][0] - found[1][0])
-    assert critical * (0.96 + 0.08 * part) == pytest.approx(critical, rel=0.01)
-    assert found[0][1] + part * (found[1][1] - found[0][1]) == pytest.approx(frequency, rel=0.01)
-
-
 def test_contacts_on_a_spring_are_cohorts_on_a_spring():
     given = {"before": 1.0, "after": 10.0, "distance": 3.0, "stiffness": 0.1, "points": 200}
     cohorts = ss.velocity_step(T, **given)
@@ -453,7 +388,7 @@ def test_contacts_on_a_spring_are_cohorts_on_a_spring():
 
 
 def test_a_rig_has_its_own_units():
-    scales = ss.Scales(force=50.0, stretching=2e-6, time=1e-3)
+    scales = ss.model.Scales(force=50.0, stretching=2e-6, time=1e-3)
     rig = ss.Rig(T, ss.Slider(stiffness=1.0, mass=1e-3, damping=1.0), ss.constant(1.0), scales=scales)
     natural = ss.velocity_step(T, before=1.0, after=10.0, distance=1.0, points=50)
     run = ss.velocity_step(rig, before="2 mm/s", after=0.02, distance="2 um", points=50)
@@ -481,10 +416,12 @@ def test_a_rig_has_its_own_units():
         (lambda: ss.slide_hold_slide(T, velocity=1.0, holds=()), "at least one time"),
         (lambda: ss.slide_hold_slide(T, velocity=1.0, holds=(1.0, -2.0)), r"holds\[1\] = -2"),
         (
-            lambda: ss.velocity_step(
-                ss.Interface(thresholds=WIDE), before=1.0, after=2.0, distance=1.0, method=ss.Contacts(10)
-            ),
-            "temperature = None: not available with Contacts",
+            lambda: ss.velocity_step(ss.Interface(thresholds=WIDE), before=1.0, after=2.0, distance=1.0, stiffness=1.0),
+            "temperature = None: not available with a spring",
+        ),
+        (
+            lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, ageing=ss.ExponentialGrowth(rate=1.0)))),
+            "ageing = ExponentialGrowth.*: not available with MasterEquation; newborns without strength",
         ),
         (
             lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.Langevin(rate=1.0)))),
@@ -521,13 +458,12 @@ def test_a_run_without_end_is_refused():
     assert estimate(pulled(T)).seconds < 60
 
 
-@pytest.mark.parametrize("velocity", [1.0, -1.0])
-def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again(velocity):
+def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
     """In a slip of a soft, light bench all are detached for hundreds of widths: the clocks have to come along."""
     heat = ss.Bell(width=0.01, attempts=1e4)
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), temperature=heat)
     slider = ss.Slider(stiffness=0.01, mass=2.6e-5, damping=4.0)
-    rig = ss.Rig(interface, slider, ss.constant(velocity, 200.0), method=ss.Contacts(50, seed=1))
+    rig = ss.Rig(interface, slider, ss.constant(-1.0, 200.0), method=ss.Contacts(50, seed=1))
     run = ss.simulate(rig, output=ss.Output(interval=0.01))
     assert float(np.abs(run.velocity).max()) > 100.0
     assert float(run.attached.min()) == 0.0
@@ -552,23 +488,3 @@ def test_what_breaks_by_heat_at_rest_pulls_neither_way():
     assert float(run["attached"].min()) < 0.2
     # Stretchings scatter by less than .5, over the root of the number.
     assert np.abs(run["friction_force"].to_numpy()).max() < 4 * 0.5 / np.sqrt(4_000)
-
-
-@pytest.mark.parametrize("temperature", [BELL, ss.Parabolic(temperature=0.01, attempts=1e6)], ids=str)
-def test_a_sliding_start_has_the_force_of_the_detached_contacts(temperature):
-    interface = ss.Interface(thresholds=NARROW, temperature=temperature, delay=ss.Delay(1.0), sliding_force=0.3)
-    rig = ss.Rig(interface, ss.Slider(stiffness=5.0, mass=1.0, damping=5.0), ss.constant(1.0, 0.2))
-    run = ss.simulate(rig, method=ss.Contacts(4_000, seed=2), start=ss.FromSliding())
-    expected, scatter = ss.kinetic_friction(interface, 1.0), 0.4  # of stretchings and of what the detached pull with
-    assert float(run["friction_force"][0]) == pytest.approx(expected, abs=4 * scatter / math.sqrt(4_000))
-    assert float(run["attached"][0]) < 0.5
-
-
-def test_thresholds_are_looked_for_from_the_slider_on():
-    birth, threshold = np.linspace(4.6, 5.0, 1_000), np.linspace(1.2, 0.9, 1_000)
-    state = thermal_clock.make_state(birth, threshold, np.empty(0), 0.1, 1.0)
-    state.motion[thermal_clock.POSITION] = 5.0
-    state = thermal_clock.with_caps(state)
-    for side, queue in ((1.0, state.cap), (-1.0, state.cap_back)):
-        assert queue.counts[event_queue.BIN] == math.floor(side * 5.0 * queue.per_bin)
-        assert event_queue.peek(queue) == pytest.approx((threshold + side * birth).min())

@@ -64,24 +64,19 @@ contacts = 200
 seed = 1
 distance = "20 mm"
 """
-EXAMPLES = [name for name in ss.example_names() if name != "phase_diagram"]
-LEFT_OUT = ("wiper", "teaching_bench", "lab_fault")
-"""Slips of the first two fall otherwise where another processor rounds otherwise; the third takes ten seconds."""
+EXAMPLES = ("brake_pad", "pmma_slider", "rock_slab")
+"""A slider, a bar and warm contacts; slips of the wiper and the teaching bench fall otherwise on other processors."""
 STEP = ("--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s")
 EXPORT = ("--load", "2 kN", "--area", "1 cm^2")
 CASES = {
-    **{f"new {name}": ("new", name) for name in EXAMPLES},
-    **{f"predict {name}": ("predict", name, "--fast") for name in EXAMPLES if name not in LEFT_OUT},
+    **{f"predict {name}": ("predict", name, "--fast") for name in EXAMPLES},
     "predict small": ("predict", "small.toml"),
     "predict small as JSON": ("predict", "small.toml", "--fast", "--json"),
-    "predict bar": ("predict", "bar.toml", "--fast"),
     "simulate small": ("simulate", "small.toml", "-o", "run.nc"),
     "simulate bar": ("simulate", "bar.toml", "-o", "run.nc"),
     "measure a run": ("measure", "small.nc"),
-    "measure a run as JSON": ("measure", "small.nc", "--json"),
     "measure a bar": ("measure", "bar.nc"),
     "measure a trace": ("measure", "force.txt", "--step", "250 ms"),
-    "measure a trace as JSON": ("measure", "force.txt", "--step", "250 ms", "--json"),
     "rerun": ("rerun", "small.nc"),
     "rsf warm": ("rsf", "warm.toml", "--load", "2 kN"),
     "rsf warm as JSON": ("rsf", "warm.toml", "--load", "2 kN", "--json"),
@@ -91,7 +86,6 @@ CASES = {
         for name in ("qdyn", "rsfmodel")
     },
     "rsf of a step": ("rsf", "basalt.txt", *STEP),
-    "rsf of a step as JSON": ("rsf", "basalt.txt", *STEP, "--json"),
     "map small": ("map", "small.toml", "--points", "8", "-o", "map.png"),
     "map small, bistable": ("map", "small.toml", "--points", "4", "--bistable", "-o", "map.png"),
     "sweep": ("sweep", "study.toml", "--store", "cases.sqlite"),

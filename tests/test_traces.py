@@ -41,27 +41,20 @@ COMMA = str.maketrans(".", ",")
         (rows(lambda _, f: f"{f:.2f} N".translate(COMMA)), {"step": 0.25, "decimal": ","}),
         ("force\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
         ("Force (N)\n\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
-        ("# bench 3\n# 2020\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
         ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {}),
         ("time [s], Force [N]\n" + rows(lambda t, f: f"{t}, {f}"), {}),
         ("Zeit (s);Kraft (N)\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {}),
-        ("t\tF\n" + rows(lambda t, f: f"{t}\t{f}"), {}),
         ("t F\n" + rows(lambda t, f: f"  {t}   {f}  "), {}),
         ("t F\n" + rows(lambda t, f: f"{t} {f}".translate(COMMA)), {}),
         ("# t F_d\n" + rows(lambda t, f: f"{t:.6e} {f:.6e}"), {}),
         (rows(lambda t, f: f"{t},{f}"), {"time": 1, "force": 2}),
-        (rows(lambda t, f: f"{t},{f}"), {"time": "1", "force": "2"}),
         (rows(lambda t, f: f"{t},{f}"), {"force": 2, "step": 0.25}),
         ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
         ('"t","spring_force","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
         ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
         (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
-        ("t;F_d\n" + rows(lambda t, f: f"{t};{f}"), {"delimiter": ";", "decimal": "."}),
-        ("t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {"delimiter": ";", "decimal": ","}),
         ("t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {"delimiter": ";"}),
-        ("t;F_d\n" + rows(lambda t, f: f"{t};{f}"), {"delimiter": ";"}),
-        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {"delimiter": ","}),
         ("t;F_d\n" + rows(lambda t, f: f"{t:g};{f:.2e}".translate(COMMA)), {"delimiter": ";", "decimal": ","}),
         ('"Time (s)","Force (N)"\n' + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')), {}),
         (rows(lambda _, f: f"{f}").replace("\n", "\r\n"), {"step": 0.25}),
@@ -102,7 +95,7 @@ def test_the_comment_that_labview_names_but_does_not_write_is_no_column(tmp_path
         assert trace["spring_force"].attrs["units"] == "Newtons"
 
 
-@pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "overload", "1.2.3"])
+@pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "1" + 400 * "0", "overload", "True", "1.2.3"])
 def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, word):
     lines = [f"{f}" for f in FORCES]
     lines[20] = word
@@ -133,7 +126,6 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
     [
         (NUMBERS, {}, "step="),
         (NUMBERS, {"step": 0.0}, "step = 0"),
-        (NUMBERS, {"step": -1.0}, "step = -1"),
         (NUMBERS, {"step": math.nan}, "step = nan"),
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
@@ -209,7 +201,6 @@ LABVIEW = (
     [
         (GERMAN, "latin-1", ("s", "N")),
         (GERMAN, "utf-8-sig", ("s", "N")),
-        (GERMAN, "utf-16", ("s", "N")),
         (GERMAN, "utf-16-le", ("s", "N")),
         (GERMAN.replace("\n", "\r\n"), "cp1252", ("s", "N")),
         ("Time,Force\ns,N\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "N")),
@@ -237,12 +228,6 @@ def test_files_are_read_as_instruments_write_them(tmp_path, text, encoding, unit
     assert not data["filled"].any()
     assert data.attrs["rows"] == FORCES.size
     assert "interpolated" not in data.attrs["note"]
-
-
-def test_units_in_a_row_of_their_own_are_used(tmp_path):
-    data = read_trace(written(tmp_path, "Zeit;Kraft\nms;kN\n" + rows(lambda t, f: f"{1e3 * t};{f}")))
-    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "kN")
-    assert float(data["time"][-1]) == pytest.approx(1e3 * TIMES[-1])
 
 
 def test_several_columns_are_told_by_their_names(tmp_path):
@@ -300,22 +285,6 @@ def test_a_cell_in_no_unit_is_no_force(tmp_path):
     assert FORCES.min() < float(data["spring_force"][7]) < FORCES.max()
 
 
-def mixed(form):
-    """Forces in cells, every third in mN."""
-    return "t;F\n" + "".join(
-        f"{0.25 * i};{form(1e3 * f, 'mN') if i % 3 == 1 else form(f, 'N')}\n" for i, f in enumerate(FORCES)
-    )
-
-
-@pytest.mark.parametrize("form", [lambda f, u: f"{f:.7g} {u}", lambda f, u: f"{f:.7g}{u}"])
-def test_units_that_change_from_cell_to_cell_are_turned_to_one(tmp_path, form):
-    data = read_trace(written(tmp_path, mixed(form)))
-    assert data["spring_force"].attrs["units"] == "N"
-    np.testing.assert_allclose(data["spring_force"], FORCES)
-    blanks = read_trace(written(tmp_path, mixed(form).removeprefix("t;F\n").replace(";", " ")), time=1)
-    np.testing.assert_allclose(blanks["spring_force"], FORCES)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -324,8 +293,12 @@ def test_units_that_change_from_cell_to_cell_are_turned_to_one(tmp_path, form):
             r"line 10, '2.25;7.0 mm': column 2 holds 'mm' among 'N'",
         ),
         (
-            lambda lines: [*lines[:9], "2.25;700 mN", "2.5;0.7", *lines[11:]],
-            "line 11.*without a unit where units change",
+            lambda lines: [*lines[:9], "2.25;700 mN", *lines[10:]],
+            "line 10, '2.25;700 mN': column 2 holds 'mN' among 'N'",
+        ),
+        (
+            lambda lines: [line.removesuffix(" N") if i != 6 else "1.5;7 mN" for i, line in enumerate(lines)],
+            "line 7, '1.5;7 mN': column 2 holds 'mN' among numbers without a unit",
         ),
         (lambda lines: ["t (s);F (s)", *lines], "line 2.*'N' below the heading 's'"),
         (
@@ -372,18 +345,13 @@ def test_what_could_be_misread_is_refused(tmp_path, text, message):
     assert len(str(caught.value)) < 500
 
 
-def test_a_stdsheet_is_read(tmp_path):
+def test_a_spreadsheet_is_read(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     book.active.append(["see the second sheet"])
     sheet = book.create_sheet("data")
-    for row in (
-        ["Bench", "7"],
-        ["Date", dt.date(2024, 2, 1)],
-        [],
-        ["Time", "Force", "Remark"],
-        ["ms", "kN", None],
-    ):
+    head = [["Bench", "7"], ["Date", dt.date(2024, 2, 1)], [], ["Time", "Force", "Remark"], ["ms", "kN", None]]
+    for row in head:
         sheet.append(row)
     for t, f in zip(TIMES, FORCES, strict=True):
         sheet.append([1e3 * float(t), float(f), None])
@@ -461,31 +429,6 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
     assert code == "0"
     assert float(cpu) <= 4.0
     assert int(peak) <= 600_000  # kB
-
-
-def test_a_header_of_another_separator_than_the_rows_is_one_line(tmp_path):
-    place = tmp_path / "odd.csv"
-    place.write_text("t [s];F [N]\n0.000\t5")
-    with pytest.raises(ss.InputError, match=r"odd\.csv: its rows do not have 3 columns"):
-        ss.read_trace(place)
-
-
-def test_a_row_with_a_unit_of_two_words_cannot_be_read(tmp_path):
-    place = tmp_path / "blanks.txt"
-    place.write_text("time force\n" + "".join(f"{i} {i % 7} N{' m' if i == 20 else ''}\n" for i in range(40)))
-    trace = ss.read_trace(place)
-    assert 20.0 not in trace["time"].to_numpy()
-    assert "1 of 40 rows could not be read" in trace.attrs["note"]
-    assert trace["spring_force"].attrs["units"] == "N"
-
-
-@pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e1", 10.0)])
-def test_a_cell_that_is_no_number_is_missing(tmp_path, cell, value):
-    place = tmp_path / "one.csv"
-    place.write_text("time [s],force [N]\n" + "".join(f"{i},{cell if i == 20 else i % 7}\n" for i in range(40)))
-    trace = ss.read_trace(place)
-    assert np.flatnonzero(trace["filled"].to_numpy()).tolist() == ([20] if value is None else [])
-    assert value is None or trace["spring_force"].to_numpy()[20] == value
 
 
 def test_a_load_without_a_unit_is_a_column(tmp_path):

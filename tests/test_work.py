@@ -64,7 +64,7 @@ def test_a_long_run_can_be_asked_for(monkeypatch):
 
 def test_a_piece_that_ends_on_travel_is_no_longer_than_that():
     drive = ss.constant(1.0, duration=1e3)
-    ended, whole = estimate(RIG.replace(drive=drive.until(ss.Travel(2.0)))), estimate(RIG.replace(drive=drive))
+    ended, whole = estimate(RIG.replace(drive=drive.until(ss.model.Travel(2.0)))), estimate(RIG.replace(drive=drive))
     assert ended.seconds < whole.seconds
 
 
@@ -92,7 +92,7 @@ def test_the_estimate_is_of_the_right_size(rig, rtol):
     assert took - 0.1 < 20 * estimate(rig).seconds
 
 
-@pytest.mark.parametrize("name", ss.example_names())
+@pytest.mark.parametrize("name", rig_files.example_names())
 def test_the_estimate_holds_for_the_examples(name):
     """Within a factor 3 of what runs take on a quiet machine; a busy one, or another, may differ by as much again."""
     rig = ss.example(name)
@@ -221,7 +221,7 @@ def test_a_slider_that_sticks_rings_for_some_turns_after_each_slip():
 
 KINDS = {
     "ageing": (None, ss.Langevin(rate=1.0, newborn=0.3), ss.LogarithmicGrowth(slope=0.1, time=0.1)),
-    "temperature": (None, ss.Bell(width=0.05, attempts=1.0), ss.Parabolic(temperature=0.05, attempts=1.0)),
+    "temperature": (None, ss.Bell(width=0.05, attempts=1.0), ss.model.Parabolic(temperature=0.05, attempts=1.0)),
 }
 
 
@@ -231,7 +231,8 @@ class Own:
 
 
 @pytest.mark.parametrize(
-    "method", [Own(), ss.Contacts(100), ss.MasterEquation(), ss.Population(100), ss.PaperClosure(), ss.QuasiStatic(100)]
+    "method",
+    [Own(), ss.Contacts(100), ss.MasterEquation(), ss.Population(100), ss.model.PaperClosure(), ss.QuasiStatic(100)],
 )
 @pytest.mark.parametrize("ageing", KINDS["ageing"])
 @pytest.mark.parametrize("temperature", KINDS["temperature"])

@@ -11,8 +11,6 @@ from stickslip import (
     Interface,
     LogNormal,
     MasterEquation,
-    Renewal,
-    SteadyState,
     Uniform,
     Weibull,
     critical_stiffness,
@@ -20,6 +18,7 @@ from stickslip import (
     rigid_slide,
     static_friction,
 )
+from stickslip.model import Renewal, SteadyState
 from stickslip.model.distributions import Distribution
 from stickslip.paper import Claim
 from stickslip.paper.figure import at_least, at_most, near

@@ -15,15 +15,13 @@ from stickslip import (
     Langevin,
     MasterEquation,
     Output,
-    Renewal,
     constant,
     kinetic_friction,
     rigid_slide,
     simulate,
 )
 from stickslip.kernels.drive import Quadratic, Stop
-from stickslip.kernels.panel_state import REJECTED, STEPS
-from stickslip.model import Rig
+from stickslip.model import Renewal, Rig
 from stickslip.paper import Claim
 from stickslip.paper.cases import FIG4, FIG8
 from stickslip.paper.figure import at_least, at_most, between, near
@@ -70,7 +68,7 @@ def _panels() -> tuple[Claim, ...]:
         while not engine.advance(Leg(Quadratic(0.0, 0.0, 1.0, 0.0), 3.0, np.empty(0), Stop())).over:
             pass
         run = simulate(rig, method=MasterEquation(rtol=rtol), output=output)
-        return run["spring_force"].to_numpy(), int(engine.state.used[STEPS] - engine.state.used[REJECTED])
+        return run["spring_force"].to_numpy(), int(engine.state.used.steps - engine.state.used.rejected)
 
     exact = force(1e-9)[0]
     renewal = rigid_slide(_SMOOTH, 4.0, method=Renewal(8192))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from stickslip import fit, read_trace
 from stickslip.errors import InputError
-from stickslip.fitting import FITTED, Fit, Prior, pick_events, synthetic_trace
+from stickslip.fitting import FITTED, Bench, Fit, Prior, pick_events, synthetic_trace
 from stickslip.fitting.arrest import KEYS
 from stickslip.fitting.inference import infer, see
 from stickslip.fitting.observation import Observation
@@ -90,7 +90,9 @@ def coverage_test(
         truth = dict(zip(KEYS, prior.values(rng.random(len(KEYS))).tolist(), strict=True))
         samples, noise = float(np.exp(rng.uniform(np.log(24), np.log(100)))), float(rng.uniform(0.0, 0.006))
         try:
-            trace = synthetic_trace(**truth, slips=slips, samples=samples, noise=noise, seed=int(rng.integers(1 << 31)))
+            trace = synthetic_trace(
+                **truth, slips=slips, bench=Bench(samples=samples, noise=noise), seed=int(rng.integers(1 << 31))
+            )
             found = fit(trace)
         except InputError as error:
             refused[_reason(error)] += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import json
 import re
@@ -73,12 +74,11 @@ def rig_keys() -> str:
             for kind, record in DISTRIBUTIONS.items():
                 heading = f'#### `thresholds`, `initial` and `newborn` with `distribution = "{kind}"`'
                 lines += [heading, "", *_table(keys.keys_of(record))]
-            lines += ["#### `interface.delay` as a table", "", *_table(keys.keys_of_delay(RandomDelay))]
+            lines += ["#### `interface.delay` as a table", "", *_table(keys.keys_of(RandomDelay))]
             for kind, record in AGEING_MODELS.items():
                 lines += [f'#### `interface.ageing` with `model = "{kind}"`', "", *_table(keys.keys_of(record))]
             for kind, record in ACTIVATIONS.items():
-                table = keys.BELL if kind == "bell" else keys.keys_of(record)
-                lines += [f'#### `interface.temperature` with `kind = "{kind}"`', "", *_table(table)]
+                lines += [f'#### `interface.temperature` with `kind = "{kind}"`', "", *_table(keys.keys_of(record))]
         if name == "drive":
             lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE)]
         if name == "simulation":
@@ -133,6 +133,41 @@ class RigKeys(_Made):
 
     def text(self) -> str:
         return rig_keys()
+
+
+# ---------------------------------------------------------------- which method takes what
+
+
+def mechanisms() -> str:
+    """Mechanism by method: the matrix that tests/test_laws.py goes through, made of what the engines say they take."""
+    import stickslip as ss
+    from stickslip.simulation.engines import engine_of
+
+    if str(ROOT / "tests") not in sys.path:
+        sys.path.append(str(ROOT / "tests"))
+    laws = importlib.import_module("test_laws")
+
+    def taken(fields: dict[str, Any], method: object, body: object) -> str:
+        try:
+            engine_of(ss.Interface(thresholds=laws.TENTH, **fields), method, body)
+        except ss.InputError:
+            return ""
+        return "yes"
+
+    columns = [(method, body) for body in (laws.SLIDER, laws.CHAIN) for method in laws.METHODS.values()]
+    columns = [column for column in columns if any(taken(fields, *column) for fields in laws.MECHANISMS.values())]
+    heads = [f"`{type(method).__name__}`, {type(body).__name__.lower()}" for method, body in columns]
+    lines = [f"| interface | {' | '.join(heads)} |", "|---" * (1 + len(heads)) + "|"]
+    for name, fields in laws.MECHANISMS.items():
+        lines.append(f"| {name} | {' | '.join(taken(fields, *column) for column in columns)} |")
+    return "\n".join(lines)
+
+
+class Mechanisms(_Made):
+    """``{mechanisms}``"""
+
+    def text(self) -> str:
+        return mechanisms()
 
 
 # ---------------------------------------------------------------- claims
@@ -301,6 +336,7 @@ def _one_name_each(_app: Sphinx, _what: str, _name: str, _object: Any, _options:
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("rig-keys", RigKeys)
+    app.add_directive("mechanisms", Mechanisms)
     app.add_directive("claims", Claims)
     app.add_directive("made-by", MadeBy)
     app.connect("builder-inited", _bring_mathjax)

@@ -54,9 +54,9 @@ def draw() -> Figure:
         left, right = figure.subplots(1, 2)
         for coupling, colour in ((80.0, plot.BLUE), (400.0, plot.VERMILLION)):
             blocks = np.arange(4, 41)
-            growth = [float(ss.modes(bar(int(n), coupling), count=1)["growth"][0]) for n in blocks]
+            growth = [float(ss.elastic.modes(bar(int(n), coupling), count=1)["growth"][0]) for n in blocks]
             left.plot(blocks, growth, ".", color=colour, label=f"$k_b = {coupling:g}\\,k$")
-            left.axvline(ss.critical_length(bar(4, coupling)).blocks - 0.5, color=colour, linewidth=0.9)
+            left.axvline(ss.elastic.critical_length(bar(4, coupling)).blocks - 0.5, color=colour, linewidth=0.9)
         left.axhline(0.0, color=plot.GREY, linewidth=0.9)
         left.set(xlabel="blocks", ylabel="growth rate (1 per time unit)", ylim=(-0.6, 0.6))
         plot.legend_above(left)

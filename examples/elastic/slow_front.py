@@ -42,7 +42,7 @@ def rig(sliding_force: float = SLIDING_FORCE, beyond: float = 0.44, duration: fl
 def speeds(run: xr.Dataset) -> tuple[float, float]:
     """Speed of the fast front, which the theory gives, and of the slow one."""
     time = run["first_break"].values
-    arrest = int(ss.fronts(run)["last_block"][0]) + 1
+    arrest = int(ss.measure.fronts(run)["last_block"][0]) + 1
     fast, slow = (
         np.polyfit(time[part], np.arange(BLOCKS)[part], 1)[0]
         for part in (slice(60, 96), slice(arrest + 8, arrest + 29))
@@ -60,7 +60,7 @@ def draw() -> Figure:
         plot.spacetime(run, "attached", axes[0, 1])
         plot.spacetime(run, "velocity", axes[1, 0])
         plot.fronts(run, axes[1, 1])
-        theory = float(ss.front_speed(rig(), prestress=0.7))
+        theory = float(ss.elastic.front_speed(rig(), prestress=0.7))
         axes[1, 1].plot([10, 100], [theory, theory], color=plot.BLACK, label="theory")
         plot.legend_above(axes[1, 1], columns=2)
     return figure

@@ -31,7 +31,7 @@ def step() -> Step:
 def fits(measured: Step) -> tuple[StepFit, ContactsFit, ContactsFit]:
     """Rate and state, and contacts with broad and with narrow thresholds, all with a linear trend beside them."""
     broad, narrow = (fit_contacts(measured, thresholds=one, trend=True, linear=True) for one in (BROAD, NARROW))
-    return ss.fit_rate_and_state(measured, trend=True), broad, narrow
+    return ss.rate_state.fit_rate_and_state(measured, trend=True), broad, narrow
 
 
 def draw() -> Figure:

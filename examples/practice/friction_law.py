@@ -30,9 +30,9 @@ CONTACTS = {
 BETWEEN = (1e-2, 300.0)
 
 
-def turns() -> dict[str, ss.TurningVelocity | None]:
+def turns() -> dict[str, ss.stability.TurningVelocity | None]:
     """Where each of the laws turns, if it does."""
-    found = {name: ss.turning_velocities(interface, between=BETWEEN) for name, interface in CONTACTS.items()}
+    found = {name: ss.stability.turning_velocities(interface, between=BETWEEN) for name, interface in CONTACTS.items()}
     return {name: one[0] if one else None for name, one in found.items()}
 
 

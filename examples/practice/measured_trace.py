@@ -18,14 +18,13 @@ import stickslip as ss
 from stickslip import fitting, plot
 
 TRUTH = {"contacts": 20, "threshold_std": 0.25, "sliding_force": 0.5, "stiffness_ratio": 0.05, "damping_ratio": 0.2}
-STRENGTH = 15.0
-"""In N."""
+BENCH = fitting.Bench(strength=15.0)  # in N
 PRIOR = fitting.Prior(contacts=(8, 50), stiffness_ratio=(0.01, 0.3), sliding_force=(0.2, 0.8))
 
 
 def fitted(draws: int = 2000) -> fitting.Fit:
     """What the trace tells, its spring being known."""
-    trace = fitting.synthetic_trace(**TRUTH, track_scatter=0.1, strength=STRENGTH, slips=150, seed=1)
+    trace = fitting.synthetic_trace(**TRUTH, track_scatter=0.1, slips=150, bench=BENCH, seed=1)
     return ss.fit(trace, known={"stiffness": "100 N/m"}, prior=PRIOR, draws=draws)
 
 

@@ -428,15 +428,39 @@ def fit(
     trace
         A table in plain text with a column of force, or a run (NetCDF).
     """
-    from stickslip.fitting.command import fit_file
+    from stickslip import fitting
+    from stickslip.fitting.rates import read_pairs
+    from stickslip.io import files
+    from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=trace)
+    if output is not None and stiffness is None:
+        raise InputError(
+            f"-o {output}: a rig needs the stiffness of the driving spring, without which a force trace tells no "
+            "length; give --stiffness '350 N/m'"
+        )
+    given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
+    known = {name: value for name, value in given.items() if value is not None}
     data = _read_data(trace, force, time, step, flip=flip)
     with console.working("simulating") as progress:
-        found, written = fit_file(
-            data, stiffness=stiffness, speed=speed, mass=mass, load=load, speeds=speeds, holds=holds,
-            smallest=smallest, after=after, output=output, plot=plot, name=trace.stem, progress=progress,
-        )  # fmt: skip
+        found = fitting.fit(
+            data,
+            known=known,
+            smallest=smallest,
+            after=after,
+            speeds=read_pairs(speeds),
+            holds=read_pairs(holds),
+            progress=progress,
+        )
+        written = []
+        if output is not None:
+            files.write(output, to_toml(found.rig(name=trace.stem)).encode())
+            written.append(("rig", output))
+    if plot is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(found.plot(), plot)
+        written.append(("picture", plot))
     if json:
         console.print_json(found.to_dict() | {what: str(where) for what, where in written})
         return
@@ -662,25 +686,29 @@ def _resume(store: Path) -> str:
 
 def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory: str | None, *, json: bool) -> int:
     """Say what became of the cases; the last line and the exit code say whether some failed."""
-    from stickslip.sweep import plan as plans
+    from stickslip.sweep import failures, summary
+    from stickslip.sweep.study import KINDS
 
-    report = plans.report(result)
+    counted, failed, crossings = summary(result), failures(result), result.sizes.get("crossing")
+    codes = result["regime"].to_numpy().ravel().tolist() if "regime" in result else []
+    regimes = {kind: codes.count(code) for code, kind in enumerate(KINDS) if code in codes}
+    line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
     if json:
-        console.print_json(
-            plain(report) | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
-        )
-        return 1 if report.failures else 0
-    for kind, count in report.regimes.items():
+        about = {"line": line, "regimes": regimes, "failures": plain(failed), "crossings": crossings}
+        where = {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
+        console.print_json(plain(counted) | about | where)
+        return 1 if failed else 0
+    for kind, count in regimes.items():
         print(f"{kind}: {count}")
     print(f"store: {store}")
     if picture is not None:
         print(f"picture: {picture}, on top: {theory}")
-    for failure in report.failures[:_FAILURES_SHOWN]:
+    for failure in failed[:_FAILURES_SHOWN]:
         print(f"failed: {failure}")
-    if len(report.failures) > _FAILURES_SHOWN:
-        print(f"failed: ... and {len(report.failures) - _FAILURES_SHOWN} more, in the variable error of the store")
-    print(report.line)
-    return 1 if report.failures else 0
+    if len(failed) > _FAILURES_SHOWN:
+        print(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
+    print(line)
+    return 1 if failed else 0
 
 
 _FAILURES_SHOWN = 5

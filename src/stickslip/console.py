@@ -14,6 +14,7 @@ from stickslip.progress import bar, in_time
 
 if TYPE_CHECKING:
     from stickslip.advise import ElasticPrediction, Prediction
+    from stickslip.model import Rig
     from stickslip.sweep import Progress
 
 
@@ -141,6 +142,7 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
     from rich.text import Text
 
     from stickslip.advise import ElasticPrediction
+    from stickslip.advise import say as words
 
     # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
     # write is no markup.
@@ -169,35 +171,26 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
         if rig.assumed:
             console.print()
             say(", not measured", "Assumed")
-            table = Table(box=None, pad_edge=False)
-            # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
-            key_width = max(len(key) for key in rig.assumed)
-            said_width = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key_width) // 2)
-            table.add_column("key", width=key_width)
-            table.add_column("assumed", width=max(said_width, len("assumed")))
-            table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
-            for key, item in rig.assumed.items():
-                table.add_row(*(Text(printable(text)) for text in (key, item.said, item.how)))
-            console.print(table)
+            _print_assumed(console, rig)
         bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
         if picture is not None:
             console.print(f"\npicture: {picture}", soft_wrap=True)
 
     say(f": {found.verdict}", rig.name)
     if isinstance(found, ElasticPrediction):
-        bullets("By wavelength", ", the softest first (linear stability)", found.lines())
+        bullets("By wavelength", ", the softest first (linear stability)", words.waves(found))
         close()
         return
     console.print()
     if not found.judged:
-        say(f"To measure it, {found.measure_note()}")
+        say(f"To measure it, {words.TO_MEASURE}")
         console.print()
     else:
         for line in str(found.regime).splitlines():
             say(line)
         console.print()
     numbers = Table(box=None, show_header=False, pad_edge=False)
-    for name, text in found.numbers():
+    for name, text in words.numbers(found):
         numbers.add_row(Text(name), Text(text))
     tables.print(numbers)
     if found.margins:
@@ -206,15 +199,32 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
         table = Table(box=None, pad_edge=False)
         for title in ("parameter", "now", "stability limit below", "stability limit above"):
             table.add_column(title)
-        for row in found.margin_rows():
+        for row in words.margins(found):
             table.add_row(*(Text(cell) for cell in row))
         tables.print(table)
-    bullets("Mitigations", f"{found.where}, the smallest change first; simulated", found.mitigation_lines())
-    bullets("Tried", ", within the range searched", found.attempt_lines())
-    if note := found.search_note():
+    bullets("Mitigations", f"{words.where(found)}, the smallest change first; simulated", words.mitigations(found))
+    bullets("Tried", ", within the range searched", words.attempts(found))
+    for note in words.not_searched(found):
         console.print()
         say(note)
     close()
+
+
+def _print_assumed(console: Any, rig: Rig) -> None:
+    """Print what was assumed and how to measure it, as a table."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False)
+    # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
+    key_width = max(len(key) for key in rig.assumed)
+    said_width = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key_width) // 2)
+    table.add_column("key", width=key_width)
+    table.add_column("assumed", width=max(said_width, len("assumed")))
+    table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
+    for key, item in rig.assumed.items():
+        table.add_row(*(Text(printable(text)) for text in (key, item.said, item.how)))
+    console.print(table)
 
 
 _PIPE_WIDTH = 80

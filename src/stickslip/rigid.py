@@ -7,14 +7,14 @@ stiffness cannot follow the fall of the force.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, instance, number, whole
-from stickslip.model import Contacts, Delay, Interface, MasterEquation
+from stickslip.errors import InputError, instance, number
+from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
 from stickslip.model.newborn import stretching_nodes
@@ -26,22 +26,6 @@ if TYPE_CHECKING:
     from stickslip.kernels import renewal as kernel
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Renewal:
-    """Method for rigid motion: the master equation as a renewal equation, solved by fast convolution.
-
-    Parameters
-    ----------
-    points : int
-        Intervals of the grid of positions; the error falls as ``points**-6`` for smooth distributions.
-    """
-
-    points: int = 4096
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "points", whole("Renewal.points", self.points, at_least=8, at_most=10_000_000))
 
 
 def rigid_slide(

@@ -5,10 +5,26 @@ from __future__ import annotations
 import math
 import re
 
-PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
-"""SI prefixes by their power of ten."""
-_POWERS = {letter: power for power, letter in PREFIXES.items()} | {"µ": -6, "μ": -6, "c": -2}  # as they are read
-_PREFIXED = re.compile(rf"([{''.join(_POWERS)}]?)(N|m|s|g|J|Pa|Hz|V|A)([/*].*)?")
+PREFIXES: dict[str, tuple[str, int]] = {
+    "f": ("femto", -15),
+    "p": ("pico", -12),
+    "n": ("nano", -9),
+    "m": ("milli", -3),
+    "c": ("centi", -2),
+    "µ": ("micro", -6),
+    "μ": ("micro", -6),
+    "u": ("micro", -6),
+    "d": ("deci", -1),
+    "da": ("deca", 1),
+    "h": ("hecto", 2),
+    "k": ("kilo", 3),
+    "M": ("mega", 6),
+    "G": ("giga", 9),
+    "T": ("tera", 12),
+}
+"""SI prefixes as they are read: their names and powers of ten."""
+_WRITTEN = {0: "", **{power: symbol for symbol, (_, power) in PREFIXES.items() if power % 3 == 0}}
+_PREFIXED = re.compile(rf"({'|'.join(PREFIXES)}|)(N|m|s|g|J|Pa|Hz|V|A)([/*].*)?")
 _LARGEST = {"s": 0, "g": 3}
 """Largest power of ten of the units that people give no larger prefix: 5000 s, 5000 kg."""
 _POSITIONAL = 7
@@ -48,10 +64,11 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
     if found is None or value == 0 or not math.isfinite(value):
         return 1.0, unit
     letter, symbol, rest = found.groups(default="")
-    here = _POWERS[letter]
+    here = PREFIXES[letter][1] if letter else 0
     decade = math.floor(math.log10(abs(float(f"{value:.{digits}g}"))) + 1e-12) + here
-    power = min(max(decade // 3 * 3, min(PREFIXES)), _LARGEST.get(symbol, max(PREFIXES)))
-    return 10.0 ** (power - here), PREFIXES[power] + symbol + rest
+    decade = 0 if symbol == "Hz" and decade == -1 else decade  # 0.7 Hz, not 700 mHz
+    power = min(max(decade // 3 * 3, min(_WRITTEN)), _LARGEST.get(symbol, max(_WRITTEN)))
+    return 10.0 ** (power - here), _WRITTEN[power] + symbol + rest
 
 
 def engineering(value: float, unit: str, digits: int = 4) -> str:

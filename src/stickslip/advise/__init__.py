@@ -9,7 +9,8 @@ differ:
 - *sustained stick-slip*: does stick-slip go on from a start at rest? Between the last two the rig is bistable.
 """
 
-from stickslip.advise.answer import Margin, Prediction, amount
+from stickslip.advise import say
+from stickslip.advise.answer import Margin, Prediction
 from stickslip.advise.chart import chart
 from stickslip.advise.elastic import ElasticPrediction, WaveAnswer
 from stickslip.advise.mitigations import Attempt, Mitigation
@@ -24,8 +25,8 @@ __all__ = [
     "Mitigation",
     "Prediction",
     "WaveAnswer",
-    "amount",
     "chart",
     "complete",
     "predict",
+    "say",
 ]

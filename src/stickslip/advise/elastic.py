@@ -7,19 +7,19 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.advise.linear import CANNOT_GROW, is_dear, stability_along
+from stickslip.advise import say
+from stickslip.advise.linear import CANNOT_GROW, stability_along
+from stickslip.advise.speeds import check_speed, range_of_speeds
 from stickslip.answers import Answer, plain
-from stickslip.elastic.precursors import distance_to_the_first_break
-from stickslip.errors import InputError, UndecidedError
-from stickslip.model import Chain, ElasticBody
+from stickslip.errors import UndecidedError
+from stickslip.model import Chain, ElasticBody, Slider
 from stickslip.model.drive import constant
 from stickslip.model.parameters import VELOCITY
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
+from stickslip.sliding import respond
 from stickslip.stability import count_unstable
-from stickslip.stability.impedances import SpringMassDamper
-from stickslip.stability.modes import respond, rightmost_root
-from stickslip.words import engineering, number
+from stickslip.stability.modes import rightmost_root
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,8 +30,6 @@ _MODES = 5
 """Modes that are told of, of different stiffness, the softest first."""
 _MOST = 64
 """Modes among which those that grow are counted."""
-_RANGE, _DEAR_RANGE = 100.0, 10.0
-"""Speeds are looked at within this factor of those of the drive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,48 +95,17 @@ class ElasticPrediction(Answer):
         return tuple(joined)
 
     @property
+    def at_least(self) -> bool:
+        """Whether more modes may grow than were looked at."""
+        return self.growing == _MOST
+
+    @property
     def verdict(self) -> str:
         """The answer in one sentence."""
-        if self.theory_note:
-            return f"undecided: {self.theory_note}"
-        low, high = (self._speed(end) for end in self.speeds_searched)
-        if not self.speeds:
-            where = f"linearly stable at all speeds from {low} (or less) to {high} (or more)"
-        else:
-            where = f"linearly unstable, so stick-slip or oscillation, {' and '.join(map(self._span, self.speeds))}"
-        here = f"at {self._speed(self.rig.velocity)}: "
-        if self.growing:
-            first = max(self.waves, key=lambda wave: wave.growth if wave.growth is not None else -math.inf)
-            count = f"{self.growing}{' or more' if self.growing == _MOST else ''}"
-            here += f"{count} mode{'s' * (self.growing > 1)} of smooth sliding grow{'s' * (self.growing == 1)}, "
-            here += f"fastest: {first.name}"
-        else:
-            here += "smooth sliding is linearly stable at every wavelength"
-        return f"{where}; {here}"
-
-    def lines(self) -> list[str]:
-        """Each wave in words, and the critical length."""
-        per, rig = self.rig.unit_name("1/time").replace("1/time", "per time unit"), self.rig
-        hertz = "Hz" if rig.scales is not None else "cycles per time unit"
-        said = []
-        for wave in self.waves:
-            rate = "no exponential decay"
-            if wave.growth is not None and wave.frequency is not None:
-                rate = f"{'growth' if wave.growth > 0 else 'decay'} rate {number(abs(wave.growth))} {per}"
-                rate += f" at {engineering(wave.frequency, hertz)}" if wave.frequency else ", non-oscillatory"
-            spans = f"unstable {' and '.join(map(self._span, wave.speeds))}" if wave.speeds else "stable at all speeds"
-            stiffness = rig.in_units(wave.stiffness / rig.unit("k"), "stiffness")
-            said.append(f"{wave.name} (stiffness {stiffness}): {rate}; {spans}")
-        if self.critical is not None:
-            stiffness = rig.in_units(self.critical.stiffness / rig.unit("k"), "stiffness")
-            said.append(f"critical stiffness {stiffness} at this speed: {self.critical}")
-        if (distance := distance_to_the_first_break(rig)) is not None:
-            what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
-            said.append(f"from rest, {what} when the drive has gone about {rig.in_units(distance, 'length', 3)}")
-        return said
+        return say.verdict_on_waves(self)
 
     def __str__(self) -> str:
-        return "\n".join([f"{self.rig.name}: {self.verdict}", *(f"- {line}" for line in self.lines())])
+        return "\n".join([f"{self.rig.name}: {self.verdict}", *(f"- {line}" for line in say.waves(self))])
 
     def plot(self) -> Figure:
         """Draw at which speeds each wave grows."""
@@ -160,15 +127,6 @@ class ElasticPrediction(Answer):
         found: dict[str, Any] = plain(own | {"units": units} | kept)
         return found
 
-    def _span(self, pair: tuple[float, float]) -> str:
-        low, high = self.speeds_searched
-        less, more = (" (or less)" if pair[0] <= low else ""), (" (or more)" if pair[1] >= high else "")
-        return f"from {self._speed(pair[0])}{less} to {self._speed(pair[1])}{more}"
-
-    def _speed(self, value: float) -> str:
-        natural = value / self.rig.unit("x_s/time")
-        return self.rig.in_units(float(f"{natural:.3g}") if self.rig.scales is None else natural, "velocity")
-
 
 def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPrediction:
     """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds.
@@ -183,18 +141,13 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
     setting = rig.natural
     body, interface, velocity = setting.slider, setting.interface, setting.velocity
     assert isinstance(body, ElasticBody)
-    if velocity <= 0:
-        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
-        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
+    check_speed(rig)
     stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
-    through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
-    through += [*setting.operation.speeds, *(setting.operation.between or ())]
-    widest = _DEAR_RANGE if is_dear(interface) else _RANGE
-    low, high = min(through) / widest, max(through) * widest
+    low, high = range_of_speeds(setting)
     speed, note = rig.unit("x_s/time"), ""
     growing, waves, critical = 0, list[WaveAnswer](), None
 
-    def slides(slider: SpringMassDamper) -> Rig:
+    def slides(slider: Slider) -> Rig:
         return replace(setting, slider=slider, drive=constant(velocity))
 
     try:
@@ -202,7 +155,7 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
             raise UndecidedError(CANNOT_GROW)
         alike = Counter(sliders)  # modes come in pairs of one stiffness
         growing = sum(count for slider, count in alike.items() if count_unstable(slides(slider)))
-        told: set[SpringMassDamper] = set()
+        told: set[Slider] = set()
         for i, slider in enumerate(sliders):
             if slider in told or len(told) == _MODES:
                 continue

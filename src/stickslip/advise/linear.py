@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,8 +18,8 @@ from stickslip.stability.critical import Crossings, search
 
 _PER_DECADE, _DEAR_PER_DECADE = 16, 6
 """Points at which growing modes are counted; the latter where `is_dear` says so."""
-_NARROW = 1.01
-"""A boundary is polished within a bracket of this factor."""
+_NARROW = 0.01
+"""A boundary is polished within a bracket of this part of its value."""
 
 
 def together(parts: Sequence[tuple[Parameter, int]]) -> Parameter:
@@ -96,18 +96,21 @@ def _between(found: Crossings) -> tuple[Part, ...]:
     return tuple(Part(a, b, each) for (a, b), each in zip(pairwise(ends), stable, strict=True))
 
 
+def bisect(holds: Callable[[float], bool], low: float, high: float, precision: float) -> tuple[float, float]:
+    """Two values, this part of each other apart, between which a test begins to hold: it fails at `low`."""
+    while high / low > 1.0 + precision:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return low, high
+
+
 _Known = tuple[float, bool | None]
 
 
 def _edge(parameter: Parameter, setting: Rig, one: _Known, other: _Known) -> float:
     """Where stability changes between two values, or what the theory can tell."""
     (left, before), (right, after) = one, other
-    while right / left > _NARROW:
-        middle = math.sqrt(left * right)
-        if is_stable(parameter.set(setting, middle)) is before:
-            left = middle
-        else:
-            right = middle
+    left, right = bisect(lambda value: is_stable(parameter.set(setting, value)) is not before, left, right, _NARROW)
     if before is None or after is None:
         return right if before is None else left
     try:

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
-from stickslip.advise.judging import Budget, Spent, contacts_of, first_smooth, judge, slides_smoothly
-from stickslip.advise.linear import is_dear, is_stable, stability_along, together
+from stickslip.advise.linear import Part, is_dear, is_stable, stability_along, together
+from stickslip.advise.runs import (
+    PRECISION,
+    Budget,
+    Spent,
+    always_slides_smoothly,
+    at_speed,
+    contacts_of,
+    first_smooth,
+    judge,
+    length_of,
+    slides_smoothly,
+)
 from stickslip.advise.speeds import BY_THEORY
 from stickslip.errors import InputError
 from stickslip.measure.slips import SLIP_VELOCITY
-from stickslip.model import FromRest, FromSliding
+from stickslip.model import FromRest, FromSliding, OnArrest
 from stickslip.model.parameters import (
     AGEING,
     CONTACT_STIFFNESS,
@@ -25,7 +36,6 @@ from stickslip.model.parameters import (
     STIFFNESS,
     VELOCITY,
     Parameter,
-    parameter_named,
 )
 from stickslip.model.rig import Rig
 
@@ -72,11 +82,12 @@ class Mitigation:
     values : tuple of float
         Where they stand.
     keeps : tuple of float or None
-        Smooth sliding, once reached, stays: it is linearly stable, and the rig's own contacts did not leave it in two
-        runs. None if that holds without a change, or is no nearer than `stops`.
+        Smooth sliding, once reached, stays: it is linearly stable, and as many contacts as the rig has did not leave it
+        in 8 runs of 8. None if that holds without a change, or is hardly nearer than `stops`.
     stops : tuple of float or None
-        Stick-slip decays even from a start at rest, in two runs of the rig's own contacts; to within 5 % the smallest
-        such change. None if none was found.
+        Stick-slip decays even from a start at rest, anywhere within 5 % of this value: of as many contacts as the rig
+        has, in 8 of 8 runs at its nearer end, so that (at 95 % confidence) it decays there in more than two of three.
+        None if no such change was found.
     """
 
     parameters: tuple[str, ...]
@@ -119,196 +130,193 @@ class Attempt:
 
 
 class Search:
-    """The search for changes of one rig; it stops when its budget is spent, and says what it left."""
+    """The search for changes of one rig; it stops when its budget is spent, and says what it left out."""
 
-    def __init__(self, setting: Rig, unstable: bool, budget: Budget, *, in_si: bool) -> None:
-        self.in_si = in_si
-        self.setting, self.unstable, self.budget = setting, unstable, budget
+    def __init__(self, rig: Rig, unstable: bool, theory: Mapping[str, Sequence[Part]], budget: Budget) -> None:
+        setting = rig.natural
+        self.rig, self.setting = rig, at_speed(setting, setting.velocity)
+        self.unstable, self.theory, self.budget = unstable, theory, budget
         self.method = contacts_of(setting)
         self.range = DEAR_RANGE if is_dear(setting.interface) else RANGE
         self.left_out: list[str] = []
-        self.known: dict[tuple[tuple[str, int], ...], list[tuple[float, float]]] = {}
-
-    def know(self, name: str, stable: list[tuple[float, float]]) -> None:
-        """Take ranges of a parameter in which smooth sliding is stable from who has looked for them before."""
-        parameter = parameter_named(name)
-        value = parameter.get(self.setting)
-        for side in (1, -1):
-            factors = [(low / value, high / value) if side > 0 else (value / high, value / low) for low, high in stable]
-            furthest = self._furthest(((parameter, side),))
-            within = [(max(low, 1.0), min(high, furthest)) for low, high in factors if high > 1.0 and low < furthest]
-            self.known[((name, side),)] = sorted(within)
 
     def single(self, parameters: Choices, report: Callable[[float], None]) -> list[Mitigation]:
-        """The smallest change of each of some parameters."""
-        choices = [(p, sides) for p, sides in parameters if self._has(p)]
-        found: list[Mitigation | None] = []
+        """The smallest change of each of some parameters; of an unstable rig also that which keeps it smooth."""
+        choices = [choice for choice in parameters if self._may_vary(choice[0])]
+        stops, found = list[tuple[int, float] | None](), list[Mitigation]()
         for i, (parameter, sides) in enumerate(choices):
-            report(i / len(choices))
-            found.append(_smallest([self._stop(((parameter, side),)) for side in sides]))
-        if self.unstable:
-            found = [self._kept(*choice, stops) for choice, stops in zip(choices, found, strict=True)]
-        return [each for each in found if each is not None]
-
-    def _kept(self, parameter: Parameter, sides: tuple[int, ...], stops: Mitigation | None) -> Mitigation | None:
-        """Add to a change that stops it a smaller one that way that keeps it smooth; such a one alone if none stops."""
-        if stops is None:
-            return _smallest([self._keep((parameter, side)) for side in sides])
-        side = 1 if stops.stops > stops.values else -1  # type: ignore[operator]
-        keeps = self._keep((parameter, side), within=stops.size / _CLEARANCE)
-        return stops if keeps is None else replace(stops, keeps=keeps.keeps)
+            report(0.7 * i / len(choices))
+            stops.append(_nearest({side: self._stop(((parameter, side),)) for side in sides}))
+        for i, ((parameter, sides), stop) in enumerate(zip(choices, stops, strict=True)):  # with what time is left
+            report(0.7 + 0.3 * i / len(choices))
+            within = math.log(stop[1] / (1.0 + PRECISION) ** 2) if stop else math.inf
+            near = (stop[0],) if stop else sides
+            keep = _nearest({side: self._keep((parameter, side), within) for side in near if self.unstable})
+            if nearest := stop or keep:
+                way = ((parameter, nearest[0]),)
+                found.append(self._mitigation(way, stop and stop[1], keep and keep[1]))
+        return found
 
     def pairs(self, sides: dict[str, int]) -> list[Mitigation]:
         """Two of the parameters that can be turned, each by the same factor, in the directions given."""
-        choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides]
-        return [m for pair in combinations(choices, 2) if (m := self._stop(pair)) is not None]
+        choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides and self._may_vary(p)]
+        return [
+            self._mitigation(pair, factor, None)
+            for pair in combinations(choices, 2)
+            if (factor := self._stop(pair)) is not None
+        ]
 
     def attempts(self, before: float, static_friction: float, mitigated: set[str]) -> Iterator[tuple[Attempt, int]]:
         """The better end of its range, for each parameter that can be turned and gives no smooth sliding there."""
         for parameter, sides in TURNABLE:
-            if parameter.name in mitigated or not self._has(parameter):
+            if parameter.name in mitigated or not self._may_vary(parameter):
                 continue
-            value, ends = parameter.get(self.setting), []
-            for side in sides:
-                furthest = self._furthest(((parameter, side),))
-                if furthest <= 1.0:
-                    continue
-                there = parameter.set(self.setting, value * furthest**side)
-                try:
-                    seen = judge(there, self.method, self.budget)
-                except (Spent, InputError):  # theory alone
-                    ends.append((math.inf, value * furthest**side, BY_THEORY[is_stable(there)], side))
-                    continue
-                fast = (seen.largest_velocity or 0.0) > SLIP_VELOCITY
-                kind, large = str(seen.kind), seen.peak_to_peak > _SLIGHT * static_friction
-                if kind == "smooth sliding" and (fast or large or is_stable(there) is not False):
-                    kind = "undecided"
-                ends.append((seen.peak_to_peak, value * furthest**side, kind, side))
-            if ends:
-                amplitude, reached, kind, side = min(ends)
-                yield (
-                    Attempt(
-                        parameter=parameter.name,
-                        value=value,
-                        reached=reached,
-                        amplitude_before=before,
-                        amplitude=amplitude / static_friction if amplitude < math.inf else None,
-                        kind=kind,
-                    ),
-                    side,
-                )
+            value = parameter.get(self.setting)
+            ends = [
+                (*self._oscillation(parameter.set(self.setting, reached), static_friction), reached, side)
+                for side in sides
+                if (reached := value * self._furthest(((parameter, side),)) ** side) != value
+            ]
+            if not ends:
+                continue
+            amplitude, kind, reached, side = min(ends, key=lambda end: (end[0], end[2]))
+            size = self.rig.unit(parameter.unit)
+            yield (
+                Attempt(
+                    parameter=parameter.name,
+                    value=value * size,
+                    reached=reached * size,
+                    amplitude_before=before,
+                    amplitude=amplitude if amplitude < math.inf else None,
+                    kind=kind,
+                ),
+                side,
+            )
 
-    def _has(self, parameter: Parameter) -> bool:
-        if parameter.rescales and not self.in_si:
+    def _oscillation(self, there: Rig, static_friction: float) -> tuple[float, str]:
+        """Peak-to-peak force from rest over static friction, and the motion; infinite and by theory if it costs much.
+
+        Smooth sliding is believed of a rig that the theory calls unstable only where it is slight.
+        """
+        try:
+            seen = judge(there, self.method, self.budget)
+        except (Spent, InputError):
+            return math.inf, BY_THEORY[is_stable(there)]
+        amplitude, fast = seen.peak_to_peak / static_friction, (seen.largest_velocity or 0.0) > SLIP_VELOCITY
+        doubtful = fast or amplitude > _SLIGHT or is_stable(there) is not False
+        return amplitude, "undecided" if seen.kind == "smooth sliding" and doubtful else str(seen.kind)
+
+    def _may_vary(self, parameter: Parameter) -> bool:
+        """Whether a rig has a parameter that can be varied: natural units have none that only rescales them.
+
+        Nor is the damping varied of contacts that re-attach on arrest: a slider that is damped enough never stops, so
+        that none would attach again.
+        """
+        if parameter.rescales and self.rig.scales is None:
+            return False
+        if parameter is DAMPING and isinstance(self.setting.interface.delay, OnArrest):
             return False
         try:
             return parameter.get(self.setting) > 0
         except InputError:
             return False
 
-    def _stable(self, parts: Parts) -> tuple[Parameter, list[tuple[float, float]]]:
-        """The path along which parameters are varied together, and the factors at which smooth sliding is stable."""
-        path, stable = together(parts), self._ranges(parts)
-        if stable and stable[0][0] == 1.0 and len(parts) == 1 and not self._leads_away(parts[0], stable[0][1]):
-            stable = []
-        return path, stable
+    def _ranges(self, parts: Parts) -> list[Part]:
+        """Factors from 1 to the largest at which smooth sliding may be stable: where the theory does not deny it."""
+        furthest = self._furthest(parts)
+        if furthest <= 1.0:
+            return []
+        if len(parts) > 1 or parts[0][0].name not in self.theory:
+            along = stability_along(together(parts), self.setting, 1.0, furthest)
+            return [part for part in along if part.stable is not False]
+        ((parameter, side),) = parts
+        value, found = parameter.get(self.setting), list[Part]()
+        for low, high, stable in self.theory[parameter.name]:
+            first, last = (low / value, high / value) if side > 0 else (value / high, value / low)
+            if stable is not False and last > 1.0 and first < furthest:
+                found.append(Part(max(first, 1.0), min(last, furthest), stable))
+        return sorted(found)
 
-    def _ranges(self, parts: Parts) -> list[tuple[float, float]]:
-        """Factors at which smooth sliding is stable, from 1 to the largest."""
-        furthest, key = self._furthest(parts), tuple((parameter.name, side) for parameter, side in parts)
-        if key not in self.known:
-            path = together(parts)
-            along = stability_along(path, self.setting, 1.0, furthest) if furthest > 1.0 else ()
-            self.known[key] = [(part.low, part.high) for part in along if part.stable]
-        return self.known[key]
+    def _promising(self, parts: Parts) -> list[Part]:
+        """These ranges; none for a parameter of a stable rig that does not lead away from a limit on the other side."""
+        ranges = self._ranges(parts)
+        if len(parts) > 1 or not ranges or not ranges[0].stable or ranges[0].low > 1.0:
+            return ranges
+        ((parameter, side),) = parts
+        behind, opposite = ((parameter, -side),), self._furthest(((parameter, -side),))
+        if ranges[0].high < self._furthest(parts) or opposite <= 1.0:
+            return []
+        limited = self._ranges(behind)
+        return ranges if limited and limited[0].high < opposite else []
 
-    def _leads_away(self, part: tuple[Parameter, int], end: float) -> bool:
-        """Whether varying a parameter of a stable rig this way leads away from a limit on the other side."""
-        parameter, side = part
-        furthest = self._furthest(((parameter, -side),))
-        if end < self._furthest((part,)) or furthest <= 1.0:
-            return False
-        ranges = self._ranges(((parameter, -side),))
-        return bool(ranges) and ranges[0][1] < furthest
-
-    def _stop(self, parts: Parts) -> Mitigation | None:
-        """Vary parameters together until stick-slip decays from rest."""
-        path, stable = self._stable(parts)
+    def _stop(self, parts: Parts) -> float | None:
+        """By which factor to vary parameters together until stick-slip decays from rest."""
         try:
-            for low, high in stable:
+            for low, high, _ in self._promising(parts):
                 if (begin := low * _CLEARANCE) < high:
-                    factor = first_smooth(*self._runs(path, FromRest()), begin, high, ill=low)
+                    factor = first_smooth(*self._tests(parts, FromRest()), begin, high, ill=low)
                     if factor is not None:
-                        return self._mitigation(parts, stops=factor)
+                        return factor
         except Spent:
             self.left_out.append(" and ".join(parameter.title for parameter, _ in parts))
         return None
 
-    def _keep(self, part: tuple[Parameter, int], within: float = math.inf) -> Mitigation | None:
-        """Vary a parameter until smooth sliding, once reached, stays: just past its boundary, or a little further.
+    def _keep(self, part: tuple[Parameter, int], within: float) -> float | None:
+        """By which factor, of a logarithm below `within`, to vary a parameter until smooth sliding stays, once reached.
 
-        Changes of a size of `within` or more are not tried.
+        Just past its boundary, or a little further.
         """
-        path, stable = self._stable((part,))
+        once, surely = self._tests((part,), FromSliding())
         try:
-            for low, high in stable[:1]:
+            for low, high, _ in self._promising((part,))[:1]:
                 for factor in (low * clearance for clearance in _CLEARANCES):
-                    near = factor < high and math.log(factor) < within
-                    if near and all(run(factor) for run in self._runs(path, FromSliding())):
-                        return self._mitigation((part,), keeps=factor)
+                    if factor < high and math.log(factor) < within and once(factor) and surely(factor):
+                        return factor
         except Spent:
             pass
         return None
 
-    def _mitigation(self, parts: Parts, *, stops: float | None = None, keeps: float | None = None) -> Mitigation:
-        def values(factor: float) -> tuple[float, ...]:
-            return tuple(p.get(self.setting) * factor**side for p, side in parts)
+    def _mitigation(self, parts: Parts, stops: float | None, keeps: float | None) -> Mitigation:
+        """A change in the rig's own units, from factors."""
 
+        def values(factor: float | None) -> tuple[float, ...] | None:
+            return None if factor is None else tuple(self.rig.value(p) * factor**side for p, side in parts)
+
+        own = tuple(self.rig.value(p) for p, _ in parts)
         return Mitigation(
-            parameters=tuple(p.name for p, _ in parts),
-            values=values(1.0),
-            keeps=None if keeps is None else values(keeps),
-            stops=None if stops is None else values(stops),
+            parameters=tuple(p.name for p, _ in parts), values=own, keeps=values(keeps), stops=values(stops)
         )
 
-    def _furthest(self, parts: tuple[tuple[Parameter, int], ...]) -> float:
+    def _furthest(self, parts: Parts) -> float:
         """Largest factor: a distribution wider than half its mean is no longer one of thresholds about a mean."""
         furthest = self.range
         for parameter, side in parts:
+            value = parameter.get(self.setting)
             if (feasible := self.setting.operation.range_of(parameter.name)) is not None:
-                value, (low, high) = parameter.get(self.setting), feasible
+                low, high = feasible
                 furthest = min(furthest, high / value if side > 0 else value / low)
             if parameter is STD and side > 0:
-                mean = self.setting.interface.thresholds.moment(1)
-                furthest = min(furthest, WIDEST_STD * mean / parameter.get(self.setting))
+                furthest = min(furthest, WIDEST_STD * self.setting.interface.thresholds.moment(1) / value)
         return furthest
 
-    def _runs(
-        self, path: Parameter, start: FromRest | FromSliding
+    def _tests(
+        self, parts: Parts, start: FromRest | FromSliding
     ) -> tuple[Callable[[float], bool], Callable[[float], bool]]:
-        """Whether a run slides smoothly, by the factor; and whether a longer one does, of other contacts."""
+        """Whether one run slides smoothly, by the factor of a change; and whether many do, so that it can be said."""
+        path = together(parts)
 
-        def run(other: int) -> Callable[[float], bool]:
-            def smooth(factor: float) -> bool:
-                there = path.set(self.setting, factor)
-                return bool(is_stable(there)) and slides_smoothly(there, self.method, self.budget, start, other)
+        def once(factor: float) -> bool:
+            there = path.set(self.setting, factor)
+            may = is_stable(there) is not False
+            return may and slides_smoothly(there, self.method, self.budget, start, length_of(there))
 
-            return smooth
+        def surely(factor: float) -> bool:
+            return always_slides_smoothly(path.set(self.setting, factor), self.method, self.budget, start)
 
-        return run(0), run(1)
-
-
-def _smallest(found: list[Mitigation | None]) -> Mitigation | None:
-    return min((each for each in found if each is not None), key=lambda m: m.size, default=None)
+        return once, surely
 
 
-def in_units(mitigation: Mitigation, rig: Rig) -> Mitigation:
-    """Return a mitigation found in natural units in those of a rig."""
-    sizes = [rig.unit(parameter_named(name).unit) for name in mitigation.parameters]
-
-    def scaled(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        return None if values is None else tuple(v * size for v, size in zip(values, sizes, strict=True))
-
-    own = scaled(mitigation.values)
-    assert own is not None
-    return replace(mitigation, values=own, keeps=scaled(mitigation.keeps), stops=scaled(mitigation.stops))
+def _nearest(factors: dict[int, float | None]) -> tuple[int, float] | None:
+    """The smallest of the factors that were found, with its direction."""
+    found = [(side, factor) for side, factor in factors.items() if factor is not None]
+    return min(found, key=lambda pair: pair[1], default=None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from stickslip import stability
@@ -11,22 +11,22 @@ from stickslip.advise import mitigations as changes
 from stickslip.advise import speeds
 from stickslip.advise.answer import Margin, Prediction
 from stickslip.advise.elastic import ElasticPrediction, predict_waves
-from stickslip.advise.judging import (
+from stickslip.advise.linear import CANNOT_GROW, Part, is_dear, stability_along
+from stickslip.advise.mitigations import Attempt, Mitigation
+from stickslip.advise.runs import (
     Budget,
     Spent,
     at_speed,
-    contacts_of,
     cost_of,
     cycle_of,
     length_of,
     rms_over_mean,
     steady_state,
+    until_judged,
 )
-from stickslip.advise.linear import CANNOT_GROW, Part, is_dear, stability_along
-from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.speeds import Band
 from stickslip.errors import InputError, UndecidedError, instance
-from stickslip.measure import Regime, regime_of
+from stickslip.measure import Regime
 from stickslip.model import Contacts, Delay, ElasticBody, OnArrest
 from stickslip.model.delays import DelayModel
 from stickslip.model.drive import constant
@@ -34,23 +34,20 @@ from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY, Parameter, p
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.rigid import critical_stiffness, static_friction
-from stickslip.simulation import Recording, record
-from stickslip.stability.modes import respond
-from stickslip.theory import kinetic_friction
+from stickslip.simulation import Recording
+from stickslip.sliding import kinetic_friction, respond
 
-_FIRST, _ALL, _FOR_SPEEDS = 0.8, 6.0, 0.25
-"""Seconds, by estimate, for the first run and for all runs; the part of what is then left that goes to other speeds."""
+_FIRST, _ALL, _FOR_SPEEDS = 0.8, 10.0, 0.25
+"""Seconds, by estimate, for the first run, and for all runs, which is as long as attention lasts (J. Nielsen, Usability
+Engineering, 1993); the part of what is then left that goes to other speeds."""
 _DEARER = 10.0
 """How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
 _FOR_AN_ANSWER = 30.0
 """For runs of what is left to try when no change was found in that time."""
-_LONGEST = 40.0
-"""A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
-_RANGE, _DEAR_RANGE = 30.0, 10.0
-"""Margins are looked for within this factor on either side of a parameter's value."""
-_STABLE = {kind: stable for stable, kind in speeds.BY_THEORY.items()}
+_FOR_A_VERDICT, _LONGEST, _MOST_RUNS = 40.0, 80.0, 30
+"""For runs that tell noise from oscillation; and for a run that is made twice as long, again and again."""
 NO_THEORY_OF_ARREST = (
     "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
     "are judged by runs"
@@ -99,12 +96,10 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     setting = rig.natural
-    if setting.velocity <= 0:
-        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
-        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
+    speeds.check_speed(rig)
     modes, growth, note = _linear(setting)
     without = note == CANNOT_GROW
-    low, high = _range_of_speeds(setting)
+    low, high = speeds.range_of_speeds(setting)
     bands: tuple[Band, ...] = (Band(kind="unknown", bistable=False, low=low, high=high),)
     if not note:
         bands = speeds.bands_by_theory(VELOCITY, at_speed(setting, low), low, high)
@@ -113,7 +108,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     noise, stays = None, True
     if modes == 0 and not without and seen.kind != "smooth sliding" and isinstance(recording.rig.method, Contacts):
         try:
-            state = steady_state(recording, seen, Budget(_LONGEST))
+            state = steady_state(recording, seen, Budget(_FOR_A_VERDICT))
         except Spent:  # linear theory alone has the word
             state = "stays"
         stays = state != "leaves"
@@ -160,7 +155,7 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from rest, margins, mitigations."""
     report = progress or (lambda _share: None)
     rig = found.rig
-    setting = _at_its_speed(rig.natural)
+    setting = at_speed(rig.natural, rig.natural.velocity)
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         report(1.0)
         return replace(found, complete=True)
@@ -171,11 +166,13 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     survey = speeds.Survey(setting, linear, found.regime)
     allowed = Budget(_FOR_SPEEDS * left)
     survey.look(allowed, lambda share: report(0.3 * share))
-    found = replace(found, margins=() if found.theory_note else tuple(_margins(rig, linear)), complete=True)
+    theory = {} if found.theory_note else dict(_theory(setting, linear))
+    found = replace(found, margins=tuple(_margins(rig, theory)), complete=True)
     report(0.4)
-    if found.ill and not found.theory_note:
+    if found.ill:
         changing = Budget((1.0 - _FOR_SPEEDS) * left)
-        found = _with_mitigations(found, setting, changing, lambda share: report(0.4 + 0.5 * share))
+        search = changes.Search(rig, bool(found.unstable_modes), theory, changing)
+        found = _with_mitigations(found, search, lambda share: report(0.4 + 0.5 * share))
         for change in found.mitigations:
             if change.parameters == (VELOCITY.name,) and change.stops is not None:
                 survey.know(change.stops[0] / speed, "smooth sliding")
@@ -185,13 +182,8 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     return replace(found, bands=tuple(_scaled(band, speed) for band in survey.bands()))
 
 
-def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: Progress) -> Prediction:
+def _with_mitigations(found: Prediction, search: changes.Search, report: Progress) -> Prediction:
     """Look for changes of one parameter; of two, if none of those that can be turned suffices."""
-    rig = found.rig
-    search = changes.Search(setting, bool(found.unstable_modes), budget, in_si=rig.scales is not None)
-    for margin in found.margins:
-        size = rig.unit(parameter_named(margin.parameter).unit)
-        search.know(margin.parameter, [(low / size, high / size) for low, high in margin.stable])
     single = search.single(changes.TURNABLE, lambda share: report(0.4 * share))
     if search.left_out and all(m.stops is None for m in single):  # a first answer may take longer than was planned
         search.budget, left_out = Budget(_FOR_AN_ANSWER), search.left_out
@@ -199,56 +191,35 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
         again = tuple((p, sides) for p, sides in changes.TURNABLE if p.title in left_out)
         more = search.single(again, lambda share: report(0.4 + 0.1 * share))
         single = [m for m in single if m.parameters[0] not in {p.name for p, _ in again}] + more
-    mitigated = {m.parameters[0] for m in single if m.stops is not None}
-    turnable = [parameter.name for parameter, _ in changes.TURNABLE]
+    turnable = {parameter.name for parameter, _ in changes.TURNABLE}
     pairs: list[Mitigation] = []
+    tried: list[tuple[Attempt, int]] | None = None
 
     def attempts() -> list[tuple[Attempt, int]]:
-        return list(search.attempts(found.relative_amplitude, found.static_friction / rig.unit("f_s"), mitigated))
+        mitigated = {m.parameters[0] for m in single if m.stops is not None}
+        return list(search.attempts(found.relative_amplitude, found.static_friction / found.rig.unit("f_s"), mitigated))
 
-    tried: list[tuple[Attempt, int]] | None = None
-    if not mitigated & set(turnable):
+    if all(m.stops is None for m in single):
         tried = attempts()
-        sides = changes.NATURAL_SIDES | {each.parameter: side for each, side in tried}
         report(0.6)
-        pairs = search.pairs(sides)
+        pairs = search.pairs(changes.NATURAL_SIDES | {each.parameter: side for each, side in tried})
     single += search.single(changes.OTHERS, lambda share: report(0.7 + 0.3 * share))
     tried = attempts() if tried is None else tried
 
     def order(mitigation: Mitigation) -> tuple[bool, bool, float]:
-        hard = any(name not in turnable for name in mitigation.parameters)
-        return hard, mitigation.stops is None, mitigation.size
+        return not turnable.issuperset(mitigation.parameters), mitigation.stops is None, mitigation.size
 
     helped = {parameter_named(m.parameters[0]).title for m in single if m.stops is not None}
-    ranked = sorted([*single, *pairs], key=order)
     return replace(
         found,
-        mitigations=tuple(changes.in_units(each, rig) for each in ranked),
-        attempts=tuple(_attempt_in_units(each, rig) for each, _ in tried),
+        mitigations=tuple(sorted([*single, *pairs], key=order)),
+        attempts=tuple(each for each, _ in tried),
         not_searched=tuple(name for name in dict.fromkeys(search.left_out) if name not in helped),
     )
 
 
-def _attempt_in_units(attempt: Attempt, rig: Rig) -> Attempt:
-    size = rig.unit(parameter_named(attempt.parameter).unit)
-    return replace(attempt, value=attempt.value * size, reached=attempt.reached * size)
-
-
 def _scaled(band: Band, size: float) -> Band:
     return replace(band, low=band.low * size, high=band.high * size)
-
-
-def _at_its_speed(setting: Rig) -> Rig:
-    """The rig in natural units on a drive of constant speed: that of its own drive, if it is so, at the beginning."""
-    return at_speed(setting, setting.velocity)
-
-
-def _range_of_speeds(setting: Rig) -> tuple[float, float]:
-    """Speeds that the answer is about: far on either side of those that the drive goes through."""
-    through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
-    through += [*setting.operation.speeds, *(setting.operation.between or ())]
-    widest = speeds.DEAR_RANGE if is_dear(setting.interface) else speeds.RANGE
-    return min(through) / widest, max(through) * widest
 
 
 def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
@@ -258,24 +229,16 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
     """
     drive, setting = rig.drive, rig.natural
     dearer = _DEARER if is_dear(rig.interface) else 1.0
+    fewest = _FEWEST_CYCLES * cycle_of(setting) / setting.velocity
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
         drive = constant(setting.velocity, length_of(setting) / setting.velocity)
     if len(drive.pieces) == 1:
         part = _FIRST * dearer / cost_of(replace(rig, drive=drive))
-        enough = max(part * drive.duration, _FEWEST_CYCLES * cycle_of(setting) / setting.velocity)
+        enough = max(part * drive.duration, fewest)
         if part < 1.0 and drive.duration > enough:
             drive = constant(setting.velocity, enough)
-    fewest = _FEWEST_CYCLES * cycle_of(setting) / setting.velocity
-    case, long = replace(rig, drive=drive), False
-    while True:
-        run = record(case, progress=progress, long=long)
-        seen = regime_of(run)
-        speed = drive.pieces[-1].end
-        drive = drive.then(constant(speed, max(drive.duration, fewest - drive.duration)))
-        fewer = contacts_of(rig) if isinstance(rig.method, Contacts) else rig.method
-        case, long = replace(rig, drive=drive, method=fewer), True
-        if seen.kind != "undecided" or cost_of(case) > _LONGEST * dearer:
-            return run, seen
+    case, budget = replace(rig, drive=drive), Budget(_LONGEST * dearer)
+    return until_judged(case, budget, most=_MOST_RUNS, fewest=fewest, long=False, progress=progress)
 
 
 def _linear(setting: Rig) -> tuple[int | None, complex | None, str]:
@@ -304,12 +267,8 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     return tuple(_scaled(band, rig.unit("time")) for band in speeds.bands_by_theory(DELAY, supposed, low, high))
 
 
-def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
-    """Look up and down from where each parameter stands for the nearest limit of linear stability.
-
-    `bands` are those by theory, in natural units.
-    """
-    setting = _at_its_speed(rig.natural)
+def _theory(setting: Rig, bands: tuple[Band, ...]) -> Iterator[tuple[str, list[Part]]]:
+    """Ranges of each parameter that a rig has in which smooth sliding is stable or not; speeds are known already."""
     for parameter in PARAMETERS:
         try:
             value = parameter.get(setting)
@@ -317,23 +276,26 @@ def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
             continue
         if value <= 0:
             continue
-        low, high = _searched(parameter, value, rig)
+        low, high = _searched(parameter, value, setting)
         if parameter is VELOCITY:
             inside = [band for band in bands if band.low < high and band.high > low]
-            parts = [Part(max(b.low, low), min(b.high, high), _STABLE[b.kind]) for b in inside]
+            yield parameter.name, [Part(max(b.low, low), min(b.high, high), speeds.STABLE[b.kind]) for b in inside]
         else:
-            parts = list(stability_along(parameter, setting, low, high))
-        if not (parts := _known_about(parts, value)):
+            yield parameter.name, list(stability_along(parameter, setting, low, high))
+
+
+def _margins(rig: Rig, theory: Mapping[str, list[Part]]) -> Iterator[Margin]:
+    """Look up and down from where each parameter stands for the nearest limit of linear stability."""
+    for name, along in theory.items():
+        value, size = rig.value(name), rig.unit(parameter_named(name).unit)
+        if not (parts := _known_about(along, value / size)):
             continue
-        edges = [part.high for part in parts[:-1]]
-        size = rig.unit(parameter.unit)
-        lower = max((edge for edge in edges if edge < value), default=None)
-        upper = min((edge for edge in edges if edge > value), default=None)
+        edges = [part.high * size for part in parts[:-1]]
         yield Margin(
-            parameter=parameter.name,
-            value=value * size,
-            lower=None if lower is None else lower * size,
-            upper=None if upper is None else upper * size,
+            parameter=name,
+            value=value,
+            lower=max((edge for edge in edges if edge < value), default=None),
+            upper=min((edge for edge in edges if edge > value), default=None),
             searched=(parts[0].low * size, parts[-1].high * size),
             stable=tuple((part.low * size, part.high * size) for part in parts if part.stable),
         )
@@ -354,9 +316,9 @@ def _known_about(parts: list[Part], value: float) -> list[Part]:
 
 def _searched(parameter: Parameter, value: float, rig: Rig) -> tuple[float, float]:
     """Range of a parameter in which its margins are looked for, in its natural unit."""
+    widest = changes.DEAR_RANGE if is_dear(rig.interface) else changes.RANGE
     if parameter.name == "std":  # wider than that is no longer a distribution of thresholds about its mean
         return value / 3.0, max(changes.WIDEST_STD * rig.interface.thresholds.moment(1), 1.5 * value)
     if parameter.name == "delay":  # longer delays never help, and have many modes
-        return value / _RANGE, value * 3.0
-    widest = _DEAR_RANGE if is_dear(rig.interface) else _RANGE
+        return value / changes.RANGE, value * 3.0
     return value / widest, value * widest

@@ -7,19 +7,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from stickslip.advise.judging import (
+from stickslip.advise.linear import is_dear, stability_along
+from stickslip.advise.runs import (
     PRECISION,
     Budget,
     Spent,
-    again,
     at_speed,
     contacts_of,
     cost_of,
     judge,
     length_of,
+    other_contacts,
     until_decayed,
 )
-from stickslip.advise.linear import stability_along
 from stickslip.errors import InputError
 from stickslip.measure import Regime
 from stickslip.model.parameters import Parameter
@@ -30,7 +30,16 @@ RANGE, DEAR_RANGE = 100.0, 10.0
 _APART = 3.0
 """Speeds on the grid lie within this factor of each other."""
 BY_THEORY = {True: "stable", False: "unstable", None: "unknown"}
-_OSCILLATES = ("stick-slip", "sustained oscillation")
+STABLE = {kind: stable for stable, kind in BY_THEORY.items()}
+"""What linear theory says, in words, and back."""
+MOTIONS = {
+    **{kind: kind for kind in ("smooth sliding", "stick-slip", "sustained oscillation")},
+    "unstable": "linearly unstable",
+    "stable": "linearly stable",
+    "unknown": "not known",
+}
+"""What each kind of motion is called in a sentence."""
+OSCILLATES = ("stick-slip", "sustained oscillation")
 _DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
@@ -63,11 +72,31 @@ class Band:
         """Whether its motion was seen at one speed only, about which no end was looked for."""
         return not (self.low_found or self.high_found) and self.high < (1.0 + 3.0 * PRECISION) * self.low
 
+    @property
+    def motion(self) -> str:
+        """Its motion in words."""
+        return MOTIONS[self.kind] + (" from rest only" if self.bistable else "")
+
 
 def bands_by_theory(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:
     """Ranges of a parameter in which smooth sliding is stable or not (linear)."""
     along = stability_along(parameter, setting, low, high)
     return tuple(Band(kind=BY_THEORY[part.stable], bistable=False, low=part.low, high=part.high) for part in along)
+
+
+def range_of_speeds(setting: Rig) -> tuple[float, float]:
+    """Speeds that an answer is about: far on either side of those that the drive goes through."""
+    through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
+    through += [*setting.operation.speeds, *(setting.operation.between or ())]
+    widest = DEAR_RANGE if is_dear(setting.interface) else RANGE
+    return min(through) / widest, max(through) * widest
+
+
+def check_speed(rig: Rig) -> None:
+    """Raise `InputError` if a rig does not go forwards."""
+    if rig.velocity <= 0:
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
 
 
 class Survey:
@@ -128,9 +157,9 @@ class Survey:
             return False
         try:
             seen = judge(there, self._method, budget).kind
-            if seen in _OSCILLATES and self._is_stable(speed) and (distance := until_decayed(there)) > length_of(there):
-                longer = judge(there, again(self._method, 1), budget, distance=distance)
-                seen = longer.kind if longer.kind in _OSCILLATES else "undecided"
+            if seen in OSCILLATES and self._is_stable(speed) and (distance := until_decayed(there)) > length_of(there):
+                longer = judge(there, other_contacts(self._method, 1), budget, distance=distance)
+                seen = longer.kind if longer.kind in OSCILLATES else "undecided"
         except Spent:
             return False
         except InputError:
@@ -146,7 +175,7 @@ class Survey:
 
         A run that seems smooth where smooth sliding is unstable has not grown yet, or is hidden by noise.
         """
-        told = _OSCILLATES if band.kind == "unstable" else (*_OSCILLATES, "smooth sliding")
+        told = OSCILLATES if band.kind == "unstable" else (*OSCILLATES, "smooth sliding")
         inside = sorted(speed for speed in self._known if band.low <= speed <= band.high)
         seen = [(v, kind if (kind := self._known[v]) in told else band.kind) for v in inside]
         if band.kind == "stable":
@@ -177,7 +206,7 @@ class Survey:
             if one == two:
                 continue
             first = last = math.sqrt(left * right)
-            oscillates = one in _OSCILLATES and two in _OSCILLATES  # one passes into the other little by little
+            oscillates = one in OSCILLATES and two in OSCILLATES  # one passes into the other little by little
             near = math.log(right / left) <= (4.0 if oscillates else 2.0) * PRECISION
             if not near:
                 first = right / (1.0 + PRECISION) if one == band.kind else left * (1.0 + PRECISION)
@@ -188,7 +217,7 @@ class Survey:
 
 
 def _part(band: Band, kind: str, ends: tuple[float, float], found: tuple[bool, bool] = (True, True)) -> Band:
-    bistable = band.kind == "stable" and kind in _OSCILLATES
+    bistable = band.kind == "stable" and kind in OSCILLATES
     found = (True, True) if kind == band.kind else found
     return Band(kind=kind, bistable=bistable, low=ends[0], high=ends[1], low_found=found[0], high_found=found[1])
 

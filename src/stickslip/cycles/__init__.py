@@ -5,8 +5,8 @@ may persist where smooth sliding is stable. The names keep the two apart: what i
 *sustained* is nonlinear and belongs to a start, and the branch of a cycle that is followed ends at its *fold*.
 
 - `is_sustained`: does an oscillation persist from a start? With the evidence.
-- `sustained`, `sustained_onset` (the paper's ``tau*``): where it does, along a parameter, afresh from the same start at
-  each value.
+- `sustained`: where it does, along a parameter, afresh from the same start at each value. The lower edge along the
+  delay is the paper's ``tau*``.
 - `cycle_branch`: the cycle itself, carried from value to value of a parameter up to where it decays (``v1'`` on the way
   down, ``v2`` on the way up).
 - `bistable_range`: between the fold and the linear boundary smooth sliding and stick-slip both persist;
@@ -19,7 +19,7 @@ error of `METHOD`, 1e-4, ``tau*`` of Fig. 6 is .07574, as with 1e-5; 1e-3 moves 
 from stickslip.cycles.bistable import BistableRange, bistable_range, bistable_region
 from stickslip.cycles.branch import cycle_branch
 from stickslip.cycles.edges import Edge, Interval
-from stickslip.cycles.persistence import Sustained, SustainedOnset, sustained, sustained_onset
+from stickslip.cycles.persistence import Sustained, sustained
 from stickslip.cycles.ride import METHOD
 from stickslip.cycles.verdict import PATIENCE, Verdict, is_sustained
 
@@ -30,12 +30,10 @@ __all__ = [
     "Edge",
     "Interval",
     "Sustained",
-    "SustainedOnset",
     "Verdict",
     "bistable_range",
     "bistable_region",
     "cycle_branch",
     "is_sustained",
     "sustained",
-    "sustained_onset",
 ]

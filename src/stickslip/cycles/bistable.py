@@ -11,8 +11,7 @@ import numpy as np
 
 from stickslip.answers import Answer
 from stickslip.cycles.branch import Point, carried, first_point
-from stickslip.cycles.edges import Edge, Interval, scaled
-from stickslip.cycles.fold import FINEST
+from stickslip.cycles.edges import TOLERANCE, Edge, Interval, scaled
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import settle
 from stickslip.errors import InputError, UndecidedError, number
@@ -85,7 +84,7 @@ def bistable_range(
     between: tuple[float, float],
     start: Start = FromRest(),
     step: float = 0.15,
-    tolerance: float = FINEST,
+    tolerance: float = TOLERANCE,
     method: MasterEquation = METHOD,
 ) -> BistableRange:
     """Find where both smooth sliding and stick-slip persist: between the cycle's fold and the linear boundary.
@@ -104,9 +103,7 @@ def bistable_range(
     start : FromRest or FromSliding
         From where the cycle is taken up.
     step, tolerance : float
-        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists. Folds
-        are taken from cycles that are held up while they shrink, where these tell to .3 %; a smaller tolerance asks
-        for runs on either side, which takes five times as long.
+        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists.
     method : MasterEquation
 
     Returns

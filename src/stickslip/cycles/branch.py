@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.cycles.edges import Edge
-from stickslip.cycles.fold import held_fold
 from stickslip.cycles.ride import METHOD, Look, Range, Ride
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import UndecidedError, number
@@ -83,7 +82,7 @@ def cycle_branch(
     >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
-    >>> branch = ss.cycle_branch(rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01)
+    >>> branch = ss.cycles.cycle_branch(rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01)
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """
@@ -137,10 +136,7 @@ def _dataset(span: Range, points: list[Point]) -> xr.Dataset:
 def first_point(span: Range, begin: float | None = None) -> Point:
     """Look for a cycle from the start: at a value, or at the rig's own and then over the range from its middle on.
 
-    Raises
-    ------
-    UndecidedError
-        If there is none.
+    Raises `UndecidedError` if there is none.
     """
     low, high = span.low, span.high
     if begin is not None:
@@ -167,7 +163,7 @@ def carried(
     """Carry the cycle on towards a value; the points, and the end of the branch.
 
     A bold search, for which the points do not matter, doubles its steps as long as the cycle persists. That it decays
-    after such a step is believed only once it does after a short one, too; a fold is looked for before that.
+    after such a step is believed only once it does after a short one, too.
     """
     points: list[Point] = []
     here = first
@@ -192,10 +188,6 @@ def carried(
             else:
                 stride = min(stride, largest)
         elif verdict.sustained is False:
-            if bold and decays_at is None and not here.verdict.linearly_unstable:
-                fold = held_fold(parameter, here.ride, here.value, here.look.period, value, tolerance)
-                if fold is not None:
-                    return points, fold
             decays_at, unstable_beyond, believed = value, verdict.linearly_unstable, not far
             stride = 0.5 * abs(math.log(decays_at / here.value))
         elif far:

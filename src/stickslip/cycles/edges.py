@@ -11,6 +11,9 @@ from stickslip.answers import Answer
 
 EdgeKind = Literal["decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"]
 
+TOLERANCE = 3e-3
+"""Relative width of a bracket: runs nearer to a fold linger where the cycle has just ceased to exist."""
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Edge(Answer):
@@ -26,8 +29,7 @@ class Edge(Answer):
         cycle does, where smooth sliding regains stability. *End of range*: the edge lies outside the range searched.
         *Undecided*: runs beyond it cannot tell.
     decays_at, persists_at : float
-        The bracket: runs on either side of the edge, or the error of a fold from cycles held up. Both are `value` if
-        it is not runs that tell.
+        The bracket: runs on either side of the edge. Both are `value` if it is not runs that tell.
     """
 
     value: float

@@ -40,10 +40,7 @@ LOOK = 3.0
 def natural_rig(rig: Rig, start: Start, method: MasterEquation) -> Rig:
     """Return the rig in natural units, if a cycle can be followed on it.
 
-    Raises
-    ------
-    InputError
-        If it cannot, with what would be right.
+    Raises `InputError` if it cannot, with what would be right.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance("cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
@@ -90,10 +87,7 @@ class Ride:
     def begin(cls, rig: Rig, start: Start, method: MasterEquation, scales: Scales | None = None) -> Ride:
         """Return a rig, in natural units, at its start; reasons are given in units of the scales.
 
-        Raises
-        ------
-        InputError
-            If a cycle lasts so long against the slider's own oscillation that no run could follow it.
+        Raises `InputError` if a cycle lasts so long against the slider's own oscillation that no run could follow it.
         """
         from stickslip.kernels.drive import Quadratic
 
@@ -221,10 +215,7 @@ class Range:
     ) -> Range:
         """Return the range of a parameter that is given in the rig's own units.
 
-        Raises
-        ------
-        InputError
-            If no cycle can be followed on the rig, or the range is none.
+        Raises `InputError` if no cycle can be followed on the rig, or the range is none.
         """
         natural, varied = natural_rig(rig, start, method), parameter_named(parameter)
         return cls(varied, natural, *rig.span(varied, between), start, method, rig.scales)

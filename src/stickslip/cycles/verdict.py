@@ -16,8 +16,8 @@ from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Delay, FromRest, MasterEquation, Start
 from stickslip.model.rig import Rig
 from stickslip.model.units import Scales, in_words
+from stickslip.sliding import kinetic_friction
 from stickslip.stability import count_unstable
-from stickslip.theory import kinetic_friction
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def is_sustained(
     >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
-    >>> ss.is_sustained(rig).kind, ss.is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind
+    >>> ss.cycles.is_sustained(rig).kind, ss.cycles.is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind
     ('stick-slip', 'smooth sliding')
     """
     natural = natural_rig(rig, start, method)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal, get_args
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, get_args
 
 from scipy.optimize import brentq, minimize_scalar
 
@@ -13,7 +14,8 @@ from stickslip.elastic.lattice import Groups, continuum_prestress, lattice_prest
 from stickslip.elastic.precursors import elastic_parts, screening_length
 from stickslip.elastic.threshold_front import Medium, shoot, threshold
 from stickslip.errors import InputError, number, shown
-from stickslip.model import Chain, Interface, Rig, Sheet
+from stickslip.model import ElasticBody, Interface, Rig
+from stickslip.model.records import Number, rescaled
 
 Blocks = Literal["lattice", "continuum"]
 
@@ -43,8 +45,8 @@ class Front(Answer):
         What of the rig lies outside the range of the theory.
     """
 
-    speed: float
-    sound_speed: float
+    speed: Annotated[float, Number("1/time")]
+    sound_speed: Annotated[float, Number("1/time")]
     prestress: float
     threshold: float
     screening_length: float
@@ -119,7 +121,7 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
     >>> bar = ss.Chain(blocks=400, coupling=4.0, mass=4.0, damping=0.3, leaf=0.2)
     >>> rig = ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))
-    >>> print(ss.front_speed(rig, prestress=0.6))
+    >>> print(ss.elastic.front_speed(rig, prestress=0.6))
     front at 0.686408 blocks per time, 0.6864 times the speed of sound (slower than sound), at a prestress of 0.6 \
 (lattice); slow fronts feel the blocks: the screening length is 1.848 of them
     """
@@ -140,23 +142,15 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
         speed = _on_lattice(tau, groups(body))
     else:
         speed = _in_continuum(tau, groups(body))
-    natural = Front(
+    front = Front(
         speed=speed * body.sound_speed,
         sound_speed=body.sound_speed,
         prestress=tau,
         threshold=_threshold(body, interface),
-        screening_length=float(screening_length(rig)),
+        screening_length=screening_length(rig),
         blocks=kind,
     )
-    rate = rig.unit("1/time")
-    return Front(
-        **{
-            **natural.to_dict(),
-            "speed": natural.speed * rate,
-            "sound_speed": natural.sound_speed * rate,
-            "caveats": _caveats(natural, interface),
-        }
-    )
+    return rescaled(replace(front, caveats=_caveats(front, interface)), rig.unit)
 
 
 def front_threshold(rig: Rig) -> float:
@@ -187,13 +181,13 @@ def front_threshold(rig: Rig) -> float:
     >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(float("inf")))
     >>> bar = ss.Chain(blocks=400, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
-    >>> round(ss.front_threshold(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 6)
+    >>> round(ss.elastic.front_threshold(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 6)
     0.449444
     """
     return _threshold(*elastic_parts(rig, "front_threshold"))
 
 
-def groups(body: Chain | Sheet) -> Groups:
+def groups(body: ElasticBody) -> Groups:
     """Return what a front along a body depends on."""
     impedance = math.sqrt(body.mass * body.coupling)
     return Groups(
@@ -204,12 +198,21 @@ def groups(body: Chain | Sheet) -> Groups:
     )
 
 
-def _threshold(body: Chain | Sheet, interface: Interface) -> float:
+def _threshold(body: ElasticBody, interface: Interface) -> float:
     thresholds, sliding = interface.threshold_distribution, interface.sliding_force
     if thresholds.single:
         return math.sqrt(body.leaf / (1.0 + body.leaf))
     found = threshold(Medium(thresholds, sliding, body.leaf))
     return (found - sliding) / (thresholds.moment(1) - sliding)
+
+
+def _rising(lack: Callable[[float], float], low: float, high: float, step: float) -> float:
+    """Where a function of a speed rises through 0; the bracket is widened by a factor until it holds the place."""
+    while lack(low) > 0:
+        low, high = low / step, low
+    while lack(high) < 0:
+        low, high = high, high * step
+    return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))
 
 
 def _on_lattice(tau: float, chain: Groups) -> float:
@@ -218,25 +221,20 @@ def _on_lattice(tau: float, chain: Groups) -> float:
     def lack(speed: float) -> float:
         return lattice_prestress(speed, chain) - tau
 
-    low = high = 1.0
     if lack(1.0) < 0:
-        while lack(high) < 0:
-            low, high = high, 1.25 * high
-    else:
-        before = math.inf
-        while (here := lack(low)) > 0:
-            if here > before:  # slower fronts need more: the lattice holds them
-                lowest = minimize_scalar(lack, bounds=(low, low / 0.94**2), method="bounded", options={"xatol": 1e-9})
-                if lowest.fun > 0:
-                    return 0.0
-                low = float(lowest.x)
-                break
-            if low < SLOWEST:
+        return _rising(lack, 1.0, 1.0, 1.25)
+    low, before = 1.0, math.inf
+    while (here := lack(low)) > 0:
+        if here > before:  # slower fronts need more: the lattice holds them
+            lowest = minimize_scalar(lack, bounds=(low, low / 0.94**2), method="bounded", options={"xatol": 1e-9})
+            if lowest.fun > 0:
                 return 0.0
-            high, low, before = low, 0.94 * low, here
-        if lack(high) < 0:
-            high /= 0.94
-    return float(brentq(lack, low, high, xtol=1e-13, rtol=1e-12))
+            low = float(lowest.x)
+            break
+        if low < SLOWEST:
+            return 0.0
+        low, before = 0.94 * low, here
+    return _rising(lack, low, low / 0.94, 1.0 / 0.94)
 
 
 def _in_continuum(tau: float, chain: Groups) -> float:
@@ -245,19 +243,10 @@ def _in_continuum(tau: float, chain: Groups) -> float:
         return 0.0
     if chain.viscosity == 0 and chain.damping == 0:
         return 1.0
-
-    def lack(speed: float) -> float:
-        return continuum_prestress(speed, chain) - tau
-
-    low, high = 0.5, 1.0
-    while lack(low) > 0:
-        low *= 0.5
-    while lack(high) < 0:
-        high *= 2.0
-    return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))
+    return _rising(lambda speed: continuum_prestress(speed, chain) - tau, 0.5, 1.0, 2.0)
 
 
-def _of_distribution(body: Chain | Sheet, interface: Interface, tau: float) -> float:
+def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> float:
     if body.viscosity > 0:
         raise InputError(
             f"{type(body).__name__}.viscosity = {body.viscosity:g}: fronts in a viscous bar are known only where all "

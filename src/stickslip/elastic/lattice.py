@@ -47,17 +47,7 @@ SMOOTH = 2000.0
 def lattice_prestress(speed: float, groups: Groups) -> float:
     """Return the prestress of a front of a given speed in a chain; both in units of the front's own.
 
-    Parameters
-    ----------
-    speed : float
-        Of the front, in units of the speed of sound.
-    groups : Groups
-        The chain.
-
-    Returns
-    -------
-    float
-        ``(tau_0 - f_d)/(f_s - f_d)``, from 0 to 1; to 1e-7 down to a speed of a hundredth of that of sound.
+    The speed is in units of that of sound; to 1e-7 down to a hundredth of it.
     """
     kappa, leaf, alpha, zeta = groups
     period = 1.0 / speed

@@ -21,10 +21,10 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.optimize import brentq
 
 from stickslip.answers import Answer
-from stickslip.errors import InputError, UndecidedError, instance, whole
-from stickslip.model import Chain, Rig, Sheet
+from stickslip.elastic.precursors import elastic_body
+from stickslip.errors import InputError, UndecidedError, whole
+from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.stability.critical import critical_spring
-from stickslip.stability.impedances import SpringMassDamper
 from stickslip.stability.modes import rightmost_root
 
 if TYPE_CHECKING:
@@ -96,17 +96,17 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> ring = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, ends="periodic")
-    >>> found = ss.modes(ss.Rig(interface, ring, ss.constant(velocity=1.5)), count=2)
+    >>> found = ss.elastic.modes(ss.Rig(interface, ring, ss.constant(velocity=1.5)), count=2)
     >>> found.stiffness.values.round(4).tolist(), found.growth.values.round(4).tolist()
     ([3.0, 4.1716], [-0.0538, -0.0957])
     """
     import xarray as xr
 
-    body = _elastic(rig, "modes")
+    body = elastic_body(rig, "modes")
     wanted = whole("count", count, at_least=1, hint="number of modes")
     stiffness, coupling, wavelength, each = sliders_of(body, wanted)
     natural = rig.natural
-    roots: dict[SpringMassDamper, complex] = {}  # modes come in pairs of one stiffness
+    roots: dict[Slider, complex] = {}  # modes come in pairs of one stiffness
     for slider in each:
         if slider not in roots:
             roots[slider] = rightmost_root(replace(natural, slider=slider))
@@ -127,13 +127,10 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     )
 
 
-def sliders_of(body: Chain | Sheet, count: int) -> tuple[Array, Array, Array, list[SpringMassDamper]]:
-    """Return stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of each mode, softest first.
+def sliders_of(body: ElasticBody, count: int) -> tuple[Array, Array, Array, list[Slider]]:
+    """Return stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of modes, softest first.
 
-    Raises
-    ------
-    InputError
-        If nothing holds the body.
+    `InputError` if nothing holds the body.
     """
     stiffness, coupling, wavelength = _springs(body, count)
     if not stiffness[0] > 0:
@@ -171,10 +168,10 @@ def critical_length(rig: Rig) -> CriticalLength:
     >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> bar = ss.Chain(blocks=8, coupling=80.0, mass=1e-4, damping=42.426, side=40.0)
-    >>> print(ss.critical_length(ss.Rig(interface, bar, ss.constant(velocity=1.5))))
+    >>> print(ss.elastic.critical_length(ss.Rig(interface, bar, ss.constant(velocity=1.5))))
     waves longer than 37.62 blocks grow; pulled at one end, unstable from 8 blocks on
     """
-    body = _elastic(rig, "critical_length")
+    body = elastic_body(rig, "critical_length")
     if not isinstance(body, Chain):
         raise InputError(f"Rig.slider = {body!r}: critical_length needs a Chain; the modes of a Sheet are in modes()")
     natural = rig.natural
@@ -189,7 +186,11 @@ def critical_length(rig: Rig) -> CriticalLength:
     if softest <= 0:
         return CriticalLength(stiffness=critical * rig.unit("k"), wavelength=math.inf, length=math.inf, blocks=0)
     # Viscosity adds damping, which may lower K_c and cannot raise the stiffness that the bulk itself needs.
-    reach = softest if body.viscosity == 0 else _last_positive(spare, softest)
+    reach = top = softest
+    if body.viscosity > 0:
+        while spare(top) > 0:
+            top *= 2.0
+        reach = float(brentq(spare, 0.0, top, rtol=1e-10))
     critical = body.leaf + reach
     sine = math.sqrt(reach / (4.0 * body.coupling))
     return CriticalLength(
@@ -198,13 +199,6 @@ def critical_length(rig: Rig) -> CriticalLength:
         length=0.5 * math.pi * math.sqrt(body.coupling / reach),
         blocks=_first_unstable(body, spare) if body.side > 0 and body.leaf == 0 and body.ends == "free" else 0,
     )
-
-
-def _last_positive(spare: Any, softest: float) -> float:
-    top = softest
-    while spare(top) > 0:
-        top *= 2.0
-    return float(brentq(spare, 0.0, top, rtol=1e-10))
 
 
 def _first_unstable(chain: Chain, spare: Any) -> int:
@@ -226,33 +220,29 @@ def _first_unstable(chain: Chain, spare: Any) -> int:
     return high
 
 
-def _elastic(rig: Rig, who: str) -> Chain | Sheet:
-    instance("rig", rig, Rig, "a Rig(interface, Chain(...), drive)")
-    body = rig.natural.slider
-    if not isinstance(body, Chain | Sheet):
-        raise InputError(f"Rig.slider = {body!r}: {who} needs an elastic slider; give a Chain(...) or a Sheet(...)")
-    return body
-
-
-def _mode(body: Chain | Sheet, stiffness: float, coupling: float) -> SpringMassDamper:
+def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
     """Return the rigid slider that a mode amounts to."""
     viscous = body.viscosity / body.coupling * coupling
-    return SpringMassDamper(stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass)
+    return Slider(stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass)
 
 
-def _springs(body: Chain | Sheet, count: int) -> tuple[Array, Array, Array]:
+def _springs(body: ElasticBody, count: int) -> tuple[Array, Array, Array]:
     """Stiffness of each mode, the bulk's part of it, and its wavelength along the drive, softest first."""
-    if isinstance(body, Chain):
-        stiffness, coupling = _row(body.blocks, body.coupling, body.side, body.ends == "periodic", count)
+    ring = body.ends == "periodic"
+    rows = not (ring and body.side > 0)
+    if rows and isinstance(body, Chain):
+        stiffness, coupling = _row(body.blocks, body.coupling, body.side, ring, count)
         along = stiffness
-    else:
-        ring = body.ends == "periodic"
+    elif rows and isinstance(body, Sheet):
         row, bulk = _row(body.along, body.coupling, body.side, ring, count)
         beside, _ = _row(body.across, body.shear, 0.0, ring, count)
         total = (row[:, None] + beside).ravel()
         chosen = np.argsort(total, kind="stable")[:count]
         stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]
         along = np.repeat(row, beside.size)[chosen]
+    else:
+        stiffness, coupling = _of_network(body, count)
+        along = stiffness
     # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the spring.
     sine = np.sqrt(along / (4.0 * body.coupling))
     with np.errstate(divide="ignore"):
@@ -260,34 +250,30 @@ def _springs(body: Chain | Sheet, count: int) -> tuple[Array, Array, Array]:
     return stiffness + body.leaf, coupling, wavelength
 
 
+def _of_network(body: ElasticBody, count: int) -> tuple[Array, Array]:
+    """Stiffness of the softest modes of any body without leaf springs, and the part of it of the links."""
+    if body.size > 4096:
+        raise InputError(f"Rig.slider: {body.size} blocks in a network: more than 4096 are not computed; give fewer")
+    pairs, springs = body.links
+    matrix = np.zeros((body.size, body.size))
+    for (i, j), spring in zip(pairs, springs, strict=True):
+        matrix[[i, j], [i, j]] += spring
+        matrix[[i, j], [j, i]] -= spring
+    stiffness, shape = np.linalg.eigh(matrix + np.diag(body.pulled - body.leaf))
+    return stiffness[:count], np.einsum("ij,ik,kj->j", shape, matrix, shape)[:count]
+
+
 def _row(blocks: int, coupling: float, side: float, ring: bool, count: int) -> tuple[Array, Array]:
     """Stiffness of the softest modes of a row of blocks without leaf springs, and the bulk's part of it."""
     count = min(count, blocks)
-    if ring and blocks > 2 and side == 0:
-        turns = (np.arange(count) + 1) // 2
-        bulk = 4.0 * coupling * np.sin(np.pi * turns / blocks) ** 2
-        return bulk, bulk
     if side == 0:
-        bulk = 4.0 * coupling * np.sin(0.5 * np.pi * np.arange(count) / blocks) ** 2
+        number = np.arange(count)
+        waves = (number + 1) // 2 if ring and blocks > 2 else 0.5 * number
+        bulk = 4.0 * coupling * np.sin(np.pi * waves / blocks) ** 2
         return bulk, bulk
-    if ring and blocks > 2:
-        if blocks > 4096:
-            raise InputError(
-                f"Rig.slider: {blocks} blocks in a ring with a side spring: more than 4096 are not computed; "
-                "take free ends, or fewer blocks"
-            )
-        matrix = coupling * (2.0 * np.eye(blocks) - np.roll(np.eye(blocks), 1, 0) - np.roll(np.eye(blocks), -1, 0))
-        matrix[0, 0] += side
-        stiffness, shape = np.linalg.eigh(matrix)
-        stiffness, first = stiffness[:count], shape[0, :count]
-    else:
-        diagonal = np.full(blocks, 2.0 * coupling)
-        diagonal[0], diagonal[-1] = coupling, coupling
-        if blocks == 1:
-            diagonal[0] = 0.0
-        diagonal[0] += side
-        stiffness, shape = eigh_tridiagonal(
-            diagonal, np.full(blocks - 1, -coupling), select="i", select_range=(0, count - 1)
-        )
-        first = shape[0]
-    return np.asarray(stiffness), np.asarray(stiffness - side * first**2)
+    diagonal = np.full(blocks, 2.0 * coupling)
+    diagonal[[0, -1]] = coupling if blocks > 1 else 0.0
+    diagonal[0] += side
+    beside = np.full(blocks - 1, -coupling)
+    stiffness, shape = eigh_tridiagonal(diagonal, beside, select="i", select_range=(0, count - 1))
+    return np.asarray(stiffness), np.asarray(stiffness - side * shape[0] ** 2)

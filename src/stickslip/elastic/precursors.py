@@ -8,25 +8,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import InputError, instance
-from stickslip.model import Chain, FromRest, Interface, Rig, Sheet
+from stickslip.model import Chain, ElasticBody, FromRest, Interface, Rig
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def elastic_parts(rig: Rig, who: str) -> tuple[Chain | Sheet, Interface]:
+def elastic_body(rig: Rig, who: str) -> ElasticBody:
+    """Return the body of a rig with an elastic slider, in natural units; `InputError` if its slider is rigid."""
+    instance("rig", rig, Rig, "a Rig(interface, Chain(...), drive)")
+    body = rig.natural.slider
+    if not isinstance(body, ElasticBody):
+        raise InputError(f"Rig.slider = {body!r}: {who} needs an elastic slider; give a Chain(...) or a Sheet(...)")
+    return body
+
+
+def elastic_parts(rig: Rig, who: str) -> tuple[ElasticBody, Interface]:
     """Return the body and the interface of a rig with an elastic slider, in natural units.
 
-    Raises
-    ------
-    InputError
-        If its slider is rigid, or contacts do more than break, slide and stay detached.
+    Raises `InputError` if its slider is rigid, or contacts do more than break, slide and stay detached.
     """
-    instance("rig", rig, Rig, "a Rig(interface, Chain(...), drive)")
-    natural = rig.natural
-    body, interface = natural.slider, natural.interface
-    if not isinstance(body, Chain | Sheet):
-        raise InputError(f"Rig.slider = {body!r}: {who} needs an elastic slider; give a Chain(...) or a Sheet(...)")
+    body, interface = elastic_body(rig, who), rig.natural.interface
     interface.allow(("sliding_force", "on_arrest"), who)
     if interface.ageing is not None:
         raise InputError(f"Interface.ageing = {interface.ageing!r}: not available with {who}; leave it out")
@@ -65,7 +67,7 @@ def screening_length(rig: Rig) -> float:
     >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
     >>> bar = ss.Chain(blocks=100, coupling=47.0, mass=1.0, damping=0.1, leaf=0.02)
-    >>> round(ss.screening_length(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 2)
+    >>> round(ss.elastic.screening_length(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 2)
     6.79
     """
     body, _ = elastic_parts(rig, "screening_length")
@@ -106,7 +108,7 @@ def precursor_force(rig: Rig) -> xr.DataArray:
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")), sliding_force=0.425
     ... )
     >>> bar = ss.Chain(blocks=50, coupling=4.0, mass=4.0, damping=0.1, side=4.0)
-    >>> force = ss.precursor_force(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0)))
+    >>> force = ss.elastic.precursor_force(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0)))
     >>> round(float(force.sel(tip=10)), 6), round(float(force.max()) / bar.blocks, 6)
     (6.811553, 0.444328)
     """

@@ -9,6 +9,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -48,8 +49,6 @@ the narrowest distribution and goes as far as the widest."""
 
 LARGEST_REQUEST = 1_000_000
 """Bytes of a message from the page, and of a document."""
-DEEPEST = 12
-"""Tables within tables in a message."""
 
 QUANTITIES: Mapping[str, Quantity] = {
     parameter.name: "length" if parameter.unit == "1" else quantity(parameter.unit) for parameter in PARAMETERS
@@ -66,7 +65,7 @@ _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 
 
 def from_json(content: str | bytes) -> object:
-    """Read what a page sends: JSON of bounded size and depth, with finite numbers and texts that can be written.
+    """Read what a page sends: JSON of bounded size with finite numbers and texts that can be written.
 
     Raises
     ------
@@ -78,17 +77,9 @@ def from_json(content: str | bytes) -> object:
     try:
         found = json.loads(content)
         json.dumps(found, ensure_ascii=False, allow_nan=False).encode()
-        if _depth(found) <= DEEPEST:
-            return found
     except (ValueError, RecursionError):
-        pass
-    raise InputError(f"this message is no JSON, or nested more than {DEEPEST} levels deep")
-
-
-def _depth(item: object) -> int:
-    if not isinstance(item, dict | list):
-        return 0
-    return 1 + max(map(_depth, item.values() if isinstance(item, dict) else item), default=0)
+        raise InputError("this message is no JSON") from None
+    return found
 
 
 def rig_of(document: object) -> Rig:
@@ -109,7 +100,38 @@ def any_rig_of(document: object) -> Rig:
     """Make the rig that a document describes, be its slider rigid or elastic."""
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
+    if isinstance(simulation := document.get("simulation"), Mapping):
+        unused = _UNUSED.get(str(simulation.get("method", "contacts")), ())
+        document = {**document, "simulation": {key: simulation[key] for key in simulation if key not in unused}}
     return rigs.from_document(document)
+
+
+_UNUSED = {"contacts": ("rtol",), "master equation": ("contacts", "seed")}
+"""Settings of the solver that is not in use, which the page keeps beside the others for the way back."""
+
+
+def seconds_of(request: Mapping[str, Any]) -> float:
+    """What a run may take, as the server says; by default as on one's own machine."""
+    return float(request.get("seconds", LONGEST))
+
+
+def values_of(rig: Rig) -> dict[str, float]:
+    """Where each parameter of the map stands, in the unit of its axis."""
+    if rig.natural.velocity <= 0:
+        return {}
+    setting = rig.natural
+    found = {}
+    for parameter in PARAMETERS:
+        with suppress(InputError):  # the rig has no such parameter
+            value = parameter.get(setting)
+            if math.isfinite(value):
+                found[parameter.name] = value * unit_of(rig, parameter.name)
+    return found
+
+
+def unit_of(rig: Rig, parameter: str) -> float:
+    """Size of a parameter's natural unit on the axes of the map."""
+    return 1.0 if rig.scales is None else rig.scales.unit(QUANTITIES[parameter])
 
 
 def of(rig: Rig) -> Document:
@@ -174,32 +196,22 @@ def cut(drive: Drive, end: float) -> Drive:
 
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
-    pieces = rig.drive.pieces
-    elsewhere = "for longer ones use `stickslip simulate`"
     check_decades(rig)
-    if len(pieces) > MOST_PIECES:
-        raise InputError(
-            f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}",
-            "drive.pieces",
-        )
+    interval, shortest = rig.output.interval, rig.drive.duration / MOST_SAMPLES
+    counted = {"drive.pieces": ("must be at most {}", len(rig.drive.pieces), MOST_PIECES)}
     for name in ("thresholds", "initial", "newborn"):
-        distribution = getattr(rig.interface, name)
-        if isinstance(distribution, Empirical) and len(distribution.weights) > MOST_BINS:
-            raise InputError(
-                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live",
-                f"interface.{name}",
-            )
-    if isinstance(rig.method, Contacts) and rig.method.count > MOST_CONTACTS:
+        if isinstance(distribution := getattr(rig.interface, name), Empirical):
+            counted[f"interface.{name}"] = ("must have at most {} bins", len(distribution.weights), MOST_BINS)
+    if isinstance(rig.method, Contacts):
+        counted["simulation.contacts"] = ("must be at most {}", rig.method.count, MOST_CONTACTS)
+    for key, (rule, count, most) in counted.items():
+        if count > most:
+            raise InputError(f"{key}: {rule.format(most)}, here {count}, to stay live; {_ELSEWHERE}", key)
+    if interval is not None and interval < shortest:
         raise InputError(
-            f"simulation.contacts = {rig.method.count}: must be at most {MOST_CONTACTS}, to stay live; {elsewhere}",
-            "simulation.contacts",
-        )
-    samples = 0.0 if rig.output.interval is None else rig.drive.duration / rig.output.interval
-    if samples > MOST_SAMPLES:
-        raise InputError(
-            f"simulation.interval = {rig.in_units(rig.output.interval or 0.0, 'time')}: must be at least "
-            f"{rig.in_units(rig.drive.duration / MOST_SAMPLES, 'time')} in a run of this length ({MOST_SAMPLES} "
-            f"samples), to stay live; {elsewhere}",
+            f"simulation.interval = {rig.in_units(interval, 'time')}: must be at least "
+            f"{rig.in_units(shortest, 'time')} in a run of this length ({MOST_SAMPLES} samples), to stay live; "
+            f"{_ELSEWHERE}",
             "simulation.interval",
         )
     if rig.slider.mass == 0:
@@ -207,6 +219,9 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
             "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
         )
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
+
+
+_ELSEWHERE = "for longer ones use `stickslip simulate`"
 
 
 def check_decades(rig: Rig) -> None:
@@ -300,8 +315,7 @@ def turned(document: Document, values: Mapping[str, Any]) -> Document:
             raise InputError(
                 "drive.pieces: this drive is a ramp; its velocity is not one number to turn", "drive.pieces"
             )
-        size = 1.0 if rig.scales is None else rig.scales.unit(QUANTITIES[name])
-        rig = parameter_named(name).set(rig, number(name, value, above=0) / size)
+        rig = parameter_named(name).set(rig, number(name, value, above=0) / unit_of(rig, name))
     # A parameter is turned at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
     return _like(document, rig, damping_ratio=ratio)
@@ -345,11 +359,10 @@ def _by_ratio(document: Document) -> bool:
 
 
 def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
-    """The document of a rig, with what the page keeps beside it: settings of the solver that is not in use."""
+    """The document of a rig, its heat as it was given."""
     made = rigs.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
-    made["simulation"] = {**document.get("simulation", {}), **made["simulation"]}
     if (heat := document["interface"].get("temperature")) and document.get("units") == made.get("units"):
-        made["interface"]["temperature"] = heat  # as it was given: a rig keeps no kelvins
+        made["interface"]["temperature"] = heat  # a rig keeps no kelvins
     return made
 
 
@@ -358,17 +371,17 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
 # ---------------------------------------------------------------------------------------------------------------------
 
 _FIGURES = {
-    1: (cases.FIG1, "no delay, narrow start"),
-    2: (cases.FIG2, "elastic instability"),
-    3: (cases.FIG3, "critical stiffness"),
-    4: (cases.FIG4, "delay .2: stick-slip"),
-    5: (cases.FIG5, "broken contacts never re-attach"),
-    6: (cases.FIG6, "critical delay"),
-    7: (cases.FIG7, "transitions in velocity"),
-    8: (cases.FIG8, "ageing contacts"),
-    9: (cases.FIG9, "ageing, against velocity"),
-    10: (cases.FIG10, "ageing, against its rate"),
-    11: (cases.FIG11, "ageing, slower"),
+    1: "no delay, narrow start",
+    2: "elastic instability",
+    3: "critical stiffness",
+    4: "delay .2: stick-slip",
+    5: "broken contacts never re-attach",
+    6: "critical delay",
+    7: "transitions in velocity",
+    8: "ageing contacts",
+    9: "ageing, against velocity",
+    10: "ageing, against its rate",
+    11: "ageing, slower",
 }
 
 
@@ -384,28 +397,28 @@ def presets() -> tuple[dict[str, Any], ...]:
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(rigs.example, rigs.example_names())
-        # A page does not wait for the first slips of contacts that break by heat on a slow fault.
+        # A slow fault whose contacts heat breaks slips twice in what a page waits for: too few for a verdict.
         if rig.name != first()["name"] and rig.interface.temperature is None
     ]
-    for figure, (case, words) in _FIGURES.items():
-        title, document = f"Fig. {figure}: {words}", paper(case, f"Fig. {figure}")
+    for figure, words in _FIGURES.items():
+        title, document = f"Fig. {figure}: {words}", paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
         found.append({"group": "The paper, in natural units", "title": title, "document": document})
     return tuple(found)
 
 
 def bars() -> list[dict[str, Any]]:
     """Return the elastic sliders that the page Fronts begins with: a title and a document."""
-    return _listed("bars")
-
-
-def glossary() -> list[dict[str, str]]:
-    """Return what each quantity is: a term, its unit, a text, and the key of its field if it has one."""
-    return _listed("glossary")
-
-
-def _listed(what: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = tomllib.loads((Path(__file__).parent / f"{what}.toml").read_text("utf-8"))[what]
+    found: list[dict[str, Any]] = _table("bars")["bars"]
     return found
+
+
+def words() -> dict[str, Any]:
+    """Return what each quantity is: a term, its unit, a text, and its field if it has one; and the other fields."""
+    return _table("glossary")
+
+
+def _table(name: str) -> dict[str, Any]:
+    return tomllib.loads((Path(__file__).parent / f"{name}.toml").read_text("utf-8"))
 
 
 def first() -> Document:

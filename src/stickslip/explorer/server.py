@@ -16,13 +16,13 @@ import secrets
 import socket
 import threading
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterator
+from contextlib import aclosing, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import uvicorn
 from starlette.applications import Starlette
@@ -36,7 +36,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from stickslip.errors import InputError, shown
-from stickslip.explorer import PORT, answers, documents, measured, workers
+from stickslip.explorer import PORT, answers, documents, simulate, traces, workers
 from stickslip.explorer.plain import Plain
 from stickslip.explorer.workers import Crew, Job
 from stickslip.io import rig_files as rigs
@@ -96,7 +96,7 @@ ALONE = Limits(
     run=documents.LONGEST,
     quick=60.0,
     slow=600.0,
-    trace=measured.LARGEST_TRACE,
+    trace=traces.LARGEST_TRACE,
     fit=3600.0,
     table=True,
     together=3,
@@ -165,8 +165,8 @@ class _House:
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
         mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
-        offered = {"presets": documents.presets(), "bars": documents.bars(), "glossary": documents.glossary()}
-        self.hello = json.dumps({"kind": "hello", **mine, **offered})
+        offered = {"presets": documents.presets(), "bars": documents.bars()}
+        self.hello = json.dumps({"kind": "hello", **mine, **offered, **documents.words()})
         self.windows: Counter[str] = Counter()
         self.files: Counter[str] = Counter()
 
@@ -181,17 +181,6 @@ class _House:
         finally:
             count[who] -= room
             count += Counter()  # forget those that have left
-
-    async def file(self, job: Job) -> Any:
-        """Do a job that comes with a request of its own, and return its one answer."""
-        replies: list[Any] = []
-        dropped = threading.Event()
-        try:
-            await self.quick.work(job, replies.append, dropped)
-        finally:
-            dropped.set()
-        told = (reply for reply in replies if not isinstance(reply, dict) or not reply.keys() & {"progress", "done"})
-        return next(told, _CLOSING)
 
 
 def application(begin: documents.Document, port: int, *, host: str = HOST, token: str = "") -> ASGIApp:
@@ -212,10 +201,7 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
             Route("/", _page),
             Route("/plotly.min.js", _plotly),
             Mount("/static", StaticFiles(directory=_STATIC)),
-            Route("/sample.csv", _Files(house, _sample), methods=["GET"]),
-            Route("/download/{form}", _Files(house, _download), methods=["POST"]),
-            Route("/trace", _Files(house, _trace), methods=["POST"]),
-            Route("/fit", _Files(house, _fit), methods=["POST"]),
+            *(Route(path, _Files(house, ask), methods=[method]) for path, method, ask in _FILES),
             WebSocketRoute("/session", partial(_session, house)),
         ],
         lifespan=lifespan,
@@ -293,11 +279,68 @@ async def _plotly(_request: Request) -> Response:
     return FileResponse(Path(spec.origin).parent / "package_data" / "plotly.min.js", media_type="text/javascript")
 
 
-class _Files:
-    """Counts who sends or gets a file, before any of it is read and until the last of the answer is sent."""
+class _Asked(NamedTuple):
+    """What comes with a request of its own: the job, the kind of its answer, and the status if it fails."""
 
-    def __init__(self, house: _House, answer: Callable[[_House, Request], Awaitable[Response]]) -> None:
-        self._house, self._answer = house, answer
+    job: Job
+    media: str = "application/json"
+    failed: int = 200
+    slow: bool = False
+
+
+async def _sample(house: _House, _request: Request) -> _Asked:
+    return _Asked(Job("sample", (), house.limits.quick), "text/csv", 500)
+
+
+async def _download(house: _House, request: Request) -> _Asked:
+    form, limits = request.path_params["form"], house.limits
+    if form not in simulate.FORMATS:
+        raise HTTPException(404, f"{form}: there are {', '.join(simulate.FORMATS)}")
+    try:
+        asked = documents.from_json(await _body(request, documents.LARGEST_REQUEST, limits.quick))
+    except InputError as error:
+        raise HTTPException(400, str(error)) from None
+    asked = asked if isinstance(asked, dict) else {}
+    what = (asked.get("document", asked), form, asked.get("duration"), limits.run)
+    return _Asked(Job("download", what, limits.quick), simulate.FORMATS[form], 400)
+
+
+async def _trace(house: _House, request: Request) -> _Asked:
+    asked = request.query_params.get("width", "")
+    width = min(max(int(asked), 100), 4_000) if re.fullmatch("[0-9]{1,5}", asked) else 1_000
+    return _Asked(Job("trace", (*await _file(house, request), width), house.limits.quick))
+
+
+async def _fit(house: _House, request: Request) -> _Asked:
+    content, name, options = await _file(house, request)
+    limits = house.limits
+    if options.pop("intervals", ""):
+        return _Asked(Job("posterior", (content, name, options, limits.table), limits.fit), _LINES, slow=True)
+    return _Asked(Job("fit", (content, name, options, limits.run), limits.quick), _LINES)
+
+
+async def _file(house: _House, request: Request) -> tuple[bytes, str, dict[str, str]]:
+    """A measured trace as it was sent, its name, and what else was asked."""
+    content = await _body(request, house.limits.trace, house.limits.quick)
+    name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
+    return content, name, dict(request.query_params)
+
+
+_LINES = "application/x-ndjson"
+"""Answers line by line, each of them JSON: a fit can take minutes."""
+_FILES = (
+    ("/sample.csv", "GET", _sample),
+    ("/download/{form}", "POST", _download),
+    ("/trace", "POST", _trace),
+    ("/fit", "POST", _fit),
+)
+
+
+class _Files:
+    """Answers requests for files, counted before any of one is read and until the last of the answer is sent."""
+
+    def __init__(self, house: _House, ask: Callable[[_House, Request], Awaitable[_Asked]]) -> None:
+        self._house, self._ask = house, ask
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, if there is room."""
@@ -306,7 +349,7 @@ class _Files:
             try:
                 if not room:
                     raise HTTPException(429, "too many files at once from this address; try again in a moment")
-                response = await self._answer(self._house, request)
+                response = await _answer(self._house, request, await self._ask(self._house, request))
             except InputError as error:  # what is wrong with a file is the answer; 400 would be a fault of the page
                 response = JSONResponse(workers.errors(str(error)))
             except HTTPException as refused:
@@ -316,92 +359,60 @@ class _Files:
             await response(scope, receive, send)
 
 
-def _reply(reply: Any, kind: str, failed: int) -> Response:
-    """A file; or what is wrong, with a status."""
-    return JSONResponse(reply, failed) if isinstance(reply, dict) else Response(reply, media_type=kind)
+async def _answer(house: _House, request: Request, asked: _Asked) -> Response:
+    """All answers line by line, or the one that there is: a file, plain data, or what is wrong."""
+    replies = _replies(house.slow if asked.slow else house.quick, asked.job, request)
+    if asked.media == _LINES:
+        lines = (json.dumps(reply, allow_nan=False) + "\n" async for reply in replies)
+        return StreamingResponse(lines, media_type=_LINES)
+    async with aclosing(replies):
+        async for reply in replies:
+            if not isinstance(reply, dict):
+                return Response(reply, media_type=asked.media)
+            if not reply.keys() & {"progress", "done"}:
+                return JSONResponse(reply, asked.failed if "errors" in reply else 200)
+    return JSONResponse(_CLOSING, asked.failed)
 
 
-async def _sample(house: _House, _request: Request) -> Response:
-    return _reply(await house.file(Job("sample", (), house.limits.quick)), "text/csv", 500)
+async def _replies(crew: Crew, job: Job, request: Request) -> AsyncGenerator[Any]:
+    """What a worker answers, until it is done, nobody reads any more, or the explorer closes."""
+    dropped, replies = threading.Event(), asyncio.Queue[Any]()
+    loop = asyncio.get_running_loop()
 
+    def hand_on(reply: Any) -> None:  # from another thread
+        loop.call_soon_threadsafe(replies.put_nowait, reply)
 
-async def _download(house: _House, request: Request) -> Response:
-    form, limits = request.path_params["form"], house.limits
-    if form not in answers.FORMATS:
-        raise HTTPException(404, f"{form}: there are {', '.join(answers.FORMATS)}")
+    work = asyncio.create_task(crew.work(job, hand_on, dropped))
     try:
-        asked = documents.from_json(await _body(request, documents.LARGEST_REQUEST, limits.quick))
-    except InputError as error:
-        raise HTTPException(400, str(error)) from None
-    asked = asked if isinstance(asked, dict) else {}
-    job = Job("download", (asked.get("document", asked), form, asked.get("duration"), limits.run), limits.quick)
-    return _reply(await house.file(job), answers.FORMATS[form], 400)
-
-
-async def _trace(house: _House, request: Request) -> Response:
-    content, name = await _file(house, request)
-    asked = request.query_params.get("width", "")
-    width = min(max(int(asked), 100), 4_000) if re.fullmatch("[0-9]{1,5}", asked) else 1_000
-    return JSONResponse(
-        await house.file(Job("trace", (content, name, dict(request.query_params), width), house.limits.quick))
-    )
-
-
-async def _file(house: _House, request: Request) -> tuple[bytes, str]:
-    """A measured trace as it was sent, and its name."""
-    content = await _body(request, house.limits.trace, house.limits.quick)
-    return content, Path(request.query_params.get("name", "trace")).name[:100] or "trace"
-
-
-async def _fit(house: _House, request: Request) -> Response:
-    """Answer line by line, each of them JSON: a fit can take minutes. It ends when nobody reads any more."""
-    content, name = await _file(house, request)
-    options, limits = dict(request.query_params), house.limits
-    if options.pop("intervals", ""):
-        crew, job = house.slow, Job("posterior", (content, name, options, limits.table), limits.fit)
-    else:
-        crew, job = house.quick, Job("fit", (content, name, options, limits.run), limits.quick)
-
-    async def lines() -> AsyncIterator[str]:
-        dropped, replies = threading.Event(), asyncio.Queue[Plain]()
-        loop = asyncio.get_running_loop()
-
-        def hand_on(reply: Plain) -> None:  # from another thread
-            loop.call_soon_threadsafe(replies.put_nowait, reply)
-
-        work = asyncio.create_task(crew.work(job, hand_on, dropped))
-        try:
-            while True:
-                try:
-                    reply = await asyncio.wait_for(replies.get(), 0.5)
-                except TimeoutError:
-                    if await request.is_disconnected():
-                        return
-                    if not work.done() or replies.qsize():
-                        continue
-                    reply = _CLOSING
-                yield json.dumps(reply, allow_nan=False) + "\n"
-                if reply.get("done") or "errors" in reply:
+        while True:
+            try:
+                reply = await asyncio.wait_for(replies.get(), 0.5)
+            except TimeoutError:
+                if await request.is_disconnected():
                     return
-        finally:
-            dropped.set()
-            work.cancel()
-
-    return StreamingResponse(lines(), media_type="application/x-ndjson")
+                if not work.done() or replies.qsize():
+                    continue
+                reply = _CLOSING
+            yield reply
+            if isinstance(reply, dict) and (reply.get("done") or "errors" in reply):
+                return
+    finally:
+        dropped.set()
+        work.cancel()
 
 
 async def _body(request: Request, most: int, seconds: float) -> bytes:
     """Read the body of a request, no more of it and no longer than allowed."""
     announced = request.headers.get("content-length", "")
     if re.fullmatch("[0-9]{1,18}", announced) and int(announced) > most:
-        raise InputError(measured.too_large(int(announced), most))
+        raise InputError(traces.too_large(int(announced), most))
     content = bytearray()
     try:
         async with asyncio.timeout(seconds):
             async for chunk in request.stream():
                 content += chunk
                 if len(content) > most:
-                    raise InputError(measured.too_large(len(content), most))
+                    raise InputError(traces.too_large(len(content), most))
     except TimeoutError:
         raise InputError(f"what was sent did not arrive within {seconds:g} s; send it again") from None
     return bytes(content)

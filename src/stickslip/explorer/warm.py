@@ -3,17 +3,17 @@
 import json
 from contextlib import suppress
 
-from stickslip.explorer import answers, documents
+from stickslip.explorer import documents, simulate
 
 
 def _warm() -> None:
     begin = documents.first()
     for method in ("contacts", "master equation"):
         document = json.loads(json.dumps(begin))
-        document["simulation"] = {**document.get("simulation", {}), "method": method, "contacts": 100}
+        document["simulation"] = {"method": method, **({"contacts": 100} if method == "contacts" else {})}
         document["drive"]["distance"] = "5 mm"
         with suppress(Exception):  # the first question will tell
-            for _ in answers.run({"document": document}, lambda _share: None):
+            for _ in simulate.run({"document": document}, lambda _share: None):
                 pass
 
 

@@ -5,20 +5,22 @@ a few readings by closed forms, without error bars. `over_draws` gives the verdi
 """
 
 from stickslip.fitting.arrest import UNKNOWNS, Prior
-from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.events import Events, pick_events
 from stickslip.fitting.fits import Fit, Interval, fit
+from stickslip.fitting.gates import check
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import Delays, Strengthening
 from stickslip.fitting.recipe import quick_fit
 from stickslip.fitting.rigs import Uncertain, over_draws
 from stickslip.fitting.summary import FITTED, HELD_OUT, covariance, statistics
-from stickslip.fitting.synthetic import synthetic_trace
+from stickslip.fitting.synthetic import Bench, synthetic_trace
 from stickslip.fitting.tables import Table, table
 
 __all__ = [
     "FITTED",
     "HELD_OUT",
     "UNKNOWNS",
+    "Bench",
     "Delays",
     "Events",
     "Fit",

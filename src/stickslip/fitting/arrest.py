@@ -26,22 +26,31 @@ _PER_SLIP = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """A parameter of the model: its key, what it is, and whether it is varied in decades."""
+    """A parameter of the model: its key, what it is, the bounds of any prior, and whether it is varied in decades."""
 
     key: str
     title: str
+    least: float
+    most: float
     decades: bool = False
 
 
 UNKNOWNS = (
-    Unknown(key="contacts", title="effective number of contacts N", decades=True),
-    Unknown(key="threshold_std", title="standard deviation of the thresholds, over their mean"),
-    Unknown(key="sliding_force", title="force of a sliding contact, over its mean threshold"),
-    Unknown(key="stiffness_ratio", title="stiffness of the driving spring over that of the interface", decades=True),
-    Unknown(key="damping_ratio", title="damping ratio of the slider on the driving spring"),
-    Unknown(key="track_scatter", title="scatter of the thresholds from slip to slip"),
+    Unknown(key="contacts", title="effective number of contacts N", least=2.0, most=5000.0, decades=True),
+    Unknown(key="threshold_std", title="standard deviation of the thresholds, over their mean", least=0.0, most=2.0),
+    Unknown(key="sliding_force", title="force of a sliding contact, over its mean threshold", least=0.0, most=0.99),
+    Unknown(
+        key="stiffness_ratio",
+        title="stiffness of the driving spring over that of the interface",
+        least=1e-4,
+        most=1e3,
+        decades=True,
+    ),
+    Unknown(key="damping_ratio", title="damping ratio of the slider on the driving spring", least=0.0, most=0.99),
+    Unknown(key="track_scatter", title="scatter of the thresholds from slip to slip", least=0.0, most=1.0),
 )
 KEYS = tuple(unknown.key for unknown in UNKNOWNS)
+_DECADES = np.array([unknown.decades for unknown in UNKNOWNS])
 Range = tuple[float, float]
 
 
@@ -66,64 +75,49 @@ class Prior:
     track_scatter: Range = (0.0, 0.3)
 
     def __post_init__(self) -> None:
-        bounds = {
-            "contacts": (2.0, 5000.0),
-            "threshold_std": (0.0, 2.0),
-            "sliding_force": (0.0, 0.99),
-            "stiffness_ratio": (1e-4, 1e3),
-            "damping_ratio": (0.0, 0.99),
-            "track_scatter": (0.0, 1.0),
-        }
-        for field in fields(self):
-            place, given = f"Prior.{field.name}", getattr(self, field.name)
-            least, most = bounds[field.name]
+        for one, field in zip(UNKNOWNS, fields(self), strict=True):
+            place, given = f"Prior.{one.key}", getattr(self, one.key)
             if not isinstance(given, tuple) or len(given) != 2:
                 raise InputError(f"{place} = {given!r}: must be two numbers, such as {field.default}", place)
-            low, high = (number(place, end, at_least=least, at_most=most) for end in given)
+            low, high = (number(place, end, at_least=one.least, at_most=one.most) for end in given)
             if low >= high:
                 raise InputError(f"{place} = {given!r}: the first must be below the second", place)
 
-    def _edges(self) -> tuple[Array, Array]:
-        ends = np.array([getattr(self, unknown.key) for unknown in UNKNOWNS], dtype=float)
-        for i, unknown in enumerate(UNKNOWNS):
-            if unknown.decades:
-                ends[i] = np.log10(ends[i])
-        return ends[:, 0], ends[:, 1]
+    def _ends(self) -> tuple[Array, Array]:
+        """Ends of the ranges, of some in decades."""
+        low, high = np.array([getattr(self, key) for key in KEYS], dtype=float).T
+        return _in_decades(low), _in_decades(high)
 
     def values(self, part: Array) -> Array:
         """Parameters at parts of their ranges, 0 to 1, along the last axis."""
-        low, high = self._edges()
+        low, high = self._ends()
         found = np.array(low + (high - low) * part)
-        for i, unknown in enumerate(UNKNOWNS):
-            if unknown.decades:
-                found[..., i] = 10.0 ** found[..., i]
+        found[..., _DECADES] = 10.0 ** found[..., _DECADES]
         return found
 
     def parts(self, values: Array) -> Array:
         """Where parameters lie in their ranges, 0 to 1."""
-        low, high = self._edges()
-        found = np.array(values, dtype=float)
-        for i, unknown in enumerate(UNKNOWNS):
-            if unknown.decades:
-                found[..., i] = np.log10(found[..., i])
-        return np.asarray((found - low) / (high - low), dtype=float)
+        low, high = self._ends()
+        return np.asarray((_in_decades(values) - low) / (high - low), dtype=float)
+
+
+def _in_decades(values: Array) -> Array:
+    found = np.array(values, dtype=float)
+    found[..., _DECADES] = np.log10(found[..., _DECADES])
+    return found
 
 
 def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Peaks and troughs of the force, in units of the total contact strength, of up to so many slips.
+    """Peaks and troughs of the force of up to so many slips, in units of the total contact strength.
 
-    Parameters
-    ----------
-    values : array
-        The six parameters, in the order of `UNKNOWNS`.
-    count : int
-        Slips wanted; there are fewer where the model hardly stick-slips.
-    rng : Generator
+    Parameters stand in the order of `UNKNOWNS`; there are fewer slips where the model hardly stick-slips.
     """
     from stickslip.kernels.arrest import Arrest, slips
+    from stickslip.kernels.tournament import tournaments
 
     contacts = max(round(float(values[0])), 1)
     model = Arrest(contacts, *(float(value) for value in values[1:]))
     peaks, troughs = np.empty(count), np.empty(count)
-    found = slips(model, FLOOR, math.ceil(_PER_SLIP * contacts * count), rng, peaks, troughs)
+    most, queue = math.ceil(_PER_SLIP * contacts * count), tournaments(1, contacts)[0]
+    found = slips(model, FLOOR, most, rng, peaks, troughs, queue)
     return peaks[:found], troughs[:found]

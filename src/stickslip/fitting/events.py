@@ -1,4 +1,4 @@
-"""The slips of a measured trace as a fit needs them: picked by hysteresis, with what was found on the way."""
+"""The slips of a measured trace as a fit needs them, with what was found on the way."""
 
 from __future__ import annotations
 
@@ -13,29 +13,20 @@ import xarray as xr
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number
 from stickslip.fitting.arrest import FLOOR
-from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
+from stickslip.fitting.summary import statistics
 from stickslip.measure.arrays import Array, Trace
-from stickslip.measure.bench import about_the_sensor
-from stickslip.measure.slips import white_noise
+from stickslip.measure.slips import pick, resolution, white_noise
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NOISES, _STEPS = 6.0, 3.0
 """The smallest drop is so many standard deviations of the noise, and so many steps of the recording."""
-_RINGING, _REBOUND = 2.0, 0.5
-"""A rise so many times as fast as the loading, and below this part of the drop before, is ringing of that slip."""
-
-FEWEST, FEWEST_SAMPLES, LONGEST_GAP = 30, 20.0, 4
-LARGEST_DROP, LARGEST_NOISE = 0.10, 0.03
-LEAST_SAWTOOTH, CLEAR_SAWTOOTH = 1.5, 4.0
-MOST_DRIFT, STEP = 0.2, 2.0
+FEWEST, LARGEST_DROP = 30, 0.10
+"""Slips that a fit needs, and the largest smallest drop, over the peak, that it takes."""
 PLATEAU, LOST = 2.0, 0.1
 """The count of slips may change by a tenth while the smallest drop is doubled."""
 _FINER = 2.0**0.25
-DIFFERENT = 3.0
-_LEAST_ERROR = 0.02
-RESOLVED = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -135,10 +126,15 @@ class Events(Answer):
         return least_rise(self.smallest, self.noise)
 
     @property
+    def thirds(self) -> tuple[float, float]:
+        """Median loading rate in the first and in the last third of the slips."""
+        third = max(len(self.slopes) // 3, 1)
+        return float(np.median(self.slopes[:third])), float(np.median(self.slopes[-third:]))
+
+    @property
     def drift(self) -> float:
         """Median loading rate in the last third of the slips over that in the first."""
-        third = max(len(self.slopes) // 3, 1)
-        return float(np.median(self.slopes[-third:]) / np.median(self.slopes[:third]))
+        return self.thirds[1] / self.thirds[0]
 
     @property
     def sawtooth(self) -> float:
@@ -242,24 +238,25 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     >>> len(found), float(found.drops.mean()), round(found.recurrence, 3)
     (38, 4.0, 5.0)
     """
-    from stickslip.kernels.turning_points import pick
-
     instance("fit: trace", trace, xr.Dataset, "a Dataset, such as read_trace() returns")
     kept = trace if after is None else trace.sel(time=slice(number("after", after), None))
     read = Trace.of(kept)
     force = np.ascontiguousarray(read.force)
-    noise, resolution = white_noise(force), _resolution(force)
+    noise, step = white_noise(force), resolution(force)
     height = float(np.quantile(force, 0.9))
     if not height > 0:
         raise InputError(f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, counted from 0")
 
     def picked(drop: float) -> tuple[Any, Any]:
-        peaks, troughs = _without_ringing(read.t, force, *pick(force, drop, least_rise(drop, noise)))
+        rise = least_rise(drop, noise)
+        peaks, troughs = pick(read.t, force, drop, rise)
         first = 0 if after is not None else 1  # its peak follows the loading from rest
+        if len(troughs) and force[troughs[-1] :].max() - force[troughs[-1]] < rise:
+            peaks, troughs = peaks[:-1], troughs[:-1]
         return peaks[first:], troughs[first:]
 
     if smallest is None:
-        smallest = max(_NOISES * noise, _STEPS * resolution, FLOOR * height)
+        smallest = max(_NOISES * noise, _STEPS * step, FLOOR * height)
         smallest = _on_a_plateau(lambda drop: len(picked(drop)[0]), smallest, LARGEST_DROP * height)
     else:
         smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
@@ -267,11 +264,12 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     peaks, troughs = picked(smallest)
     if len(peaks) < 2:
         raise InputError(
-            f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, resolution {resolution:.2g}): "
+            f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, resolution {step:.2g}): "
             f"at least {FEWEST} slips are needed; stick-slip shows more, or --smallest is too large"
         )
-    counts = tuple((float(h), len(picked(float(h))[0])) for h in smallest * np.geomspace(0.5, 16.0, 21))
     filled = np.asarray(kept["filled"].values) if "filled" in kept else np.zeros(force.size, dtype=bool)
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], ~filled, [True]]))) - 1
+    steps = np.diff(read.t)
     load = np.asarray(kept["load"].values, dtype=float) if "load" in kept else np.ones(1)
     return Events(
         time=read.t,
@@ -280,106 +278,14 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
         trough_at=troughs,
         smallest=float(smallest),
         noise=noise,
-        resolution=resolution,
-        counts=counts,
-        gap=max(_longest(filled), _longest_jump(read.t)),
-        force_unit=_unit(kept["spring_force"]),
-        time_unit=_unit(kept["time"]),
+        resolution=step,
+        counts=tuple((float(h), len(picked(float(h))[0])) for h in smallest * np.geomspace(0.5, 16.0, 21)),
+        gap=max(int(runs.max()), round(float(steps.max() / np.median(steps))) - 1),
+        force_unit=str(kept["spring_force"].attrs.get("units", "")),
+        time_unit=str(kept["time"].attrs.get("units", "")),
         source=str(trace.attrs.get("source", "")),
         load_change=float(np.ptp(np.quantile(load, (0.05, 0.95))) / abs(load.mean())) if load.mean() else 0.0,
     )
-
-
-def check(events: Events) -> tuple[str, ...]:
-    """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
-    f = events.force_unit and f" {events.force_unit}"
-    peak, smallest = events.mean_peak, events.smallest
-    for fault in about_the_sensor(events.force):
-        raise InputError(f"fit: {fault}; reduce its gain, and record again")
-    if events.gap > LONGEST_GAP:
-        raise InputError(
-            f"fit: {events.gap} samples in a row are missing: at most {LONGEST_GAP} are filled in; cut the trace there"
-        )
-    if events.load_change > 0.05:
-        raise InputError(
-            f"fit: the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
-        )
-    if events.noise > LARGEST_NOISE * peak:
-        raise InputError(
-            f"fit: the noise is {100 * events.noise / peak:.2g} % of the peak force: at most "
-            f"{100 * LARGEST_NOISE:g} %; smooth the trace, or record it with less noise"
-        )
-    if smallest > LARGEST_DROP * peak:
-        raise InputError(
-            f"fit: drops below {smallest:.3g}{f}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
-            f"noise: at most {100 * LARGEST_DROP:g} %; record faster, or with less noise"
-        )
-    if events.sawtooth < LEAST_SAWTOOTH:
-        raise InputError(
-            f"fit: the force rises for {events.sawtooth:.2g} times as long as it drops: this is an oscillation or "
-            f"noise, not stick-slip, where it is at least {LEAST_SAWTOOTH:g}"
-        )
-    if events.samples_per_period < FEWEST_SAMPLES:
-        raise InputError(
-            f"fit: {events.samples_per_period:.3g} samples from slip to slip: at least {FEWEST_SAMPLES:g} are needed; "
-            "record faster, or pull slower"
-        )
-    if len(events) < FEWEST:
-        raise InputError(f"fit: {len(events)} slips: at least {FEWEST} are needed; record for longer")
-    doubled = events.count_at(PLATEAU * smallest)
-    if doubled < (1.0 - LOST) * len(events):
-        raise InputError(
-            f"fit: {len(events)} drops of at least {smallest:.3g}{f}, but {doubled} of at least twice that: how many "
-            "slips there are depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
-        )
-    _check_steady(events)
-    return tuple(_notes(events))
-
-
-def _check_steady(events: Events) -> None:
-    ratio, at = _largest_step(events.slopes)
-    if ratio > STEP:
-        when = events.time[events.peak_at[at]]
-        raise InputError(
-            f"fit: the loading rate changes {ratio:.2g} times at t = {when:.4g}{events.time_unit and ' '}"
-            f"{events.time_unit}: the speed or the load was changed; fit one part of the trace"
-        )
-    name, z = halves(events)
-    if z > DIFFERENT:
-        raise InputError(
-            f"fit: the halves of the trace differ: {name} by {z:.2g} standard errors, at most {DIFFERENT:g}; fit one "
-            "part of the trace"
-        )
-
-
-def _notes(events: Events) -> list[str]:
-    notes = []
-    if abs(math.log(events.drift)) > math.log1p(MOST_DRIFT):
-        notes.append(
-            f"the loading rate in the last third is {events.drift:.2f} times that in the first: the drive or the rig "
-            "is not steady; what is fitted depends on the order of the slips, not on time"
-        )
-    if events.sawtooth < CLEAR_SAWTOOTH:
-        notes.append(f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip")
-    if events.slip_samples < RESOLVED:
-        notes.append(
-            f"slips are not resolved (samples in each: {events.slip_samples:.2g}): only bounds on mass and delay"
-        )
-    return notes
-
-
-def halves(events: Events) -> tuple[str, float]:
-    """The statistic by which the halves of a trace differ most, and by how many standard errors.
-
-    The errors are those of the whole trace, doubled: of the half as many slips in a half, and of a difference.
-    """
-    middle = len(events) // 2
-    parts = events.part(0, middle), events.part(middle, 2 * middle)
-    one, other = (comparable(statistics(part.peaks, part.troughs)) for part in parts)
-    error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
-    z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
-    worst = int(np.argmax(z))
-    return FITTED[worst], float(z[worst])
 
 
 def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> float:
@@ -395,65 +301,3 @@ def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> f
 def least_rise(drop: float, noise: float) -> float:
     """The smallest rise that parts two slips, where a drop of at least `drop` is one."""
     return min(drop, max(_NOISES * noise, 0.5 * drop))
-
-
-def _largest_step(slopes: Array) -> tuple[float, int]:
-    """Largest ratio of the median slopes on both sides of a slip, and where."""
-    many = max(8, slopes.size // 8)
-    best, where = 1.0, 0
-    for i in range(many, slopes.size - many + 1):
-        before, behind = np.median(slopes[i - many : i]), np.median(slopes[i : i + many])
-        ratio = float(max(before / behind, behind / before))
-        if ratio > best:
-            best, where = ratio, i
-    return best, where
-
-
-def _without_ringing(t: Array, force: Array, peaks: Any, troughs: Any) -> tuple[Any, Any]:
-    """Join what a slip is followed by while the slider rings: rises much faster than the loading, and smaller."""
-    if len(peaks) < 3:
-        return peaks, troughs
-    rise = force[peaks[1:]] - force[troughs[:-1]]
-    took = t[peaks[1:]] - t[troughs[:-1]]
-    order = np.argsort(rise / took)
-    weight = np.cumsum(took[order])
-    usual = (rise / took)[order][np.searchsorted(weight, 0.5 * weight[-1])]
-    kept: list[list[int]] = [[int(peaks[0]), int(troughs[0])]]
-    for n in range(1, len(peaks)):
-        first, last = kept[-1]
-        fast = rise[n - 1] > _RINGING * usual * took[n - 1]
-        if fast and force[peaks[n]] - force[last] < _REBOUND * (force[first] - force[last]):
-            if force[troughs[n]] < force[last]:
-                kept[-1][1] = int(troughs[n])
-        else:
-            kept.append([int(peaks[n]), int(troughs[n])])
-    joined = np.array(kept, dtype=np.int64)
-    return joined[:, 0], joined[:, 1]
-
-
-def _resolution(force: Array) -> float:
-    """Step in which a trace was recorded; 0 if its values lie on no grid."""
-    values = np.unique(force)
-    if values.size < 2 or values.size > force.size // 2:
-        return 0.0
-    # Interpolated samples lie off the grid: the step is that which most differences are multiples of.
-    steps = np.diff(values)
-    step = float(np.median(steps[steps <= 1.5 * np.median(steps)]))
-    off = np.abs((force - values[0]) / step - np.round((force - values[0]) / step))
-    return step if float(np.mean(off < 0.1)) > 0.99 else 0.0
-
-
-def _longest(flags: Array) -> int:
-    """Longest run of true flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
-
-
-def _longest_jump(t: Array) -> int:
-    """Samples missing in the longest jump of the time."""
-    steps = np.diff(t)
-    return round(float(steps.max() / np.median(steps))) - 1
-
-
-def _unit(variable: xr.DataArray) -> str:
-    return str(variable.attrs.get("units", ""))

@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from stickslip.answers import Answer
+from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, instance, whole
-from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior, simulate
-from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior, Unknown, simulate
+from stickslip.fitting.events import Events, pick_events
+from stickslip.fitting.gates import check
 from stickslip.fitting.inference import EDGE, infer, see
 from stickslip.fitting.known import QUANTITIES, Known, likelihood_of, quantity_of
 from stickslip.fitting.observation import Observation
+from stickslip.fitting.rates import Delays, Pairs, Strengthening, delays_of, strengthening_of
 from stickslip.fitting.summary import FITTED, NAMES
 from stickslip.fitting.synthetic import sampled
-from stickslip.fitting.tables import DRAWS, SLIPS, Table, table
+from stickslip.fitting.tables import DRAWS, SLIPS, table
 from stickslip.measure.arrays import Array
-from stickslip.model.units import engineering
 from stickslip.progress import reporting
+from stickslip.words import engineering
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stickslip.fitting.rates import Delays, Strengthening
     from stickslip.model.rig import Rig
 
 POSTERIOR = 300
@@ -39,8 +39,19 @@ _IDENTIFIED, _WEAK = 0.5, 0.7
 _WIDE = 10.0
 """An interval whose ends differ by more than this, a factor of three either way, identifies no size."""
 _AT_BOUND, _NEAR = 0.1, 0.02
-_LOW = 0.02
+LOW = 0.02
 """p-values below this are told of."""
+
+
+class Standing(NamedTuple):
+    """A statistic of the trace and the range of 95 % of the draws, from their median in a quarter of that range."""
+
+    name: str
+    p: float
+    fitted: bool
+    low: float
+    high: float
+    here: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,19 +80,32 @@ class Interval:
     verdict: Verdict | None = None
     width: float | None = None
 
+    @classmethod
+    def of(cls, draws: Array, key: str, title: str, unit: str, **more: Any) -> Interval:
+        """Take it from draws."""
+        low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
+        return cls(key=key, title=title, unit=unit, low=low, median=median, high=high, **more)
+
     def __str__(self) -> str:
         for digits in (2, 3, 4):  # as many as show that the ends differ
-            if self.unit in ("", "1"):
-                low, median, high = (f"{value:.{digits}g}" for value in (self.low, self.median, self.high))
-            else:
-                low, median, high = (
-                    engineering(value, self.unit, digits) for value in (self.low, self.median, self.high)
-                )
+            low, median, high = (engineering(value, self.unit, digits) for value in (self.low, self.median, self.high))
             if low != high:
                 break
         wide = 0.0 < self.low * _WIDE < self.high
         factor = f", to a factor {math.sqrt(self.high / self.low):.2g} either way" if wide else ""
         return f"{median} ({low} to {high}){factor}"
+
+
+def _parameter(unknown: Unknown, values: Array, parts: Array) -> Interval:
+    """A parameter of the model, with what the trace says of it; parts lie between 0 and 1."""
+    width = float(np.subtract(*np.quantile(parts, (0.95, 0.05)))) / 0.9
+    found = Interval.of(values, unknown.key, unknown.title, "1", width=width)
+    verdict: Verdict = "weak" if width < _WEAK else "not identified"
+    if width < _IDENTIFIED and not (unknown.decades and found.high > _WIDE * found.low):
+        verdict = "identified"
+    if max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean())) > _AT_BOUND:
+        verdict = "at a bound"
+    return replace(found, verdict=verdict)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -140,43 +164,15 @@ class Fit(Answer):
     def parameters(self) -> tuple[Interval, ...]:
         """The six parameters of the model, each with what the trace says of it."""
         parts = self.prior.parts(self.values)
-        found = []
-        for i, unknown in enumerate(UNKNOWNS):
-            low, median, high = np.quantile(self.values[:, i], (0.05, 0.5, 0.95))
-            width = float(np.subtract(*np.quantile(parts[:, i], (0.95, 0.05)))) / 0.9
-            bound = max(float((parts[:, i] < _NEAR).mean()), float((parts[:, i] > 1 - _NEAR).mean())) > _AT_BOUND
-            verdict: Verdict = (
-                "at a bound"
-                if bound
-                else "identified"
-                if width < _IDENTIFIED and not (unknown.decades and high > _WIDE * low)
-                else "weak"
-                if width < _WEAK
-                else "not identified"
-            )
-            found.append(
-                Interval(
-                    key=unknown.key,
-                    title=unknown.title,
-                    unit="1",
-                    low=float(low),
-                    median=float(median),
-                    high=float(high),
-                    verdict=verdict,
-                    width=width,
-                )
-            )
-        return tuple(found)
+        return tuple(_parameter(one, self.values[:, i], parts[:, i]) for i, one in enumerate(UNKNOWNS))
 
     def __getitem__(self, key: str) -> Interval:
         """A parameter of the model, or a quantity in SI units."""
         for interval in self.parameters:
             if interval.key == key:
                 return interval
-        draws = self.draws(key)
-        low, median, high = (float(value) for value in np.quantile(draws, (0.05, 0.5, 0.95)))
-        unit, title = ("s", "delay of re-attachment") if key == "delay" else QUANTITIES[key][:2]
-        return Interval(key=key, title=title, unit=unit, low=low, median=median, high=high)
+        unit, title = ("s", "delay of re-attachment") if key == "delay" else QUANTITIES.get(key, ("", key))[:2]
+        return Interval.of(self.draws(key), key, title, unit)
 
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.
@@ -195,19 +191,24 @@ class Fit(Answer):
     @property
     def quantities(self) -> tuple[Interval, ...]:
         """All that what is known allows to tell in SI units."""
-        names = [name for name, (_, _, needs) in QUANTITIES.items() if self.known.has(needs)]
+        names = [name for name, (_, _, needs) in QUANTITIES.items() if self.known.has(*needs)]
         if self.delays is not None:
             names.append("delay")
         if self.events.force_unit == "1" and self.known.load is None:
             return ()
         return tuple(self[name] for name in names)
 
+    def series(self, row: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Peaks and troughs of a series of slips that one draw makes, in the unit of the force."""
+        peaks, troughs = simulate(self.values[row], count, rng)
+        return self.strength[row] * peaks, self.strength[row] * troughs
+
     def simulated(self, slips: int = 40) -> xr.Dataset:
         """A trace that the draw nearest to the medians makes, loaded and sampled as the measured one was."""
         parts = self.prior.parts(self.values)
         i = int(np.argmin(((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)))
         rng, events = np.random.default_rng(i), self.events
-        peaks, troughs = (self.strength[i] * each for each in simulate(self.values[i], slips, rng))
+        peaks, troughs = self.series(i, slips, rng)
         return sampled(peaks, troughs, events.loading_rate, events.step, events.noise, rng)
 
     # ------------------------------------------------------------------------------------------------------- the test
@@ -222,9 +223,18 @@ class Fit(Answer):
         p = np.clip(2.0 * np.minimum(above, below), least, 1.0)
         return dict(zip(NAMES, p.tolist(), strict=True))
 
+    @property
+    def test(self) -> tuple[Standing, ...]:
+        """Each statistic of the trace among those of series of the draws."""
+        low, middle, high = np.quantile(self.predicted, (0.025, 0.5, 0.975), axis=0)
+        scale = np.maximum(high - low, 1e-12) / 4.0
+        placed = ((each - middle) / scale for each in (low, high, self.events.statistics))
+        rows = zip(self.p_values.items(), *(each.tolist() for each in placed), strict=True)
+        return tuple(Standing(name, p, name in FITTED, *ends) for (name, p), *ends in rows)
+
     def surprises(self) -> tuple[str, ...]:
         """Statistics that the draws do not make: p below .02."""
-        return tuple(name for name, p in self.p_values.items() if p < _LOW)
+        return tuple(name for name, p in self.p_values.items() if p < LOW)
 
     # --------------------------------------------------------------------------------------------------- what to do
 
@@ -232,20 +242,14 @@ class Fit(Answer):
     def next_experiments(self) -> tuple[str, ...]:
         """Measurements that would tell what this trace does not, and which intervals they would narrow."""
         done = {one.key for one in self.parameters if one.verdict == "identified"}
-        wanted = (
-            (
-                self.delays is None,
-                "mean friction at four speeds or more (--speeds): the delay, of which nothing is known",
-            ),
-            (self.strengthening is None, "static friction after three holds or more (--holds): ageing"),
-            (
-                "stiffness_ratio" not in done,
-                "a slow push too small for a slip: the stiffness of the interface, and with it the stiffness ratio and "
-                "the breaking displacement",
-            ),
-            ("damping_ratio" not in done, "a tap on the free slider: the damping ratio"),
-        )
-        return tuple(what for missing, what in wanted if missing)
+        wanted = {
+            "mean friction at four speeds or more (--speeds): the delay, of which nothing is known": not self.delays,
+            "static friction after three holds or more (--holds): ageing": not self.strengthening,
+            "a slow push too small for a slip: the stiffness of the interface, and with it the stiffness ratio and the "
+            "breaking displacement": "stiffness_ratio" not in done,
+            "a tap on the free slider: the damping ratio": "damping_ratio" not in done,
+        }
+        return tuple(what for what, missing in wanted.items() if missing)
 
     def rig(self, *, name: str = "fitted rig", mass: object = None, speed: object = None) -> Rig:
         """The rig: the most central draw whose own run makes the trace; what was fitted has its interval and draws.
@@ -268,27 +272,32 @@ class Fit(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return the fit as plain numbers, texts and lists."""
 
-        def plain(interval: Interval) -> dict[str, Any]:
-            kept = {name: getattr(interval, name) for name in ("low", "median", "high", "unit", "verdict", "width")}
-            return {name: value for name, value in kept.items() if value is not None}
+        def intervals(found: tuple[Interval, ...]) -> dict[str, Any]:
+            kept = ("low", "median", "high", "unit", "verdict", "width")
+            return {
+                one.key: {name: value for name in kept if (value := getattr(one, name)) is not None} for one in found
+            }
 
-        return {
-            "slips": len(self.events),
-            "force_unit": self.events.force_unit,
-            "parameters": {one.key: plain(one) for one in self.parameters},
-            "quantities": {one.key: plain(one) for one in self.quantities},
-            "known": {name: list(pair) for name, pair in self.known.to_dict().items()},
-            "edge": self.edge,
-            "adjusted": self.adjusted,
-            "effective_draws": self.effective,
-            "invalid": self.invalid,
-            "simulations": self.simulations,
-            "statistics": dict(zip(NAMES, self.events.statistics.tolist(), strict=True)),
-            "p_values": self.p_values,
-            "notes": list(self.notes),
-            "delay": None if self.delays is None else self.delays.to_dict(),
-            "ageing": None if self.strengthening is None else self.strengthening.to_dict(),
-        }
+        found: dict[str, Any] = plain(
+            {
+                "slips": len(self.events),
+                "force_unit": self.events.force_unit,
+                "parameters": intervals(self.parameters),
+                "quantities": intervals(self.quantities),
+                "known": self.known.to_dict(),
+                "edge": self.edge,
+                "adjusted": self.adjusted,
+                "effective_draws": self.effective,
+                "invalid": self.invalid,
+                "simulations": self.simulations,
+                "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
+                "p_values": self.p_values,
+                "notes": self.notes,
+                "delay": None if self.delays is None else self.delays.to_dict(),
+                "ageing": self.strengthening,
+            }
+        )
+        return found
 
     def __str__(self) -> str:
         width = max(len(one.title) for one in (*self.parameters, *self.quantities))
@@ -320,12 +329,10 @@ def fit(
     prior: Prior = Prior(),
     smallest: float | None = None,
     after: float | None = None,
-    speeds: tuple[tuple[object, object], ...] = (),
-    holds: tuple[tuple[object, object], ...] = (),
+    speeds: Pairs = (),
+    holds: Pairs = (),
     draws: int = DRAWS,
-    rounds: int | None = None,
     seed: int = 0,
-    executor: Executor | None = None,
     progress: Callable[[float], None] | bool | None = None,
 ) -> Fit:
     """Fit the interface behind a measured stick-slip trace.
@@ -352,12 +359,8 @@ def fit(
     holds : sequence of pairs, optional
         Static friction after holds: they tell ageing.
     draws : int
-        Size of the table.
-    rounds : int, optional
-        Rounds of simulations near the trace; by default two at the edge of what the model makes, else none.
+        Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a cluster, for fits to find.
     seed : int
-    executor : Executor, optional
-        Where the table is made; by default threads.
     progress : callable or bool, optional
         Is told what part of the table is there; a bar for True.
 
@@ -384,13 +387,8 @@ def fit(
     likelihood = likelihood_of(events, given)
     observation = Observation.of(events)
     with reporting(progress, "simulating") as report:
-        made: Table = table(
-            prior=prior,
-            draws=draws,
-            executor=executor,
-            progress=report,
-        )
-    sample = infer(made, observation, events.statistics, likelihood=likelihood, rounds=rounds, seed=seed)
+        made = table(prior=prior, draws=draws, progress=report)
+    sample = infer(made, observation, events.statistics, likelihood=likelihood, seed=seed)
     parts = sample.resample(POSTERIOR, np.random.default_rng([seed, 4]))
     again = see(prior, parts, observation, seed=seed + 1000)
     valid = again.valid
@@ -417,32 +415,24 @@ def fit(
         invalid=sample.invalid,
         simulations=sample.simulations,
         notes=(),
+        strengthening=strengthening_of(holds) if holds else None,
     )
-    return _completed(found, notes, speeds, holds)
+    delays = delays_of(found, speeds) if speeds else None
+    return replace(found, notes=(*notes, *_notes(found)), delays=delays)
 
 
-def _completed(
-    found: Fit, notes: list[str], speeds: tuple[tuple[object, object], ...], holds: tuple[tuple[object, object], ...]
-) -> Fit:
-    """Add what other speeds and holds say, and notes on what was found."""
-    from stickslip.fitting.rates import delays_of, strengthening_of
-
+def _notes(found: Fit) -> Iterator[str]:
+    """What a reader should know of what was found."""
     for one in found.parameters:
         if one.verdict == "at a bound":
-            notes.append(f"{one.title}: at a bound of its prior")
+            yield f"{one.title}: at a bound of its prior"
     if surprises := found.surprises():
-        notes.append(
-            f"the model does not make these of the trace's {len(NAMES)} statistics (p < {_LOW:g}; by chance "
-            f"{_LOW * len(NAMES):.1g} of them): {', '.join(surprises)}"
+        yield (
+            f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
+            f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}"
         )
     if found["contacts"].high < 100:
-        notes.append(
+        yield (
             "N is an effective number of independent strength units, inferred from the scatter; not a count of "
             "asperities"
         )
-    return replace(
-        found,
-        notes=tuple(notes),
-        delays=delays_of(found, speeds) if speeds else None,
-        strengthening=strengthening_of(holds) if holds else None,
-    )

@@ -31,6 +31,8 @@ _ROUND = 4_000
 _ROUND_COST, _PER_CONTACT = 15.0, 4e-7
 """Seconds that a round may take on one core, by estimate, and what a slip costs per contact."""
 _FEWEST_IN_A_ROUND = 1_000
+_SHARES = 8
+"""Parts in which simulations are drawn, each by its own numbers: on any number of cores the same."""
 _SMALL = 1e-4
 _LITTLE = 1e-3
 """Of the largest weight, which is 1 of a likelihood: draws with less do not count."""
@@ -39,23 +41,7 @@ Likelihood = Callable[[Array], Array]
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """Weighted draws of the parameters.
-
-    Attributes
-    ----------
-    parts : (draws, 6) array
-        Where they lie in the ranges of the prior, 0 to 1.
-    weights : (draws,) array
-        Their sum is 1.
-    edge : float
-        Percentile of the trace's distance from its neighbours among those of series drawn from the prior.
-    adjusted : bool
-        Whether they were moved by the regression.
-    invalid : float
-        Fraction of the prior that does not stick-slip as the trace does.
-    simulations : int
-        Series compared.
-    """
+    """Weighted draws of the parameters, as parts of the ranges of the prior; other numbers as in `Fit`."""
 
     parts: Array
     weights: Array
@@ -85,25 +71,11 @@ def infer(
     seen: Seen | None = None,
     seed: int = 0,
 ) -> Sample:
-    """Draw parameters that make what was observed.
+    """Draw parameters that make the statistics that were observed, of a trace recorded as the observation says.
 
-    Parameters
-    ----------
-    table : Table
-        Simulations from the prior.
-    observation : Observation
-        How the trace was recorded.
-    observed : array
-        Its statistics.
-    likelihood : callable, optional
-        Of parameters, along the last axis, by what is known of them besides; at most 1.
-    rounds : int, optional
-        Rounds of simulations near the trace; by default two where it lies at the edge, else none.
-    nearest : int
-        Draws kept.
-    seen : Seen, optional
-        What the table shows to this observation, where that is at hand.
-    seed : int
+    A likelihood says what else is known of parameters, along the last axis, and is at most 1. There are two rounds of
+    simulations near the trace where it lies at the edge, else none, unless `rounds` says so; so many draws are kept.
+    `seen` is what the table shows to this observation, where that is at hand.
 
     Raises
     ------
@@ -171,7 +143,7 @@ def infer(
 def see(prior: Prior, parts: Array, observation: Observation, *, seed: int = 0) -> Seen:
     """Simulate at given parts of the ranges of a prior, on all cores, and observe."""
     slips = observation.slips_needed
-    blocks = np.array_split(np.arange(len(parts)), max(1, min(len(parts), 4 * (os.cpu_count() or 1))))
+    blocks = np.array_split(np.arange(len(parts)), max(1, min(len(parts), _SHARES)))
 
     def one(block: int) -> dict[str, np.ndarray]:
         return simulated(prior, parts[blocks[block]], slips, np.random.default_rng([seed, 3, block]))

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip.errors import InputError, instance, number
+from stickslip.errors import InputError, instance
 from stickslip.fitting.events import Events
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
-from stickslip.model.quantities import read_quantity
+from stickslip.model.quantities import read_value
 
 _UNITS = {
     "stiffness": ("N/m", "350 N/m"),
@@ -22,18 +22,6 @@ _UNITS = {
 }
 _USUAL_ERROR = 0.02
 """Relative error of a value that is given without one."""
-
-QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
-    "contact_strength": ("N", "total contact strength N f_s", ()),
-    "static_friction": ("N", "mean force before a slip, as measured", ()),
-    "sliding_friction": ("N", "force of all contacts while they slide", ()),
-    "interface_stiffness": ("N/m", "stiffness of all contacts together, N k", ("stiffness",)),
-    "breaking_displacement": ("m", "breaking displacement x_s", ("stiffness",)),
-    "speed": ("m/s", "speed of the drive", ("stiffness",)),
-    "friction_coefficient": ("1", "mean force before a slip over the load, as measured", ("load",)),
-    "frequency": ("Hz", "natural frequency of the slider on its spring, as given", ("stiffness", "mass")),
-}
-"""Unit and title of each quantity, and what must be known for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,19 +41,9 @@ class Known:
         for name, value in (given or {}).items():
             if name not in _UNITS:
                 raise InputError(f"known: {name!r}: must be one of {', '.join(_UNITS)}", "known")
-            unit, example = _UNITS[name]
-            pair = value if isinstance(value, tuple) and len(value) == 2 else (value, None)
-
-            def read(one: object, name: str = name, unit: str = unit, example: str = example) -> float:
-                if isinstance(one, str):
-                    try:
-                        one = read_quantity(one, unit, example)
-                    except InputError as error:
-                        raise InputError(f"known.{name} = {one!r}: {error}", f"known.{name}") from None
-                return number(f"known.{name}", one, above=0, hint=f"in {unit}")
-
-            middle = read(pair[0])
-            found[name] = (middle, _USUAL_ERROR * middle if pair[1] is None else read(pair[1]))
+            pair = value if isinstance(value, tuple) and len(value) == 2 else (value,)
+            middle, *error = (read_value(f"known.{name}", one, *_UNITS[name]) for one in pair)
+            found[name] = (middle, error[0] if error else _USUAL_ERROR * middle)
         return cls(**found)
 
     def drawn(self, name: str, count: int) -> Array:
@@ -78,7 +56,7 @@ class Known:
         """The same values, taken as exact."""
         return Known(**{name: (middle, 0.0) for name, (middle, _) in self.to_dict().items()})
 
-    def has(self, names: tuple[str, ...]) -> bool:
+    def has(self, *names: str) -> bool:
         """Whether all of these are known."""
         return all(getattr(self, name) is not None for name in names)
 
@@ -87,31 +65,34 @@ class Known:
         return {name: value for name in _UNITS if (value := getattr(self, name)) is not None}
 
 
-class Scale:
-    """Units of a trace in SI units."""
+# ----------------------------------------------------------------------------------------------------- units of a trace
 
-    def __init__(self, events: Events, known: Known) -> None:
-        if events.force_unit == "1":
-            self.force = None if known.load is None else known.load[0]
-        else:
-            self.force = ratio(events.force_unit, "N") if events.force_unit else 1.0
-        self.time = ratio(events.time_unit, "s") if events.time_unit else 1.0
 
-    def of_force(self) -> float:
-        """One unit of force, in N."""
-        if self.force is None:
-            raise InputError("fit: the force has no unit of force; give the load with a coefficient of friction")
-        return self.force
+def newtons(events: Events, known: Known = Known()) -> float:
+    """One unit of the force of a trace in N; of a coefficient of friction, the load."""
+    size = known.load and known.load[0] if events.force_unit == "1" else ratio(events.force_unit or "N", "N")
+    if size is None:
+        raise InputError("fit: the force has no unit of force; give the load with a coefficient of friction")
+    return size
 
-    def rate(self, events: Events) -> float:
-        """Loading rate in N/s."""
-        return events.loading_rate * self.of_force() / (self.time or 1.0)
+
+def seconds(events: Events) -> float:
+    """One unit of the time of a trace in s."""
+    size = ratio(events.time_unit or "s", "s")
+    if size is None:
+        raise InputError(f"fit: the unit of time {events.time_unit!r} is not known; read the trace with step=")
+    return size
+
+
+def loading_rate(events: Events, known: Known) -> float:
+    """Rise of the force between slips, in N/s."""
+    return events.loading_rate * newtons(events, known) / seconds(events)
 
 
 def rate_error(events: Events) -> float:
     """Relative error of the loading rate: half of what it drifts by from the first third to the last."""
-    third = max(len(events.slopes) // 3, 1)
-    return abs(float(np.median(events.slopes[-third:]) - np.median(events.slopes[:third]))) / 2.0 / events.loading_rate
+    first, last = events.thirds
+    return abs(last - first) / 2.0 / events.loading_rate
 
 
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | None:
@@ -122,14 +103,11 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | No
     InputError
         If the force rises faster than the spring can make it.
     """
-    if not known.has(("stiffness", "speed")):
+    if known.stiffness is None or known.speed is None:
         return None
-    assert known.stiffness is not None
-    assert known.speed is not None
-    loading = Scale(events, known).rate(events)
-    product = known.stiffness[0] * known.speed[0]
-    error = np.hypot(known.stiffness[1] / known.stiffness[0], known.speed[1] / known.speed[0])
-    error = float(np.hypot(error, rate_error(events)))
+    (K, of_stiffness), (v, of_speed) = known.stiffness, known.speed
+    loading, product = loading_rate(events, known), K * v
+    error = math.hypot(of_stiffness / K, of_speed / v, rate_error(events))
     if product * (1.0 + 3.0 * error) < loading:
         raise InputError(
             f"known: stiffness times speed is {product:.4g} N/s, but the force rises at {loading:.4g} N/s: the "
@@ -141,6 +119,22 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | No
         return np.asarray(np.exp(-0.5 * away**2))
 
     return likelihood
+
+
+# ----------------------------------------------------------------------------------------------------------- quantities
+
+
+QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
+    "contact_strength": ("N", "total contact strength N f_s", ()),
+    "static_friction": ("N", "mean force before a slip, as measured", ()),
+    "sliding_friction": ("N", "force of all contacts while they slide", ()),
+    "interface_stiffness": ("N/m", "stiffness of all contacts together, N k", ("stiffness",)),
+    "breaking_displacement": ("m", "breaking displacement x_s", ("stiffness",)),
+    "speed": ("m/s", "speed of the drive", ("stiffness",)),
+    "friction_coefficient": ("1", "mean force before a slip over the load, as measured", ("load",)),
+    "frequency": ("Hz", "natural frequency of the slider on its spring, as given", ("stiffness", "mass")),
+}
+"""Unit and title of each quantity, and what must be known for it."""
 
 
 def quantity_of(name: str, values: Array, strength: Array, events: Events, known: Known) -> Array:
@@ -158,35 +152,37 @@ def quantity_of(name: str, values: Array, strength: Array, events: Events, known
         )
     if name not in QUANTITIES:
         raise InputError(f"fit: {name!r}: must be one of {', '.join(QUANTITIES)}")
-    missing = [need for need in QUANTITIES[name][2] if not known.has((need,))]
+    missing = [need for need in QUANTITIES[name][2] if not known.has(need)]
     if missing:
         raise InputError(
             f"fit: {name}: a force trace alone does not tell it; give {' and '.join(missing)}, as in "
             f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
         )
-    kappa, count = values[:, 3], len(values)
-    scale = Scale(events, known)
-    of_load = known.drawn("load", count) if known.load is not None else np.ones(count)
-    unit = of_load if events.force_unit == "1" else np.full(count, scale.of_force())
-    force = strength * unit
-    error = float(np.std(events.peaks)) / math.sqrt(len(events))
-    before = (events.mean_peak + error * np.random.default_rng([4, count]).standard_normal(count)) * unit
-    if name == "friction_coefficient":
-        return np.asarray(before / of_load)
-    if name == "contact_strength":
-        return np.asarray(force)
-    if name == "static_friction":
-        return np.asarray(before)
-    if name == "sliding_friction":
-        return np.asarray(force * values[:, 2])
-    K = known.drawn("stiffness", count)
-    if name == "interface_stiffness":
-        return np.asarray(K / kappa)
-    if name == "breaking_displacement":
-        return np.asarray(force * kappa / K)
-    if name == "speed":
-        rate = scale.rate(events) * np.exp(
-            rate_error(events) * np.random.default_rng([5, count]).standard_normal(count)
-        )
-        return np.asarray(rate * (1.0 + kappa) / K)
-    return np.asarray(np.sqrt(K / known.drawn("mass", count)) / (2.0 * np.pi))
+    count, kappa = len(values), values[:, 3]
+
+    def scattered(middle: float, error: float, seed: int) -> Array:
+        return middle + error * np.random.default_rng([seed, count]).standard_normal(count)
+
+    given = ("load", "stiffness", "mass")
+    load, K, mass = (known.drawn(one, count) if known.has(one) else np.ones(count) for one in given)
+    unit = load if events.force_unit == "1" and known.load else newtons(events, known)
+    force, error = strength * unit, float(np.std(events.peaks)) / math.sqrt(len(events))
+    match name:
+        case "contact_strength":
+            found = force
+        case "sliding_friction":
+            found = force * values[:, 2]
+        case "static_friction":
+            found = scattered(events.mean_peak, error, 4) * unit
+        case "friction_coefficient":
+            found = scattered(events.mean_peak, error, 4) * unit / load
+        case "interface_stiffness":
+            found = K / kappa
+        case "breaking_displacement":
+            found = force * kappa / K
+        case "speed":
+            rate = loading_rate(events, known) * np.exp(scattered(0.0, rate_error(events), 5))
+            found = rate * (1.0 + kappa) / K
+        case _:
+            found = np.sqrt(K / mass) / (2.0 * np.pi)
+    return np.asarray(found)

@@ -18,15 +18,10 @@ _AT_A_TIME = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """What would have been measured of each of many simulated series.
+    """What would have been measured of each of many simulated series: statistics, and the mean peak as picked.
 
-    Attributes
-    ----------
-    statistics : (series, 20) array
-        NaN where fewer slips were seen than in the trace, or their number depends on the smallest drop so much that
-        a fit would be refused: what is fitted was not.
-    mean_peak : (series,) array
-        Mean peak as it was picked, in the unit of the simulation.
+    NaN where fewer slips were seen than in the trace, or their number depends on the smallest drop so much that a fit
+    would be refused: what is fitted was not.
     """
 
     statistics: Array
@@ -80,53 +75,36 @@ class Observation:
     def see(
         self, count: NDArray[np.int64], peaks: NDArray[np.floating], troughs: NDArray[np.floating], *, seed: int = 0
     ) -> Seen:
-        """Sample and pick many series, on all cores.
+        """Sample and pick many series, on all cores: (series,) counts of slips, (series, slips) peaks and troughs."""
 
-        Parameters
-        ----------
-        count : (series,) array
-            How many slips there are of each.
-        peaks, troughs : (series, slips) array
-        seed : int
-            Of the noise.
-        """
-        begins = range(0, len(count), _AT_A_TIME)
-        found, size = np.full((len(count), len(NAMES)), np.nan), np.full(len(count), np.nan)
-
-        def fill(begin: int) -> None:
-            part = slice(begin, min(begin + _AT_A_TIME, len(count)))
-            found[part], size[part] = self._see(count[part], peaks[part], troughs[part], [seed, begin])
+        def look(begin: int) -> tuple[Array, Array]:
+            """Pick so many series; statistics and mean peaks as picked, with what the noise adds to a peak."""
+            rng, some = np.random.default_rng([seed, begin]), range(begin, min(begin + _AT_A_TIME, len(count)))
+            seen = np.empty((len(some), 2, self.slips))
+            whole = [self._shows(peaks[i, : count[i]], troughs[i, : count[i]], rng, seen[i - begin]) for i in some]
+            found, size = np.full((len(some), len(NAMES)), np.nan), np.full(len(some), np.nan)
+            if any(whole):
+                P, T = seen[whole, 0], seen[whole, 1]
+                found[whole], size[whole] = statistics(P, T), P.mean(axis=-1)
+            return found, size
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(fill, begins))
+            looked = list(pool.map(look, range(0, len(count), _AT_A_TIME)))
+        found, size = (np.concatenate(each) for each in zip(*looked, strict=True))
         return Seen(statistics=found, mean_peak=size)
 
-    def _see(
-        self,
-        count: NDArray[np.int64],
-        peaks: NDArray[np.floating],
-        troughs: NDArray[np.floating],
-        seed: list[int],
-    ) -> tuple[Array, Array]:
+    def _shows(
+        self, peaks: NDArray[np.floating], troughs: NDArray[np.floating], rng: np.random.Generator, seen: Array
+    ) -> bool:
+        """Sample and pick one series, as `seen`: whether as many slips are as in the trace, on a plateau of n(h)."""
         from stickslip.kernels.turning_points import Sampling, larger, observe
 
-        rng = np.random.default_rng(seed)
-        seen = np.empty((len(count), 2, self.slips))
-        size, whole = np.full(len(count), np.nan), np.zeros(len(count), dtype=bool)
-        doubled = PLATEAU * self.drop
-        rise = least_rise(doubled, self.noise)
-        for i, many in enumerate(count.tolist()):
-            if many <= self.slips:  # the first begins the trace
-                continue
-            P, T = peaks[i, :many].astype(float), troughs[i, :many].astype(float)
-            size[i] = mean = float(P.mean())
-            scaled = (part * mean for part in (self.slope, self.noise, self.resolution, self.drop, self.rise))
-            whole[i] = (
-                observe(P, T, Sampling(*scaled), rng, seen[i]) == self.slips
-                and larger(seen[i, 0], seen[i, 1], doubled * mean, rise * mean) >= (1.0 - LOST) * self.slips
-            )
-        found = np.full((len(count), len(NAMES)), np.nan)
-        if whole.any():
-            found[whole] = statistics(seen[whole, 0], seen[whole, 1])
-            size[whole] = seen[whole, 0].mean(axis=-1)  # as picked, with what the noise adds to a peak
-        return found, size
+        if peaks.size <= self.slips:  # the first begins the trace
+            return False
+        P, T = peaks.astype(float), troughs.astype(float)
+        mean, doubled = float(P.mean()), PLATEAU * self.drop
+        scaled = (part * mean for part in (self.slope, self.noise, self.resolution, self.drop, self.rise))
+        if observe(P, T, Sampling(*scaled), rng, seen) < self.slips:
+            return False
+        left = larger(seen[0], seen[1], doubled * mean, least_rise(doubled, self.noise) * mean)
+        return bool(left >= (1.0 - LOST) * self.slips)

@@ -8,10 +8,11 @@ from stickslip.model.delays import Delay
 from stickslip.model.distributions import Gaussian
 from stickslip.model.drive import USUAL_DISTANCE, constant
 from stickslip.model.interface import Interface
-from stickslip.model.quantities import read_quantity
+from stickslip.model.quantities import read_value
 from stickslip.model.rig import Assumption, Rig
 from stickslip.model.slider import Slider
-from stickslip.model.units import Scales, engineering
+from stickslip.model.units import Scales
+from stickslip.words import engineering
 
 _INITIAL = Gaussian(mean=0.0, std=0.01)
 _LEAST_RATIO = 0.01
@@ -73,20 +74,11 @@ def quick_fit(
     >>> rig.in_units(1.0, "force"), rig.in_units(1.0, "length"), round(rig.interface.thresholds.std, 2)
     ('17.8 N', '317.8 um', 0.11)
     """
-
-    def read(place: str, value: object, unit: str, example: str) -> float:
-        if isinstance(value, str):
-            try:
-                value = read_quantity(value, unit, example)
-            except InputError as error:
-                raise InputError(f"{place} = {value!r}: {error}", place) from None
-        return number(place, value, above=0, hint=f"in {unit}")
-
-    static = read("static_friction", static_friction, "N", "14 N")
-    kinetic = read("kinetic_friction", kinetic_friction, "N", "9 N")
-    K = read("stiffness", stiffness, "N/m", "8 kN/m")
-    v = read("speed", speed, "m/s", "1 mm/s")
-    m = read("mass", mass, "kg", "0.4 kg")
+    static = read_value("static_friction", static_friction, "N", "14 N")
+    kinetic = read_value("kinetic_friction", kinetic_friction, "N", "9 N")
+    K = read_value("stiffness", stiffness, "N/m", "8 kN/m")
+    v = read_value("speed", speed, "m/s", "1 mm/s")
+    m = read_value("mass", mass, "kg", "0.4 kg")
     try:
         thresholds, strength = thresholds_of(static, kinetic, _INITIAL)
     except InputError as error:
@@ -96,9 +88,9 @@ def quick_fit(
     if (loading_rate is None) == (breaking_displacement is None):
         raise InputError("quick_fit: give either loading_rate or breaking_displacement", "loading_rate")
     if breaking_displacement is not None:
-        x_s = read("breaking_displacement", breaking_displacement, "m", "0.2 mm")
+        x_s = read_value("breaking_displacement", breaking_displacement, "m", "0.2 mm")
     else:
-        rate = read("loading_rate", loading_rate, "N/s", "7 N/s")
+        rate = read_value("loading_rate", loading_rate, "N/s", "7 N/s")
         ratio = K * v / rate - 1.0
         if ratio < _LEAST_RATIO:
             raise InputError(
@@ -116,7 +108,7 @@ def quick_fit(
             "0 s", "slide it at several speeds: the speed at which kinetic friction has halved tells the delay"
         )
     else:
-        half = scales.natural(read("half_speed", half_speed, "m/s", "20 mm/s"), "velocity")
+        half = scales.natural(read_value("half_speed", half_speed, "m/s", "20 mm/s"), "velocity")
         delay = Delay(thresholds.positive().moment(1) / half)
     held = Slider(stiffness=scales.natural(K, "stiffness"), mass=scales.natural(m, "mass"), damping=0.0)
     ratio = number("damping_ratio", damping_ratio, at_least=0, hint="of the slider on the driving spring")

@@ -18,15 +18,16 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
-from stickslip.fitting.events import RESOLVED, Events, pick_events
-from stickslip.fitting.known import Known, Scale, quantity_of, rate_error
+from stickslip.fitting.events import Events, pick_events
+from stickslip.fitting.gates import RESOLVED
+from stickslip.fitting.known import Known, newtons, quantity_of, rate_error, seconds
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
 from stickslip.model import OnArrest, Output
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
-from stickslip.model.units import engineering
 from stickslip.simulation import simulate
+from stickslip.words import engineering
 
 if TYPE_CHECKING:
     from stickslip.fitting.fits import Fit
@@ -38,39 +39,38 @@ _TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
 """Draws run, at most; slips of a run, after those in which it settles; standard errors in half a 90 % interval."""
 _SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0)
 
-UNITS: Mapping[str, str] = {
-    "slider.mass": "kg",
-    "slider.stiffness": "N/m",
-    "slider.damping_ratio": "",
-    "interface.contact_strength": "N",
-    "interface.breaking_displacement": "m",
-    "interface.thresholds.std": "",
-    "interface.sliding_force": "N",
-    "interface.newborn.mean": "",
-    "interface.track_scatter": "",
-    "interface.delay": "s",
-    "drive.velocity": "m/s",
+_ASSUMED = "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
+KEYS: Mapping[str, tuple[str, str]] = {
+    "slider.mass": ("kg", _ASSUMED),
+    "slider.stiffness": ("N/m", ""),
+    "slider.damping_ratio": ("", "damping_ratio"),
+    "interface.contact_strength": ("N", "from the mean force before a slip"),
+    "interface.breaking_displacement": ("m", "stiffness_ratio"),
+    "interface.thresholds.std": ("", "threshold_std"),
+    "interface.sliding_force": ("N", "sliding_force"),
+    "interface.newborn.mean": ("", "sliding_force"),
+    "interface.track_scatter": ("", "track_scatter"),
+    "interface.delay": ("s", "identified by the force at several speeds"),
+    "drive.velocity": ("m/s", "stiffness_ratio"),
 }
-"""Keys of a rig file that a fit fills in, and the units of their draws."""
+"""Keys of a rig file that a fit fills in: the unit of their draws, and how they were found or which parameter tells."""
 
 
 def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) -> Rig:
     """The rig behind a trace, at the draw nearest to the medians whose own run makes its drops and period."""
-    given = {**found.known.to_dict()}
     extra = Known.read({key: value for key, value in (("mass", mass), ("speed", speed)) if value is not None})
-    known = Known(**(given | extra.to_dict()))
+    known = Known(**(found.known.to_dict() | extra.to_dict()))
     if known.stiffness is None:
         raise InputError(
             "fit: a rig needs the stiffness of the driving spring, without which a force trace tells no length; give "
             "it as known={'stiffness': '350 N/m'}, or --stiffness on the command line"
         )
-    draws, nearest = _draws(found, known), ""
-    exact = _draws(found, known.exact())
-    order = _from_the_centre(exact)[:_TRIED]
-    measured = found.delays.draws if found.delays is not None else None
-    for delays in (measured, None) if measured is not None else (None,):
+    exact, draws, nearest = _draws(found, known.exact()), _draws(found, known), ""
+    order = _from_the_centre(exact)[:_TRIED].tolist()
+    delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
+    for delay in (*delays, {}):
         for i in order:
-            rig = _rig_at(found, known, name, exact, draws, int(i), delays)
+            rig = _rig_at(i, exact | delay, draws | delay, found, known, name)
             words, agrees = _against(rig, found, known)
             if agrees:
                 return replace(rig, source=f"{rig.source}; {words}")
@@ -81,17 +81,12 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
     )
 
 
-def _rig_at(
-    found: Fit,
-    known: Known,
-    name: str,
-    exact: Mapping[str, Array],
-    draws: Mapping[str, Array],
-    i: int,
-    delays: Array | None,
-) -> Rig:
+def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], found: Fit, known: Known, name: str) -> Rig:
     """The rig of one draw, with the intervals and draws of what was fitted."""
-    held = {"slider.stiffness": known.stiffness, "slider.mass": known.mass, "drive.velocity": known.speed}
+    given = {"slider.stiffness": known.stiffness, "slider.mass": known.mass, "drive.velocity": known.speed}
+    says = {one.key: str(one.verdict) for one in found.parameters}
+    if found.events.slip_samples >= RESOLVED:
+        says[_ASSUMED] = "identified by the time of a slip"
     document: dict[str, Any] = {
         "name": name,
         "source": f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips",
@@ -106,23 +101,23 @@ def _rig_at(
         "fitted": {},
         "assumed": {},
     }
-    if delays is None:
+    if "interface.delay" not in exact:
         document["assumed"]["interface.delay"] = (
             "stands for any delay longer than a slip and shorter than the time between slips; friction at several "
             "speeds (--speeds) tells it"
         )
-    else:
-        exact, draws = ({**each, "interface.delay": _rounded(delays)} for each in (exact, draws))
     for path, values in exact.items():
         _put(document, path, _written(path, float(values[i]), 8))
-        if held.get(path) is not None:
+        if given.get(path) is not None:
             continue
-        verdict = _said(found, path)
-        if verdict.startswith("assumed"):
-            document["assumed"][path] = verdict.removeprefix("assumed: ")
+        how = KEYS[path][1]
+        how = says.get(how, how)
+        if how.startswith("assumed"):
+            document["assumed"][path] = how.removeprefix("assumed: ")
+        low, high = (_written(path, value) for value in np.quantile(draws[path], (0.05, 0.95)).tolist())
         document["fitted"][path] = {
-            "interval": _interval(path, draws[path]),
-            "how": verdict,
+            "interval": f"{low} to {high}",
+            "how": how,
             "draws": [float(f"{value:.8g}") for value in draws[path][:DRAWS_KEPT]],
         }
     return from_document(document, "fitted rig")
@@ -130,8 +125,7 @@ def _rig_at(
 
 def remade(rig: Rig, events: Events, known: Known = Known()) -> Events:
     """The slips of a rig's own run, recorded and picked as those of a trace were."""
-    scale = Scale(events, known)
-    force, second = scale.of_force(), scale.time or 1.0
+    force, second = newtons(events, known), seconds(events)
     lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
     unit = rig.unit("time") / second
     drive, output = constant(rig.natural.velocity, lasts / unit), Output(interval=events.step / unit)
@@ -149,14 +143,14 @@ def remade(rig: Rig, events: Events, known: Known = Known()) -> Events:
 
 def _against(rig: Rig, found: Fit, known: Known) -> tuple[str, bool]:
     """What a rig's own run makes beside the trace, in words; and whether its mean drop and period agree within 90 %."""
-    events = found.events
-    f, t = events.force_unit and f" {events.force_unit}", events.time_unit and f" {events.time_unit}"
-    trace = f"the trace {events.drops.mean():.3g}{f} every {events.recurrence:.3g}{t}"
     try:
-        made = remade(rig, events, known)
+        return compared(remade(rig, found.events, known), found.events)
     except InputError:
-        return f"its own run hardly slips, {trace}", False
-    words = f"its own run drops {made.drops.mean():.3g}{f} every {made.recurrence:.3g}{t}, {trace}"
+        return f"its own run hardly slips, the trace {_said(found.events)}", False
+
+
+def compared(made: Events, events: Events) -> tuple[str, bool]:
+    """Slips that a rig makes beside those of a trace, in words; and whether mean drop and period agree within 90 %."""
 
     def apart(one: Array, other: Array, more: float = 0.0) -> float:
         error = math.hypot(more, *(float(x.std()) / (float(x.mean()) * math.sqrt(x.size)) for x in (one, other)))
@@ -164,34 +158,29 @@ def _against(rig: Rig, found: Fit, known: Known) -> tuple[str, bool]:
 
     one, other = (np.diff(each.time[each.peak_at]) for each in (made, events))
     agrees = max(apart(made.drops, events.drops), apart(one, other, rate_error(events))) <= _NINETY
-    return words, agrees
+    return f"its own run drops {_said(made)}, the trace {_said(events)}", agrees
 
 
-def _rounded(values: Array) -> Array:
-    """To four digits, so that products of two are written without an error."""
-    return np.array([float(f"{value:.4g}") for value in values])
+def _said(events: Events) -> str:
+    drop = f"{events.drops.mean():.3g} {events.force_unit}".rstrip()
+    return f"{drop} every {events.recurrence:.3g} {events.time_unit}".rstrip()
 
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key, in SI units."""
-    rng = np.random.default_rng(len(found.events))
-    values, count = found.values, len(found)
+    values, events, count = found.values, found.events, len(found)
 
     def quantity(name: str) -> Array:
-        return quantity_of(name, values, found.strength, found.events, known)
+        return quantity_of(name, values, found.strength, events, known)
 
     strength, residual = _rounded(quantity("contact_strength")), _rounded(values[:, 2])
     K = known.drawn("stiffness", count)
-    scale_time = 1.0 if found.events.time_unit == "" else _seconds(found)
-    slip = found.events.slip_samples * found.events.step * scale_time
-    heaviest = K * (slip / math.pi) ** 2 * (1.0 - values[:, 4] ** 2)
     if known.mass is not None:
         mass = known.drawn("mass", count)
-    elif found.events.slip_samples >= RESOLVED:
-        mass = heaviest
-    else:
-        mass = heaviest * _LIGHTEST ** rng.random(count)
-    speed = quantity("speed") if known.speed is None else known.drawn("speed", count)
+    else:  # what lets a slip be as short as it was recorded, or anything lighter where slips are not resolved
+        mass = K * (events.slip_samples * events.step * seconds(events) / math.pi) ** 2 * (1.0 - values[:, 4] ** 2)
+        if events.slip_samples < RESOLVED:
+            mass = mass * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
     return {
         "slider.mass": _rounded(mass),
         "slider.stiffness": K,
@@ -202,41 +191,13 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
         "interface.sliding_force": strength * residual,
         "interface.newborn.mean": residual,
         "interface.track_scatter": _rounded(values[:, 5]),
-        "drive.velocity": _rounded(speed),
+        "drive.velocity": _rounded(quantity("speed") if known.speed is None else known.drawn("speed", count)),
     }
 
 
-def _seconds(found: Fit) -> float:
-    from stickslip.measure.headings import ratio
-
-    size = ratio(found.events.time_unit, "s")
-    if size is None:
-        raise InputError(f"fit: the unit of time {found.events.time_unit!r} is not known; read the trace with step=")
-    return size
-
-
-def _said(found: Fit, path: str) -> str:
-    """What the trace says of a key: the verdict on the parameters that it is made of."""
-    verdicts = {one.key: str(one.verdict) for one in found.parameters}
-    match path:
-        case "slider.damping_ratio":
-            return verdicts["damping_ratio"]
-        case "interface.thresholds.std":
-            return verdicts["threshold_std"]
-        case "interface.contact_strength":
-            return "from the mean force before a slip"
-        case "interface.sliding_force" | "interface.newborn.mean":
-            return verdicts["sliding_force"]
-        case "interface.breaking_displacement" | "drive.velocity":
-            return verdicts["stiffness_ratio"]
-        case "interface.track_scatter":
-            return verdicts["track_scatter"]
-        case "interface.delay":
-            return "identified by the force at several speeds"
-        case _ if found.events.slip_samples >= RESOLVED:
-            return "identified by the time of a slip"
-        case _:
-            return "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
+def _rounded(values: Array) -> Array:
+    """To four digits, so that products of two are written without an error."""
+    return np.array([float(f"{value:.4g}") for value in values])
 
 
 def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
@@ -247,12 +208,8 @@ def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
 
 
 def _written(path: str, value: float, digits: int = 3) -> Any:
-    return engineering(value, UNITS[path], digits) if UNITS[path] else float(f"{value:.{digits}g}")
-
-
-def _interval(path: str, draws: Array) -> str:
-    low, high = (float(value) for value in np.quantile(draws, (0.05, 0.95)))
-    return f"{_written(path, low)} to {_written(path, high)}"
+    unit = KEYS[path][0]
+    return engineering(value, unit, digits) if unit else float(f"{value:.{digits}g}")
 
 
 def _put(document: dict[str, Any], path: str, value: Any) -> None:
@@ -262,9 +219,7 @@ def _put(document: dict[str, Any], path: str, value: Any) -> None:
     document[key] = value
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# A verdict with its uncertainty
-# ---------------------------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------- a verdict with its uncertainty
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -294,30 +249,18 @@ class Uncertain(Answer):
         return self.unstable[len(self.speeds) // 2]
 
     def __str__(self) -> str:
-        odd = [
-            f"{100 * part:.0f} % at {engineering(v, self.speed_unit, 2)}"
-            for v, part in zip(self.speeds, self.unstable, strict=True)
-        ]
-        most = max(self.undecided)
         if min(self.undecided) == 1.0:
             return (
                 "Not judged over the draws: contacts re-attach on arrest, so there is no smooth sliding for linear "
                 "theory; friction at several speeds (fit --speeds) would tell the delay"
             )
+        pairs = zip(self.unstable, self.speeds, strict=True)
+        each = ", ".join(f"{100 * part:.0f} % at {engineering(v, self.speed_unit, 2)}" for part, v in pairs)
+        untold = f" (up to {100 * max(self.undecided):.0f} % not told)" if any(self.undecided) else ""
         return (
             f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in "
-            f"{100 * self.here:.0f} % at this speed; {', '.join(odd)}"
-            + (f" (up to {100 * most:.0f} % not told)" if most > 0 else "")
+            f"{100 * self.here:.0f} % at this speed; {each}{untold}"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """As plain numbers."""
-        return {
-            "draws": self.draws,
-            "speeds": list(self.speeds),
-            "unstable": list(self.unstable),
-            "undecided": list(self.undecided),
-        }
 
 
 def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | None = None) -> Uncertain:
@@ -351,7 +294,7 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
     for i in range(0 if undecided.any() else count):
         one = copy.deepcopy(document)
         for path, draws in columns.items():
-            unit = UNITS.get(path, "")
+            unit = KEYS.get(path, ("", ""))[0]
             _put(one, path, f"{draws[i]!r} {unit}" if unit else draws[i])
         made = from_document(one, "a draw")
         for k, factor in enumerate(_SPEEDS):

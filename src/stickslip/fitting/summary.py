@@ -6,44 +6,93 @@ drift. Nothing here depends on time, as drives are rarely as steady as they shou
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from stickslip.measure.arrays import Array
 
-FITTED = (
-    "drop fraction",
-    "scatter of peaks",
-    "scatter of troughs",
-    "CV of drops",
-    "peak with its trough",
-    "trough with the next peak",
-    "peak with the next peak",
-    "10 % quantile of drops",
-    "90 % quantile of drops",
-)
-"""Statistics that are fitted: the drop over the peak; standard deviations over the mean peak; correlations; quantiles
-over the mean drop."""
-
-HELD_OUT = (
-    "drop with the next drop",
-    "CV of reloadings",
-    "drop with the reloading before",
-    "drop with the reloading after",
-    "largest peak",
-    "smallest trough",
-    "drops below half the mean",
-    "skewness of peaks",
-    "skewness of troughs",
-    "5 % quantile of drops",
-    "95 % quantile of drops",
-)
-"""Statistics that are not fitted, only compared: the test of what was."""
-
-NAMES = FITTED + HELD_OUT
-_LOGARITHMIC = (0, 1, 2, 3)
-_CORRELATIONS = (4, 5, 6)
 _DEGREE = 3
 _BLOCK, _RESAMPLES = 10, 400
+
+
+@dataclass(frozen=True)
+class _Slips:
+    """Detrended peaks and troughs of series of slips along the last axis, and mean drops, all over the mean peak."""
+
+    P: Array
+    T: Array
+    mean: Array
+
+    @cached_property
+    def drops(self) -> Array:
+        """Drop of each slip."""
+        return np.asarray(self.mean[..., None] + self.P - self.T)
+
+    @cached_property
+    def reloads(self) -> Array:
+        """Rise from each trough to the next peak."""
+        return np.asarray(self.mean[..., None] + self.P[..., 1:] - self.T[..., :-1])
+
+    @cached_property
+    def quantiles(self) -> Array:
+        """Quantiles of 5, 10, 90 and 95 % of the drops, over their mean."""
+        return np.asarray(np.quantile(self.drops, (0.05, 0.10, 0.90, 0.95), axis=-1) / self.mean)
+
+
+def _correlation(x: Array, y: Array) -> Array:
+    x, y = x - x.mean(axis=-1, keepdims=True), y - y.mean(axis=-1, keepdims=True)
+    size = np.sqrt((x * x).sum(axis=-1) * (y * y).sum(axis=-1))
+    return np.asarray((x * y).sum(axis=-1) / np.where(size > 0, size, 1.0), dtype=float)
+
+
+def _skewness(x: Array) -> Array:
+    x = x - x.mean(axis=-1, keepdims=True)
+    std = x.std(axis=-1)
+    return np.asarray((x**3).mean(axis=-1) / np.where(std > 0, std, 1.0) ** 3, dtype=float)
+
+
+def _logarithm(x: Array) -> Array:
+    return np.asarray(np.log(np.maximum(x, 1e-4)))
+
+
+def _fisher(x: Array) -> Array:
+    return np.asarray(np.arctanh(np.clip(x, -0.98, 0.98)))
+
+
+_FITTED: dict[str, tuple[Callable[[_Slips], Array], Callable[[Array], Array]]] = {
+    "drop fraction": (lambda s: s.mean, _logarithm),
+    "scatter of peaks": (lambda s: s.P.std(axis=-1), _logarithm),
+    "scatter of troughs": (lambda s: s.T.std(axis=-1), _logarithm),
+    "CV of drops": (lambda s: s.drops.std(axis=-1) / s.mean, _logarithm),
+    "peak with its trough": (lambda s: _correlation(s.P, s.T), _fisher),
+    "trough with the next peak": (lambda s: _correlation(s.T[..., :-1], s.P[..., 1:]), _fisher),
+    "peak with the next peak": (lambda s: _correlation(s.P[..., :-1], s.P[..., 1:]), _fisher),
+    "10 % quantile of drops": (lambda s: s.quantiles[1], np.asarray),
+    "90 % quantile of drops": (lambda s: s.quantiles[2], np.asarray),
+}
+"""Statistics that are fitted, each with the scale on which its scatter is even: the drop over the peak; standard
+deviations over the mean peak; correlations; quantiles over the mean drop."""
+
+_HELD_OUT: dict[str, Callable[[_Slips], Array]] = {
+    "drop with the next drop": lambda s: _correlation(s.drops[..., :-1], s.drops[..., 1:]),
+    "CV of reloadings": lambda s: s.reloads.std(axis=-1) / s.mean,
+    "drop with the reloading before": lambda s: _correlation(s.reloads, s.drops[..., 1:]),
+    "drop with the reloading after": lambda s: _correlation(s.drops[..., :-1], s.reloads),
+    "largest peak": lambda s: s.P.max(axis=-1),
+    "smallest trough": lambda s: s.T.min(axis=-1),
+    "drops below half the mean": lambda s: (s.drops < 0.5 * s.mean[..., None]).mean(axis=-1),
+    "skewness of peaks": lambda s: _skewness(s.P),
+    "skewness of troughs": lambda s: _skewness(s.T),
+    "5 % quantile of drops": lambda s: s.quantiles[0],
+    "95 % quantile of drops": lambda s: s.quantiles[3],
+}
+"""Statistics that are not fitted, only compared: the test of what was."""
+
+FITTED, HELD_OUT = tuple(_FITTED), tuple(_HELD_OUT)
+NAMES = FITTED + HELD_OUT
 
 
 def detrended(values: Array) -> Array:
@@ -72,47 +121,10 @@ def statistics(peaks: Array, troughs: Array) -> Array:
     return _of(P, T, np.squeeze(mean_drop / high, axis=-1))
 
 
-def _of(P: Array, T: Array, fraction: Array) -> Array:
-    """Statistics of detrended peaks and troughs, and of the mean drop, all over the mean peak."""
-    drops = fraction[..., None] + P - T
-    reloads = fraction[..., None] + P[..., 1:] - T[..., :-1]
-    mean = fraction
-    q05, q10, q90, q95 = np.quantile(drops, (0.05, 0.10, 0.90, 0.95), axis=-1)
-    found = (
-        fraction,
-        P.std(axis=-1),
-        T.std(axis=-1),
-        drops.std(axis=-1) / mean,
-        _correlation(P, T),
-        _correlation(T[..., :-1], P[..., 1:]),
-        _correlation(P[..., :-1], P[..., 1:]),
-        q10 / mean,
-        q90 / mean,
-        _correlation(drops[..., :-1], drops[..., 1:]),
-        reloads.std(axis=-1) / mean,
-        _correlation(reloads, drops[..., 1:]),
-        _correlation(drops[..., :-1], reloads),
-        P.max(axis=-1),
-        T.min(axis=-1),
-        (drops < 0.5 * mean[..., None]).mean(axis=-1),
-        _skewness(P),
-        _skewness(T),
-        q05 / mean,
-        q95 / mean,
-    )
-    return np.stack(found, axis=-1)
-
-
-def _correlation(x: Array, y: Array) -> Array:
-    x, y = x - x.mean(axis=-1, keepdims=True), y - y.mean(axis=-1, keepdims=True)
-    size = np.sqrt((x * x).sum(axis=-1) * (y * y).sum(axis=-1))
-    return np.asarray((x * y).sum(axis=-1) / np.where(size > 0, size, 1.0), dtype=float)
-
-
-def _skewness(x: Array) -> Array:
-    x = x - x.mean(axis=-1, keepdims=True)
-    std = x.std(axis=-1)
-    return np.asarray((x**3).mean(axis=-1) / np.where(std > 0, std, 1.0) ** 3, dtype=float)
+def _of(P: Array, T: Array, mean: Array) -> Array:
+    slips = _Slips(P, T, mean)
+    of = (*(statistic for statistic, _ in _FITTED.values()), *_HELD_OUT.values())
+    return np.stack([statistic(slips) for statistic in of], axis=-1)
 
 
 def resampled(peaks: Array, troughs: Array, *, seed: int = 0, resamples: int = _RESAMPLES) -> Array:
@@ -141,9 +153,4 @@ def covariance(peaks: Array, troughs: Array, *, seed: int = 0) -> Array:
 
 def comparable(found: Array) -> Array:
     """The fitted statistics on scales on which their scatter is even: logarithms, and Fisher's z of correlations."""
-    scaled = np.array(found[..., : len(FITTED)])
-    for i in _LOGARITHMIC:
-        scaled[..., i] = np.log(np.maximum(scaled[..., i], 1e-4))
-    for i in _CORRELATIONS:
-        scaled[..., i] = np.arctanh(np.clip(scaled[..., i], -0.98, 0.98))
-    return scaled
+    return np.stack([scale(found[..., i]) for i, (_, scale) in enumerate(_FITTED.values())], axis=-1)

@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, number, whole
 from stickslip.fitting.arrest import KEYS, simulate
 from stickslip.measure.arrays import Array
+from stickslip.model.records import Number, check
 
 _SLIP = 0.4
 """Samples that a slip takes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """How a made-up trace is loaded and recorded.
+
+    Parameters
+    ----------
+    strength, loading_rate : float
+        Total contact strength in N, and rise of the force between slips in N/s.
+    samples : float
+        From slip to slip, on average.
+    noise : float
+        Standard deviation of white noise, over the mean peak.
+    """
+
+    strength: Annotated[float, Number(above=0, hint="in N")] = 15.0
+    loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5
+    samples: Annotated[float, Number(above=2)] = 50.0
+    noise: Annotated[float, Number(at_least=0)] = 0.002
+
+    def __post_init__(self) -> None:
+        check(self)
 
 
 def synthetic_trace(
@@ -22,10 +49,7 @@ def synthetic_trace(
     damping_ratio: float = 0.2,
     track_scatter: float = 0.1,
     slips: int = 150,
-    strength: float = 15.0,
-    loading_rate: float = 0.5,
-    samples: float = 50.0,
-    noise: float = 0.002,
+    bench: Bench = Bench(),
     seed: int = 0,
 ) -> xr.Dataset:
     """Return a trace of known parameters, as a bench would record it: from rest, sampled, with noise.
@@ -36,12 +60,7 @@ def synthetic_trace(
         The truth, as in `Prior`.
     slips : int
         How many there are.
-    strength, loading_rate : float
-        Total contact strength in N, and rise of the force between slips in N/s.
-    samples : float
-        From slip to slip, on average.
-    noise : float
-        Standard deviation of white noise, over the mean peak.
+    bench : Bench
     seed : int
 
     Returns
@@ -61,19 +80,18 @@ def synthetic_trace(
     >>> len(pick_events(trace)) > 80
     True
     """
-    truth = np.array([contacts, threshold_std, sliding_force, stiffness_ratio, damping_ratio, track_scatter])
-    for key, value in zip(KEYS, truth.tolist(), strict=True):
-        number(key, value, at_least=0)
+    truth = (contacts, threshold_std, sliding_force, stiffness_ratio, damping_ratio, track_scatter)
+    values = np.array([number(key, value, at_least=0) for key, value in zip(KEYS, truth, strict=True)])
     slips = whole("slips", slips, at_least=2, at_most=100_000)
     rng = np.random.default_rng(seed)
-    peaks, troughs = simulate(truth, slips, rng)
+    peaks, troughs = simulate(values, slips, rng)
     if peaks.size < slips:
         raise InputError(
             f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; take a softer spring"
         )
-    rate = number("loading_rate", loading_rate, above=0, hint="in N/s")
-    step = strength * float((peaks[1:] - troughs[:-1]).mean()) / rate / number("samples", samples, above=2)
-    return sampled(strength * peaks, strength * troughs, rate, step, noise * strength * float(peaks.mean()), rng)
+    strength, rate = bench.strength, bench.loading_rate
+    step = strength * float((peaks[1:] - troughs[:-1]).mean()) / rate / bench.samples
+    return sampled(strength * peaks, strength * troughs, rate, step, bench.noise * strength * float(peaks.mean()), rng)
 
 
 def sampled(

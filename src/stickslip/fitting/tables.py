@@ -10,7 +10,8 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from io import BytesIO
 from pathlib import Path
@@ -29,8 +30,10 @@ DRAWS, SLIPS = 20_000, 384
 
 _BLOCK = 250
 _LARGEST = 1 << 30
+_FIELDS = ("parts", "count", "peaks", "troughs")
 Progress = Callable[[float], None]
 Series = NDArray[np.float32]
+Block = dict[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,18 +66,12 @@ class Table:
         return len(self.count)
 
 
-def cache_folder() -> Path:
-    """The user's folder for what can be made again: that of ``STICKSLIP_CACHE``, of ``XDG_CACHE_HOME``, or ~/.cache."""
-    given = os.environ.get("STICKSLIP_CACHE")
-    if given:
-        return Path(given)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stickslip"
-
-
 def folder_of(prior: Prior, slips: int, seed: int) -> Path:
     """Where the table of a prior is kept; its name is a key of all that decides what it holds, but for its length."""
+    cache = os.environ.get("STICKSLIP_CACHE")
+    place = Path(cache) if cache else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stickslip"
     key = json.dumps([VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK], sort_keys=True)
-    return cache_folder() / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
+    return place / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
 
 
 def draws_kept(prior: Prior, slips: int, seed: int = 0) -> int:
@@ -123,55 +120,37 @@ def table(
         raise InputError(
             f"{place}: cannot be made ({error.strerror}); name another folder in STICKSLIP_CACHE"
         ) from None
-    blocks = -(-draws // _BLOCK)
-    missing = [block for block in range(blocks) if not _read(place / f"{block}.npz", slips)]
+    paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
+    blocks = {block: found for block, path in enumerate(paths) if (found := _read(path, slips))}
+    missing = [block for block in range(len(paths)) if block not in blocks]
     if missing:
-        _make(place, missing, blocks, prior, slips, seed, executor, progress)
-    read = [_read(place / f"{block}.npz", slips) for block in range(blocks)]
-    parts, count, peaks, troughs = (np.concatenate([one[name] for one in read])[:draws] for name in _FIELDS)
-    return Table(prior=prior, parts=parts, count=count, peaks=peaks, troughs=troughs)
+        simulate_block(prior, 0, 0, 30, seed)  # compiles, before threads ask for it all at once
+        with nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count()) as pool:
+            waiting = {pool.submit(simulate_block, prior, block, _BLOCK, slips, seed): block for block in missing}
+            try:
+                for future in as_completed(waiting):
+                    block = waiting[future]
+                    blocks[block] = future.result()
+                    content = BytesIO()
+                    np.savez(content, allow_pickle=False, **blocks[block])
+                    files.write(paths[block], content.getvalue())
+                    if progress is not None:
+                        progress(len(blocks) / len(paths))
+            finally:
+                for future in waiting:
+                    future.cancel()
+    made = {name: np.concatenate([blocks[block][name] for block in range(len(paths))])[:draws] for name in _FIELDS}
+    return Table(prior=prior, **made)
 
 
-_FIELDS = ("parts", "count", "peaks", "troughs")
-
-
-def _make(
-    place: Path,
-    missing: list[int],
-    blocks: int,
-    prior: Prior,
-    slips: int,
-    seed: int,
-    executor: Executor | None,
-    progress: Progress | None,
-) -> None:
-    simulate_block(prior, 0, 0, 30, seed)  # compiles, before threads ask for it all at once
-    own = ThreadPoolExecutor(os.cpu_count()) if executor is None else None
-    pool: Executor = executor if own is None else own  # type: ignore[assignment]
-    waiting: dict[Future[dict[str, NDArray[np.generic]]], int] = {}
-    try:
-        waiting = {pool.submit(simulate_block, prior, block, _BLOCK, slips, seed): block for block in missing}
-        for done, future in enumerate(as_completed(waiting), start=blocks - len(missing) + 1):
-            content = BytesIO()
-            np.savez(content, allow_pickle=False, **future.result())
-            files.write(place / f"{waiting[future]}.npz", content.getvalue())
-            if progress is not None:
-                progress(done / blocks)
-    finally:
-        for future in waiting:
-            future.cancel()
-        if own is not None:
-            own.shutdown(cancel_futures=True)
-
-
-def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> dict[str, NDArray[np.generic]]:
+def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> Block:
     """Simulate one block of the table; what it holds depends on its number and on the seed alone."""
     rng = np.random.default_rng([seed, block])
     parts = rng.random((draws, len(KEYS)))
     return {"parts": parts, **simulated(prior, parts, slips, rng)}
 
 
-def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> dict[str, NDArray[np.generic]]:
+def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> Block:
     """Series of slips at given parts of the ranges of a prior."""
     draws = len(parts)
     count = np.zeros(draws, dtype=np.int64)
@@ -183,7 +162,7 @@ def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) 
     return {"count": count, "peaks": peaks, "troughs": troughs}
 
 
-def _read(path: Path, slips: int) -> dict[str, NDArray[np.generic]]:
+def _read(path: Path, slips: int) -> Block:
     """A block as it was kept; nothing if it is not there, or damaged, so that it is made again."""
     try:
         with np.load(BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False) as found:

@@ -1,4 +1,4 @@
-"""Datasets to files and back, records to plain data and back, and the content hash of a case.
+"""Datasets to files and back, records to plain data and back.
 
 A result carries, as one JSON string in its attribute ``provenance``, all that is needed to make it again.
 """
@@ -6,7 +6,6 @@ A result carries, as one JSON string in its attribute ``provenance``, all that i
 from __future__ import annotations
 
 import gc
-import hashlib
 import json
 import math
 import os
@@ -25,6 +24,7 @@ from stickslip.errors import InputError, instance
 from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
+from stickslip.model.body import BODIES
 from stickslip.model.delays import DELAYS
 from stickslip.model.distribution import Positive
 from stickslip.model.distributions import DISTRIBUTIONS
@@ -43,9 +43,9 @@ Plain = Any
 def records() -> dict[str, type]:
     """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
     ours = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
-    del ours["Parameter"]  # it holds functions
+    del ours["Parameter"], ours["ElasticBody"]  # the one holds functions, the other is what bodies have in common
     ours[Positive.__name__] = Positive  # what a SteadyState of a guest's distribution may hold
-    tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS)
+    tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS, BODIES)
     return {_name_of(kind): kind for table in tables for kind in table.values()} | ours
 
 
@@ -116,10 +116,7 @@ def provenance(call: str, arguments: Mapping[str, object]) -> str:
 def read_provenance(data: xr.Dataset) -> dict[str, Any]:
     """Return the provenance of a result as plain data.
 
-    Raises
-    ------
-    InputError
-        If the Dataset has none, or one that cannot be read.
+    Raises `InputError` if the Dataset has none, or one that cannot be read.
     """
     text = getattr(data, "attrs", {}).get("provenance")
     if not isinstance(text, str):
@@ -132,11 +129,6 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
     if not isinstance(content["call"], str) or not isinstance(content["arguments"], dict):
         raise InputError("the provenance in this file is damaged; make the run again")
     return dict(content)
-
-
-def content_hash(value: object) -> str:
-    """Return a hash of the content of a case: equal for equal records, whatever the session or the machine."""
-    return hashlib.sha256(json.dumps(encode(value), sort_keys=True).encode()).hexdigest()
 
 
 def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:

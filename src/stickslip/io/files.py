@@ -5,13 +5,10 @@ A symbolic link is followed, for reading and for writing: the link stays, and th
 
 from __future__ import annotations
 
-import fcntl
 import os
 import secrets
 import stat
-from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
 
 from stickslip.errors import InputError, instance
 
@@ -22,8 +19,6 @@ _KINDS = {
     stat.S_IFIFO: "a named pipe",
     stat.S_IFSOCK: "a socket",
 }
-_PART = ".stickslip-", ".part"
-"""How the name of a file in the making begins and ends."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -32,20 +27,9 @@ _PART = ".stickslip-", ".part"
 
 
 def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
-    """Return how many bytes a file has that is about to be read.
+    """Return how many bytes a file has that is about to be read; `kind` names it in errors: ``"rig file"``.
 
-    Parameters
-    ----------
-    path : path
-    kind : str
-        What the file should be, for the message: ``"rig file"``.
-    largest : int
-        How many bytes it may have.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, it is a directory, a device, a pipe or a socket, or it is larger than that.
+    Raises `InputError` if there is no such file, it is no regular file, or it has more bytes than `largest`.
     """
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
@@ -85,10 +69,8 @@ def unreadable(path: str | os.PathLike[str], error: OSError | ValueError) -> Inp
 def target(path: str | os.PathLike[str]) -> Path:
     """Return where a file is to be written: a free name, or a regular file that may be replaced; links are followed.
 
-    Raises
-    ------
-    InputError
-        If something else is there, if it is read-only (for root, too), or if nothing can be written there.
+    Raises `InputError` if something else is there, if it is read-only (for root, too), or if nothing can be written
+    there.
     """
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
@@ -116,57 +98,26 @@ def target(path: str | os.PathLike[str]) -> Path:
 def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
     """Write a file whole or not at all: beside its place, and moved there when it is complete.
 
-    Its permissions are those of the file that it replaces. What killed processes left in that directory is removed.
+    Its permissions are those of the file that it replaces.
 
-    Raises
-    ------
-    InputError
-        If `target` refuses the place or it cannot be written.
+    Raises `InputError` if `target` refuses the place or it cannot be written.
     """
     place = target(path)
     try:
-        _sweep_up(place.parent)
-        part, file = _begin(place.parent)
+        part = place.parent / f".stickslip-{secrets.token_hex(8)}.part"
         try:
-            with file:
+            with part.open("xb") as file:  # with the permissions of any new file
                 if place.exists():
                     os.fchmod(file.fileno(), stat.S_IMODE(place.stat().st_mode))
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())  # a disk that is full may say so only now
-                part.replace(place)
+            part.replace(place)
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
         raise _unwritable(path, error) from None
     return Path(path)
-
-
-def _begin(folder: Path) -> tuple[Path, BinaryIO]:
-    """Open a file in the making, locked for as long as its process lives."""
-    while True:
-        part = folder / secrets.token_hex(4).join(_PART)
-        file = part.open("xb")
-        with suppress(OSError):  # not every file system has locks; there nothing is swept up either
-            fcntl.flock(file, fcntl.LOCK_EX)
-        if os.fstat(file.fileno()).st_nlink:
-            return part, file
-        file.close()  # taken for a leftover before it was locked
-
-
-def _sweep_up(folder: Path) -> None:
-    """Remove files in the making whose process is gone: nobody holds their lock."""
-    begin, end = _PART
-    with os.scandir(folder) as entries:
-        leftovers = [
-            Path(entry)
-            for entry in entries
-            if entry.name.startswith(begin) and entry.name.endswith(end) and entry.is_file(follow_symlinks=False)
-        ]
-    for leftover in leftovers:
-        with suppress(OSError), leftover.open("rb+") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            leftover.unlink()
 
 
 def _unwritable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:

@@ -1,15 +1,19 @@
-"""One key of a rig file: what may stand there, and how it is read."""
+"""One key of a file: what may stand there, and how it is read; and rules on the keys of one table."""
 
 from __future__ import annotations
 
+import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import Any
+from typing import Any, Literal
 
-from stickslip.errors import InputError, number, shown
-from stickslip.io.validation import Sign, quantity_of
+from stickslip.errors import InputError, extreme, number, shown
+from stickslip.model.quantities import read_quantity
 from stickslip.model.units import si_unit
+
+Sign = Literal["above 0", "at least 0", ""]
 
 DECADES = 15
 """Powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions."""
@@ -17,7 +21,7 @@ DECADES = 15
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a rig file.
+    """One key of a file.
 
     Parameters
     ----------
@@ -33,10 +37,8 @@ class Key:
         All that may be written, if that is known.
     words : tuple of str
         What may stand there in place of a number.
-    or_table : bool
-        Whether a table may, too.
-    or_list : bool
-        Whether a list may, too.
+    or_table, or_list : bool
+        Whether a table or a list may stand there, too.
     default : object
         What is taken if the key is left out; None if nothing is.
     required : bool
@@ -84,46 +86,60 @@ class Key:
     def read(self, value: object, place: str, *, natural: bool) -> Any:
         """Return the value: a quantity in SI units, or in natural ones if the file is in those.
 
-        Raises
-        ------
-        InputError
-            If it cannot be.
+        Raises `InputError` if it cannot be.
         """
-        wrong = ""
-        if self.si:
+        if self.unit or self.si:
             try:
-                return quantity_of(value, self.si, str(self.example), self.sign)
+                unit = self.si or si_unit(self.unit)
+                return quantity_of(value, unit, str(self.example), self.sign, natural=natural and not self.si)
             except InputError as error:
-                wrong = str(error)
-        elif self.unit:
-            try:
-                return quantity_of(value, si_unit(self.unit), str(self.example), self.sign, natural=natural)
-            except InputError as error:
-                wrong = str(error)
-        elif self.choices:
-            if value in self.choices:
-                return value
-            known = [*map(repr, self.choices), *(["a table"] if self.or_table else [])]
-            wrong = f"must be {' or '.join(known)}"
-        elif isinstance(self.example, str):
-            if isinstance(value, str) and len(value) <= self.longest:
-                return value
-            wrong = f"must be text in quotes, of at most {self.longest} characters"
-        elif self._of_numbers:
-            if isinstance(value, list):
-                return tuple(_pure(item, f"{place}[{i}]", "") for i, item in enumerate(value))
-            wrong = "must be a list of numbers"
-        elif isinstance(self.example, bool):
-            if isinstance(value, bool):
-                return value
-            wrong = "must be true or false"
-        elif isinstance(self.example, int):
-            if isinstance(value, int) and not isinstance(value, bool):
-                return value
-            wrong = "must be a whole number"
-        else:
+                raise InputError(f"{place} = {shown(value)}: {error}", place) from None
+        if self._of_numbers and isinstance(value, list):
+            return tuple(_pure(item, f"{place}[{i}]", "") for i, item in enumerate(value))
+        if isinstance(self.example, float):
             return _pure(value, place, self.sign)
-        raise InputError(f"{place} = {shown(value)}: {wrong}", place)
+        kind, wrong = self._plain()
+        fits = value in self.choices if self.choices else type(value) is kind
+        if fits and not (isinstance(value, str) and len(value) > self.longest):
+            return value
+        raise InputError(f"{place} = {shown(value)}: must be {wrong}", place)
+
+    def _plain(self) -> tuple[type, str]:
+        """The type of a value that is neither a quantity nor a float, and what it must be, in words."""
+        if self.choices:
+            return str, " or ".join([*map(repr, self.choices), *["a table"] * self.or_table])
+        words = {
+            str: f"text in quotes, of at most {self.longest} characters",
+            bool: "true or false",
+            int: "a whole number",
+        }
+        return next(
+            ((kind, said) for kind, said in words.items() if type(self.example) is kind), (list, "a list of numbers")
+        )
+
+
+def quantity_of(value: object, unit: str, example: str, sign: Sign = "above 0", *, natural: bool = False) -> float:
+    """Read a quantity: text with a unit in SI files, a plain number in natural ones.
+
+    Raises `InputError` if it is anything else; the message does not name the place.
+    """
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if not natural:
+            raise InputError(f"has no unit; write it as a string, such as {example!r}")
+        result = float(value) if abs(value) <= sys.float_info.max else math.inf
+    elif not isinstance(value, str):
+        raise InputError(f"must be a quantity, such as {example!r}")
+    elif natural:
+        raise InputError("must be a plain number, as the file says units = 'natural'")
+    else:
+        result = read_quantity(value, unit, example)
+    if not math.isfinite(result):
+        raise InputError("must be finite")
+    if refusal := extreme(result):
+        raise InputError(f"{refusal} (in {unit})")
+    if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
+        raise InputError(f"must be {sign}")
+    return result
 
 
 def _pure(value: object, place: str, sign: Sign) -> float:
@@ -132,6 +148,53 @@ def _pure(value: object, place: str, sign: Sign) -> float:
     if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
         raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)
     return found
+
+
+Way = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Either:
+    """Keys of a table that exclude each other: one way is taken, with all of its keys.
+
+    Parameters
+    ----------
+    ways : tuple of tuples of str
+        The first is asked for where none is given.
+    needed : bool
+        Whether one of them must be given.
+    natural : int
+        Which way is asked for in a file of natural units.
+    because : str
+        Why not both, if that is not plain.
+    """
+
+    ways: tuple[Way, ...]
+    _: KW_ONLY
+    needed: bool = True
+    natural: int = 0
+    because: str = ""
+
+    def given(self, content: Mapping[str, Any]) -> list[Way]:
+        """The ways of which a table has some key."""
+        return [way for way in self.ways if any(name in content for name in way)]
+
+    def others(self, name: str) -> str:
+        """What is given in place of a key, in words; empty if the rule does not know it."""
+        if not any(name in way for way in self.ways):
+            return ""
+        return " or ".join(listed(f"`{each}`" for each in way) for way in self.ways if name not in way)
+
+    @property
+    def clash(self) -> str:
+        """The refusal of two ways at once."""
+        return f"give {' or '.join(map(listed, self.ways))}, not both{self.because and f': {self.because}'}"
+
+
+def listed(names: Any) -> str:
+    """Names in a row: ``a, b and c``."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else str(last)
 
 
 def toml(value: Any) -> str:

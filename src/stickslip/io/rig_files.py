@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, instance, shortened
-from stickslip.io.bodies import BODIES
-from stickslip.io.rig_reader import MistakesError, Reader, in_one_line
+from stickslip.io.rig_reader import rig_from
 from stickslip.io.rig_writer import RigWriter
-from stickslip.io.validation import parse_toml, read_toml
+from stickslip.io.tables import parse_toml, read_toml
+from stickslip.model.body import BODIES
 from stickslip.model.rig import Rig
 
 Document = dict[str, Any]
@@ -43,8 +43,7 @@ def example_names() -> tuple[str, ...]:
 
     Examples
     --------
-    >>> import stickslip as ss
-    >>> "brake_pad" in ss.example_names()
+    >>> "brake_pad" in example_names()
     True
     """
     # A sweep is no rig: it names one.
@@ -60,10 +59,7 @@ def example_names() -> tuple[str, ...]:
 def example_file(name: str) -> Path:
     """Return the file of a rig or sweep that comes with the package, such as ``"pmma_slider"``.
 
-    Raises
-    ------
-    InputError
-        If there is none of that name.
+    Raises `InputError` if there is none of that name.
     """
     instance("example: name", name, str, "the name of an example")
     known = sorted(f.stem for f in EXAMPLES.glob("*.toml"))
@@ -126,11 +122,7 @@ def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
     InputError
         Naming every mistake: key, value, remedy. Its `mistakes` are told apart, each with its key as `place`.
     """
-    reader = Reader(natural=document.get("units") == "natural")
-    try:
-        return reader.rig(document)
-    except MistakesError:
-        raise in_one_line(reader.mistakes, place) from None
+    return rig_from(document, place)
 
 
 def from_text(text: object, place: str = "rig") -> Rig:

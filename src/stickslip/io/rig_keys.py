@@ -1,31 +1,78 @@
 """What a rig file may hold: every key once, with its meaning, its unit, an example, and how to measure it.
 
-The reader, the writer, the messages and the reference page are made from these tables, and from the fields of the
-records that are written as tables: distributions, delays, models of ageing.
+The reader, the writer, the messages and the reference page are made from these tables. A key that is a field of a
+record takes unit, bounds, choices and default from there; which keys exclude each other is said by the rules.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import MISSING, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, replace
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
 from stickslip.errors import InputError, shown
-from stickslip.io.keys import Key
-from stickslip.io.validation import Sign
-from stickslip.model.ageing import AGEING_MODELS, Langevin
-from stickslip.model.delays import RandomDelay
-from stickslip.model.distributions import DISTRIBUTIONS
+from stickslip.io.keys import Either, Key, Sign
+from stickslip.model import Chain, Interface, Prestressed, Sheet, Slider
+from stickslip.model.activation import ACTIVATIONS, Bell
+from stickslip.model.ageing import AGEING_MODELS
+from stickslip.model.body import BODIES
+from stickslip.model.delays import DELAYS
+from stickslip.model.distributions import DISTRIBUTIONS, Empirical
+from stickslip.model.drive import Piece
 from stickslip.model.methods import METHODS
 from stickslip.model.records import declared
+from stickslip.model.units import UNITS
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Keys of records
+# ---------------------------------------------------------------------------------------------------------------------
+
+Said = Key | tuple[str, Any] | tuple[str, Any, str]
+"""A key, or of a field of a record the meaning, an example, and what is taken if it is left out."""
+
+
+def _key(record: type, name: str, meaning: str, example: Any, otherwise: str = "") -> Key:
+    """The key of a field of a record."""
+    kind, mark = declared(record)[name]
+    given = next(field.default for field in fields(record) if field.name == name)
+    endless = given in (float("inf"), float("-inf"))
+    default = None if given is MISSING or endless else given
+    if record in DISTRIBUTIONS.values() and default is None and not endless:
+        default = _USUAL.get(name)
+    required = default is None and given is MISSING and not otherwise
+    if endless:
+        otherwise = "none are"
+    sign: Sign = "" if mark is None else "above 0" if mark.above == 0 else "at least 0" if mark.at_least == 0 else ""
+    if mark is not None and mark.unit != "1":
+        example = example if isinstance(example, (str, list)) else "2 ms"
+        return Key(meaning, example, unit=mark.unit, sign=sign, default=default, required=required, otherwise=otherwise)
+    kinds = (kind, *get_args(kind))
+    choices = next((get_args(each) for each in kinds if get_origin(each) is Literal), ())
+    return Key(meaning, example, sign=sign, choices=choices, default=default, required=required, otherwise=otherwise)
+
+
+def _table(record: type, rules: tuple[Either, ...] = (), **said: Said) -> dict[str, Key]:
+    """The keys of a table that is made into a record; the rules say what is given in place of a key."""
+    found: dict[str, Key] = {}
+    for name, each in said.items():
+        key = found[name] = each if isinstance(each, Key) else _key(record, name, *each)
+        others = " or ".join(rule.others(name) for rule in rules if rule.others(name) and not rule.because)
+        if others and key.default is None:
+            found[name] = replace(key, required=False, otherwise=key.otherwise or others)
+    return found
+
 
 NO_DELAY = (
     "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts "
     "never strengthen with rest and nothing can stick-slip; the speed at which the kinetic friction has fallen to half "
     "its value in slow sliding is v_half"
 )
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Tables of a file
+# ---------------------------------------------------------------------------------------------------------------------
 
 TOP: Mapping[str, Key] = {
     "name": Key("What to call the rig.", "Brake pad", default="rig", longest=200),
@@ -68,128 +115,6 @@ TOP: Mapping[str, Key] = {
 }
 """Keys at the top of the file."""
 
-SLIDER: Mapping[str, Key] = {
-    "mass": Key(
-        "Mass of the slider and of all that moves with it.",
-        "75.6 g",
-        unit="f_s time^2/x_s",
-        sign="at least 0",
-        required=True,
-    ),
-    "stiffness": Key(
-        "Stiffness of the driving spring: of whatever connects the slider to what pulls.",
-        "4 MN/m",
-        unit="k",
-        sign="above 0",
-        required=True,
-    ),
-    "damping": Key(
-        "Damping `eta` of Eq. (11): off the surface, the slider's ringing decays as `exp(-eta t/2)`.",
-        "200 1/s",
-        unit="1/time",
-        sign="at least 0",
-        otherwise="`damping_ratio`",
-    ),
-    "damping_ratio": Key(
-        "In place of `damping`: the damping ratio `zeta = eta/(2 Omega)` of the slider on its spring, "
-        "`Omega = sqrt(stiffness/mass)`; 1 is critical.",
-        0.15,
-        sign="at least 0",
-        otherwise="`damping`",
-    ),
-}
-
-CHAIN: Mapping[str, Key] = {
-    "blocks": Key("Number of blocks that the bar is cut into.", 57, required=True),
-    "spacing": Key("Length of a block along the drive.", "2.5 mm", unit="x_s", sign="above 0", otherwise="`coupling`"),
-    "width": Key("Width `B` of the bar.", "5 mm", unit="x_s", sign="above 0", otherwise="`coupling`"),
-    "height": Key("Height `H` of the bar.", "77.5 mm", unit="x_s", sign="above 0", otherwise="`coupling`"),
-    "youngs_modulus": Key(
-        "Young's modulus `E`: with spacing `dx`, width and height, blocks are coupled by springs of `E B H/dx`.",
-        "3 GPa",
-        unit="f_s/x_s^2",
-        sign="above 0",
-        otherwise="`coupling`",
-    ),
-    "density": Key(
-        "Density `rho`: a block has the mass `rho B H dx`.",
-        "1180 kg/m^3",
-        unit="f_s time^2/x_s^4",
-        sign="above 0",
-        otherwise="`mass`",
-    ),
-    "shear_modulus": Key(
-        "Shear modulus `G` of a bar that is held and moved along its top: the drive pulls each block by a spring of "
-        "`G B dx/H`.",
-        "1.1 GPa",
-        unit="f_s/x_s^2",
-        sign="above 0",
-        otherwise="`leaf`",
-    ),
-    "coupling": Key(
-        "In place of `youngs_modulus`: stiffness of the bar between the middles of two blocks.",
-        "540 MN/m",
-        unit="k",
-        sign="above 0",
-        otherwise="`youngs_modulus`",
-    ),
-    "mass": Key(
-        "In place of `density`: mass of a block.", "1.1 g", unit="f_s time^2/x_s", sign="above 0", otherwise="`density`"
-    ),
-    "leaf": Key(
-        "Stiffness of a spring from each block to the drive.", "0.2 MN/m", unit="k", sign="at least 0", default=0.0
-    ),
-    "side": Key(
-        "Stiffness of a spring from the first block to the drive.", "4 MN/m", unit="k", sign="at least 0", default=0.0
-    ),
-    "damping": Key(
-        "Damping `eta` of each block against the ground.", "100 1/s", unit="1/time", sign="at least 0", default=0.0
-    ),
-    "viscosity": Key(
-        "Dashpot between neighbouring blocks.", "10 kg/s", unit="f_s time/x_s", sign="at least 0", default=0.0
-    ),
-    "ends": Key(
-        "Whether the last block is coupled to the first.", "free", choices=("free", "periodic"), default="free"
-    ),
-}
-
-SHEET: Mapping[str, Key] = {
-    "along": Key("Number of blocks along the drive.", 60, required=True),
-    "across": Key("Number of rows beside each other.", 20, required=True),
-    "spacing": CHAIN["spacing"],
-    "width": replace(CHAIN["width"], meaning="Width of a row.", example="2.5 mm"),
-    "height": replace(CHAIN["height"], meaning="Thickness of the plate."),
-    "youngs_modulus": replace(
-        CHAIN["youngs_modulus"],
-        meaning="Young's modulus `E`: with spacing `dx`, width `B` and height `H`, neighbours in a row are coupled by "
-        "springs of `E B H/dx`.",
-    ),
-    "shear_modulus": replace(
-        CHAIN["shear_modulus"],
-        meaning="Shear modulus `G`: neighbouring rows are coupled by springs of `G H dx/B` from block to block.",
-        otherwise="`shear`",
-    ),
-    "density": CHAIN["density"],
-    "coupling": replace(
-        CHAIN["coupling"], meaning="In place of `youngs_modulus`: stiffness between neighbours in a row."
-    ),
-    "shear": replace(
-        CHAIN["coupling"],
-        meaning="In place of `shear_modulus`: stiffness between neighbouring rows, from block to block.",
-        example="200 MN/m",
-        otherwise="`shear_modulus`",
-    ),
-    "mass": CHAIN["mass"],
-    "leaf": CHAIN["leaf"],
-    "side": replace(CHAIN["side"], meaning="Stiffness of a spring from the first block of every row to the drive."),
-    "damping": CHAIN["damping"],
-    "viscosity": replace(
-        CHAIN["viscosity"],
-        meaning="Dashpot between neighbours in a row; between rows in proportion to their stiffness.",
-    ),
-    "ends": replace(CHAIN["ends"], meaning="Whether opposite edges are coupled."),
-}
-
 MATERIAL: Mapping[str, Mapping[str, str]] = {
     "chain": {"coupling": "youngs_modulus", "leaf": "shear_modulus", "mass": "density"},
     "sheet": {"coupling": "youngs_modulus", "shear": "shear_modulus", "mass": "density"},
@@ -199,55 +124,151 @@ MATERIAL: Mapping[str, Mapping[str, str]] = {
 SHAPE = ("spacing", "width", "height")
 """Keys of the shape of a block."""
 
-INTERFACE: Mapping[str, Key] = {
-    "contact_strength": Key(
+COEFFICIENTS = ("mu_s", "mu_k")
+
+RULES: Mapping[str, tuple[Either, ...]] = {
+    "slider": (Either((("damping_ratio",), ("damping",))),),
+    **{
+        body: tuple(Either(((m,), (direct,)), needed=direct != "leaf", natural=1) for direct, m in material.items())
+        for body, material in MATERIAL.items()
+    },
+    "interface": (
+        Either((("thresholds",), COEFFICIENTS), because="they say how wide the thresholds are"),
+        Either((("delay",), ("v_half",)), needed=False),
+        Either((("newborn",), COEFFICIENTS), needed=False, because="these are read as of unstretched newborns"),
+        Either((("areas",), COEFFICIENTS), needed=False, because="these are read as of equal contacts"),
+        Either((("areas",), ("v_half",)), needed=False, because="it is read as of equal contacts"),
+    ),
+    "drive": (
+        Either((("velocity",), ("pieces",))),
+        Either((("distance",), ("duration",)), needed=False),
+        Either((("distance",), ("pieces",)), needed=False, because="pieces have durations of their own"),
+        Either((("duration",), ("pieces",)), needed=False, because="pieces have durations of their own"),
+    ),
+}
+"""Keys of a table that exclude each other."""
+
+STRENGTH = Either((("contact_strength",), ("normal_load", *COEFFICIENTS)))
+"""The scale of force, in an SI file."""
+
+SLIDER = _table(
+    Slider,
+    RULES["slider"],
+    mass=("Mass of the slider and of all that moves with it.", "75.6 g"),
+    stiffness=("Stiffness of the driving spring: of whatever connects the slider to what pulls.", "4 MN/m"),
+    damping=("Damping `eta` of Eq. (11): off the surface, the slider's ringing decays as `exp(-eta t/2)`.", "200 1/s"),
+    damping_ratio=Key(
+        "In place of `damping`: the damping ratio `zeta = eta/(2 Omega)` of the slider on its spring, "
+        "`Omega = sqrt(stiffness/mass)`; 1 is critical.",
+        0.15,
+        sign="at least 0",
+    ),
+)
+
+_LENGTH: Mapping[str, Any] = {"unit": "x_s", "sign": "above 0", "otherwise": "`coupling`"}
+_MODULUS: Mapping[str, Any] = {"unit": "f_s/x_s^2", "sign": "above 0"}
+_SECTION: Mapping[str, Said] = {
+    "spacing": ("Length `dx` of a block along the drive.", "2.5 mm", "`coupling`"),
+    "width": Key("Width `B` of the bar, or of a row of the sheet.", "5 mm", **_LENGTH),
+    "height": Key("Height `H` of the bar, or thickness of the sheet.", "77.5 mm", **_LENGTH),
+    "youngs_modulus": Key(
+        "Young's modulus `E`: neighbours along the drive are coupled by springs of `E B H/dx`.", "3 GPa", **_MODULUS
+    ),
+    "density": Key(
+        "Density `rho`: a block has the mass `rho B H dx`.", "1180 kg/m^3", unit="f_s time^2/x_s^4", sign="above 0"
+    ),
+}
+_SPRINGS: Mapping[str, Said] = {
+    "coupling": ("In place of `youngs_modulus`: stiffness between neighbours along the drive.", "540 MN/m"),
+    "mass": ("In place of `density`: mass of a block.", "1.1 g"),
+    "leaf": ("Stiffness of a spring from each block to the drive.", "0.2 MN/m"),
+    "side": ("Stiffness of a spring from the first block (of a sheet, of every row) to the drive.", "4 MN/m"),
+    "damping": Key(
+        "Damping `eta` of each block against the ground.", "100 1/s", unit="1/time", sign="at least 0", default=0.0
+    ),
+    "viscosity": (
+        "Dashpot between neighbours along the drive; between rows in proportion to their stiffness.",
+        "10 kg/s",
+    ),
+    "ends": ("Whether opposite ends are coupled.", "free"),
+}
+
+CHAIN = _table(
+    Chain,
+    RULES["chain"],
+    blocks=("Number of blocks that the bar is cut into.", 57),
+    **_SECTION,
+    shear_modulus=Key(
+        "Shear modulus `G` of a bar that is held and moved along its top: the drive pulls each block by a spring of "
+        "`G B dx/H`.",
+        "1.1 GPa",
+        **_MODULUS,
+    ),
+    **_SPRINGS,
+)
+
+SHEET = _table(
+    Sheet,
+    RULES["sheet"],
+    along=("Number of blocks along the drive.", 60),
+    across=("Number of rows beside each other.", 20),
+    **_SECTION,
+    shear_modulus=Key(
+        "Shear modulus `G`: neighbouring rows are coupled by springs of `G H dx/B` from block to block.",
+        "1.1 GPa",
+        **_MODULUS,
+    ),
+    shear=("In place of `shear_modulus`: stiffness between neighbouring rows, from block to block.", "200 MN/m"),
+    **_SPRINGS,
+)
+
+INTERFACE = _table(
+    Interface,
+    (STRENGTH, *RULES["interface"]),
+    contact_strength=Key(
         "Sum of the threshold forces of all contacts, `N f_s`. The static friction is smaller, as contacts do not "
         "break all at once.",
         "768 N",
         unit="f_s",
         sign="above 0",
-        otherwise="`normal_load`, `mu_s` and `mu_k`",
     ),
-    "normal_load": Key(
+    normal_load=Key(
         "With `mu_s` and `mu_k`: the force that presses the slider on.",
         "1920 N",
         unit="f_s",
         sign="above 0",
-        otherwise="`contact_strength`",
     ),
-    "mu_s": Key(
+    mu_s=Key(
         "With `normal_load` and `mu_k`: coefficient of static friction, the largest force of a slow pull over the "
         "load.",
         0.32,
         sign="above 0",
-        otherwise="`contact_strength`",
     ),
-    "mu_k": Key(
+    mu_k=Key(
         "With `normal_load` and `mu_s`: coefficient of kinetic friction in slow sliding. The two give the contact "
         "strength and the standard deviation of Gaussian thresholds.",
         0.2,
         sign="above 0",
-        otherwise="`contact_strength`",
     ),
-    "breaking_displacement": Key(
+    breaking_displacement=Key(
         "Mean displacement `x_s` at which a contact breaks; close to static friction over the slope of the force at "
         "the start of a slow pull.",
         "2 um",
         unit="x_s",
         sign="above 0",
     ),
-    "thresholds": Key(
+    thresholds=Key(
         "Distribution of the displacements at which contacts break, in units of `breaking_displacement`.",
         {"distribution": "gaussian", "std": 0.1},
         otherwise="with `mu_s` and `mu_k`: Gaussian, of the standard deviation that they ask for",
     ),
-    "initial": Key(
+    initial=Key(
         "Distribution of the stretchings of the contacts at the start, in the same unit.",
         {"distribution": "gaussian", "mean": 0.0, "std": 0.05},
         default={"distribution": "gaussian", "mean": 0.0, "std": 0.01},
         measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
     ),
-    "delay": Key(
+    delay=Key(
         "Time until a broken contact is attached again: a time, a table for a random one, "
         '`"on arrest"` for contacts that wait until the slider stops, or `"never"`.',
         "2 ms",
@@ -258,48 +279,41 @@ INTERFACE: Mapping[str, Key] = {
         default=0.0,
         measure=NO_DELAY,
     ),
-    "v_half": Key(
+    v_half=Key(
         "In place of `delay`: the speed at which the kinetic friction has halved; the delay is the mean breaking "
         "displacement over it.",
         "1 mm/s",
         unit="x_s/time",
         sign="above 0",
-        otherwise="`delay`",
     ),
-    "sliding_force": Key(
+    sliding_force=(
         "Force of all contacts together, were they all detached and sliding; `contact_strength` is their strength "
         "attached.",
         "150 N",
-        unit="f_s",
-        sign="at least 0",
-        default=0.0,
     ),
-    "newborn": Key(
+    newborn=Key(
         "Distribution of the stretchings with which contacts re-attach, along the motion, in units of "
         "`breaking_displacement`.",
         {"distribution": "uniform", "low": 0.0, "high": 0.2},
         otherwise="they are unstretched",
     ),
-    "track_scatter": Key(
+    track_scatter=(
         "Scatter from slip to slip of all thresholds alike: standard deviation of the factor, of mean 1, that those "
         "drawn between two arrests of the slider have in common.",
         0.1,
-        sign="at least 0",
-        default=0.0,
     ),
-    "areas": Key(
+    areas=(
         "Contacts of different areas, whose distribution `thresholds` then is: drawn afresh at each re-attachment, or "
         "one for each site. The threshold force goes with the area, the stiffness with its root.",
         "fresh",
-        choices=("fresh", "site"),
-        otherwise="all contacts are equally stiff",
+        "all contacts are equally stiff",
     ),
-    "ageing": Key(
+    ageing=Key(
         "How the thresholds of contacts grow with their age.",
         {"model": "langevin", "time": "1 s"},
         otherwise="they do not",
     ),
-    "temperature": Key(
+    temperature=Key(
         "How contacts break before their threshold.",
         {
             "kind": "bell",
@@ -310,34 +324,10 @@ INTERFACE: Mapping[str, Key] = {
         },
         otherwise="they do not",
     ),
-}
+)
 
-BELL: Mapping[str, Key] = {
-    "temperature": Key("Of the interface.", "293 K", si="K", sign="above 0", otherwise="`width`"),
-    "activation_volume": Key(
-        "Area that a contact gives way at a time, times how far: some molecules.",
-        "0.5 nm^3",
-        si="m^3",
-        sign="above 0",
-        otherwise="`width`",
-    ),
-    "shear_strength": Key("Of the contacts themselves.", "1 GPa", si="Pa", sign="above 0", otherwise="`width`"),
-    "width": Key(
-        "In place of temperature, activation volume and shear strength: the displacement over which the rate of "
-        "breaking grows by a factor e, `breaking_displacement k_B T/(shear_strength activation_volume)`.",
-        "16 nm",
-        unit="x_s",
-        sign="above 0",
-        otherwise="`temperature`, `activation_volume` and `shear_strength`",
-    ),
-    "attempts": Key(
-        "Rate of breaking on top of the barrier.", "1e12 1/s", unit="1/time", sign="above 0", required=True
-    ),
-}
-"""Keys of `interface.temperature` with ``kind = "bell"``."""
-
-BOLTZMANN = 1.380649e-23
-"""In J/K."""
+SCALES = ("contact_strength", "normal_load", *COEFFICIENTS, "breaking_displacement")
+"""Keys that are 1 in natural units, or make up what is."""
 
 DRIVE: Mapping[str, Key] = {
     "velocity": Key(
@@ -345,7 +335,8 @@ DRIVE: Mapping[str, Key] = {
         'table `{ from = "1 mm/s", to = "50 mm/s" }` of their range, of which the middle is simulated.',
         "0.4 mm/s",
         unit="x_s/time",
-        sign="",
+        or_list=True,
+        or_table=True,
         otherwise="`pieces`",
     ),
     "distance": Key(
@@ -365,11 +356,12 @@ DRIVE: Mapping[str, Key] = {
     ),
 }
 
-PIECE: Mapping[str, Key] = {
-    "start": Key("Velocity at the beginning of the piece.", "10 mm/s", unit="x_s/time", sign="", required=True),
-    "end": Key("Velocity at its end.", "1 m/s", unit="x_s/time", sign="", required=True),
-    "duration": Key("How long the piece lasts.", "0.5 s", unit="time", sign="above 0", required=True),
-}
+PIECE = _table(
+    Piece,
+    start=("Velocity at the beginning of the piece.", "10 mm/s"),
+    end=("Velocity at its end.", "1 m/s"),
+    duration=("How long the piece lasts.", "0.5 s"),
+)
 
 SIMULATION: Mapping[str, Key] = {
     "method": Key(
@@ -385,7 +377,7 @@ SIMULATION: Mapping[str, Key] = {
         2000,
         otherwise="10,000; 100 for each block of a chain or a sheet",
     ),
-    "seed": Key("Of the random numbers: the same seed gives the same run.", 1, default=1),
+    "seed": Key("Seed of the random numbers: the same seed gives the same run.", 1, default=1),
     "rtol": Key(
         "Error of the master equation, in total contact strengths: 1e-10 to 0.1; of a `population`, from 1e-6.",
         1e-5,
@@ -408,20 +400,19 @@ SIMULATION: Mapping[str, Key] = {
     ),
 }
 
-START: Mapping[str, Key] = {
-    "stretching": Key(
-        "Of the contacts of each block, in units of `breaking_displacement`: one number, a list with one for each "
-        "block, or a list of runs of blocks alike, `[{ blocks = 20, stretching = 0.7 }, { blocks = 37, stretching = "
-        "0.4 }]`.",
+START = _table(
+    Prestressed,
+    stretching=Key(
+        "Stretching of the contacts of each block, in units of `breaking_displacement`: one number, a list with one "
+        "for each block, or a list of runs of blocks alike, `[{ blocks = 20, stretching = 0.7 }, { blocks = 37, "
+        "stretching = 0.4 }]`.",
         0.7,
         or_list=True,
         required=True,
     ),
-    "push": Key(
-        "Constant force on each of the first blocks besides; of a sheet, of every row.", "40 N", unit="f_s", default=0.0
-    ),
-    "pushed_blocks": Key("How many blocks are pushed.", 3, default=1),
-}
+    push=("Constant force on each of the first blocks besides; of a sheet, of every row.", "40 N"),
+    pushed_blocks=("How many blocks are pushed.", 3),
+)
 """Keys of `simulation.start` as a table."""
 
 TABLES: Mapping[str, Mapping[str, Key]] = {
@@ -433,6 +424,13 @@ TABLES: Mapping[str, Mapping[str, Key]] = {
     "simulation": SIMULATION,
 }
 
+FITTED: Mapping[str, Key] = {
+    "interval": Key("The 90 % interval.", "1 N to 2 N", required=True),
+    "how": Key("What the trace says of it.", "identified", required=True, longest=400),
+    "draws": Key("Equally likely values in SI units.", [1.0, 2.0], required=True),
+}
+"""Keys of each entry of `fitted`."""
+
 RENAMED: Mapping[str, str] = {
     "slider.relative_damping": "is gone; write damping_ratio = eta/(2 Omega), half of what relative_damping was",
     "interface.friction_coefficient": (
@@ -443,6 +441,10 @@ RENAMED: Mapping[str, str] = {
 }
 """Keys that were, and what to write now."""
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Records that a table names: distributions, delays, ageing, temperature, methods
+# ---------------------------------------------------------------------------------------------------------------------
+
 _FIELDS: Mapping[str, tuple[str, Any]] = {
     "mean": ("Mean.", 1.0),
     "std": ("Standard deviation.", 0.1),
@@ -451,7 +453,6 @@ _FIELDS: Mapping[str, tuple[str, Any]] = {
     "scale": ("Scale: 63 % of the values are smaller.", 1.0),
     "shape": ("Shape: the larger, the narrower.", 8.0),
     "lower": ("Values below this one are cut off.", 0.0),
-    "samples": ("Measured values, from which a histogram is made.", [0.9, 1.0, 1.3]),
     "edges": ("In place of `samples`: rising edges of the bins of a histogram.", [0.5, 1.0, 1.5]),
     "weights": ("With `edges`: the weight of each bin.", [1.0, 2.0]),
     "thresholds": (
@@ -474,62 +475,86 @@ _FIELDS: Mapping[str, tuple[str, Any]] = {
 _USUAL = {"mean": 1.0, "scale": 1.0}
 """What is taken for the scale of a distribution that is left out: that of `breaking_displacement`."""
 
-
-def by_time(record: type) -> bool:
-    """Whether a model of ageing has a rate, which a file gives as a time."""
-    return record in AGEING_MODELS.values() and "rate" in declared(record)
+_BOLTZMANN = 1.380649e-23
+"""In J/K."""
 
 
-def time_of(record: Any) -> float:
-    """Time of a model of ageing that has a rate."""
-    return float(record.time) if hasattr(record, "time") else 1.0 / float(record.rate)
+KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
+    **dict.fromkeys(("thresholds", "initial", "newborn"), ("distribution", DISTRIBUTIONS)),
+    "delay": ("model", DELAYS),
+    "ageing": ("model", AGEING_MODELS),
+    "temperature": ("kind", ACTIVATIONS),
+}
+"""Of keys of `interface` whose value is a table: the word in it that names a record, and the records by name."""
 
 
-def rate_of(record: type, time: float) -> float:
-    """Rate of a model of ageing that takes this time: ``time**-0.5`` for `Langevin`, else ``1/time``."""
-    return time**-0.5 if record is Langevin else 1.0 / time
+@dataclass(frozen=True)
+class Instead:
+    """Keys that a file may give in place of fields of a record, and how these follow from them."""
+
+    keys: Mapping[str, Key]
+    fields: tuple[str, ...]
+    made: Callable[..., tuple[Any, ...]]
+
+    @property
+    def rule(self) -> Either:
+        """The keys or the fields."""
+        return Either((tuple(self.keys), self.fields), natural=1)
+
+
+def _histogram(samples: tuple[float, ...]) -> tuple[Any, ...]:
+    made = Empirical.from_samples(samples)
+    return made.edges, made.weights
+
+
+INSTEAD: Mapping[type, Instead] = {
+    Empirical: Instead(
+        {"samples": Key("Measured values, from which a histogram is made.", [0.9, 1.0, 1.3])},
+        ("edges", "weights"),
+        _histogram,
+    ),
+    Bell: Instead(
+        {
+            "temperature": Key("Temperature of the interface.", "293 K", si="K", sign="above 0"),
+            "activation_volume": Key(
+                "Area that a contact gives way at a time, times how far: some molecules.",
+                "0.5 nm^3",
+                si="m^3",
+                sign="above 0",
+            ),
+            "shear_strength": Key("Shear strength of the contacts themselves.", "1 GPa", si="Pa", sign="above 0"),
+        },
+        ("width",),
+        lambda temperature, volume, strength: (_BOLTZMANN * temperature / (strength * volume),),
+    ),
+}
 
 
 def keys_of(record: type) -> dict[str, Key]:
-    """Keys of the table that makes a record."""
-    found: dict[str, Key] = {}
-    defaults = {field.name: field.default for field in fields(record) if field.init}
-    if hasattr(record, "from_samples"):
-        found["samples"] = Key(*_FIELDS["samples"], otherwise="`edges` and `weights`")
+    """Keys of the table that makes a record that a table names.
+
+    Raises `InputError` if a delay of the user's own has a number without a unit: a file could not say what it means.
+    """
+    instead = INSTEAD.get(record)
+    said: dict[str, Said] = dict(instead.keys) if instead else {}
+    made = {field.name for field in fields(record) if field.init}
     for name, (kind, mark) in declared(record).items():
-        if name not in defaults:
+        if name not in made:
             continue
-        default = None if defaults[name] is MISSING else defaults[name]
-        if name == "rate" and by_time(record):
-            found["time"] = Key(*_FIELDS["time"], unit="time", sign="above 0", required=True)
-            continue
-        meaning, example = _meaning(record, name, kind)
-        if record in DISTRIBUTIONS.values() and default is None:
-            default = _USUAL.get(name)
-        if default in (float("inf"), float("-inf")):
-            default = None
-            found[name] = Key(meaning, example, otherwise="none are")
-        elif mark is not None and mark.unit != "1":
-            sign: Sign = "above 0" if mark.above == 0 else "at least 0" if mark.at_least == 0 else ""
-            example = example if isinstance(example, str) else "2 ms"
-            found[name] = Key(meaning, example, unit=mark.unit, sign=sign, default=default, required=default is None)
-        else:
-            one_of_two = "samples" in found
-            found[name] = Key(
-                meaning,
-                example,
-                choices=get_args(kind) if get_origin(kind) is Literal else (),
-                default=default,
-                required=default is None and not one_of_two,
-                otherwise="`samples`" if one_of_two else "",
+        if record in DELAYS.values() and mark is None and kind is float:
+            raise InputError(
+                f"{record.__name__}.{name}: has no unit, so no file can give it; declare it as "
+                "Annotated[float, Number('time')], or of another unit"
             )
-    return found
+        if name == "rate" and by_time(record):
+            said["time"] = Key("Time in which the thresholds age.", "1 s", unit="time", sign="above 0", required=True)
+        else:
+            said[name] = _FIELDS.get(name) or _documented(record, name, kind)
+    return _table(record, (instead.rule,) if instead else (), **said)
 
 
-def _meaning(record: type, name: str, kind: Any) -> tuple[str, Any]:
-    """What a field means, with an example of its type."""
-    if name in _FIELDS:
-        return _FIELDS[name]
+def _documented(record: type, name: str, kind: Any) -> tuple[str, Any]:
+    """What the docstring of a record says of a field, and an example of its type."""
     found = re.search(rf"^ *{name} ?:.*\n((?: {{8,}}.*\n?)+)", record.__doc__ or "", re.MULTILINE)
     meaning = " ".join(found[1].split()) if found else ""
     kinds = [one for one in get_args(kind) if one is not NoneType] if get_origin(kind) is not Literal else [str]
@@ -537,62 +562,75 @@ def _meaning(record: type, name: str, kind: Any) -> tuple[str, Any]:
     return meaning, {int: 1, str: "text"}.get(plain, 1.0)
 
 
+def by_time(record: type) -> bool:
+    """Whether a model of ageing has a rate, which a file gives as a time."""
+    return record in AGEING_MODELS.values() and "rate" in declared(record)
+
+
+def _power(record: type) -> float:
+    """The power of time that the rate of a model of ageing is."""
+    mark = declared(record)["rate"][1]
+    return UNITS[mark.unit][2] if mark else -1
+
+
+def time_of(record: Any) -> float:
+    """Time of a model of ageing that has a rate."""
+    power = _power(type(record))
+    return 1.0 / float(record.rate) if power == -1 else float(record.rate) ** (1.0 / power)
+
+
+def rate_of(record: type, time: float) -> float:
+    """Rate of a model of ageing that takes this time: ``time**-0.5`` for `Langevin`, else ``1/time``."""
+    power = _power(record)
+    return 1.0 / time if power == -1 else time**power
+
+
 def fields_of_method(kind: type) -> dict[str, str]:
     """Fields of a method that a file gives, each with its key in `simulation`."""
-    return {
-        field.name: "contacts" if field.name == "count" else field.name
-        for field in fields(kind)
-        if field.name != "memoryless"
-    }  # for comparison only
+    names = [field.name for field in fields(kind) if field.name != "memoryless"]  # for comparison only
+    return {name: "contacts" if name == "count" else name for name in names}
 
 
 def keys_of_simulation(method: object) -> dict[str, Key]:
     """Keys of `simulation`: those of a method of the user's own besides."""
     kind = METHODS.get(method) if isinstance(method, str) else None
-    own = {} if kind is None else keys_of(kind)
+    own = keys_of(kind) if kind else {}
     besides = {key: own[name] for name, key in fields_of_method(kind).items() if key not in SIMULATION} if kind else {}
     return {**SIMULATION, **besides, "method": replace(SIMULATION["method"], choices=tuple(METHODS))}
 
 
-DELAY = {"model": "random", "mean": "2 ms", "std": "1 ms"}
-"""Example of a delay as a table."""
+def methods_with(key: str) -> list[str]:
+    """Names of the methods that have a key of `simulation`."""
+    return [name for name, kind in METHODS.items() if key in fields_of_method(kind).values()]
 
 
-def keys_of_delay(kind: type) -> dict[str, Key]:
-    """Keys of a delay as a table; without a model it is a `RandomDelay`.
-
-    Raises
-    ------
-    InputError
-        If the delay is a class of the user's own whose numbers have no unit: a file could not say what they mean.
-    """
-    found = keys_of(kind)
-    if kind is RandomDelay:
-        found["mean"] = replace(found["mean"], meaning="Mean of the delays.", example=DELAY["mean"])
-        found["std"] = replace(found["std"], meaning="Standard deviation of the delays.", example=DELAY["std"])
-    for name, (plain, mark) in declared(kind).items():
-        if mark is None and plain is float:
-            raise InputError(
-                f"{kind.__name__}.{name}: has no unit, so no file can give it; declare it as "
-                "Annotated[float, Number('time')], or of another unit"
-            )
-    return found
+def tables() -> dict[str, Mapping[str, Key]]:
+    """The tables of a file by their names, those of bodies of the user's own besides."""
+    return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
 
-FITTED: Mapping[str, Key] = {
-    "interval": Key("The 90 % interval.", "1 N to 2 N", required=True),
-    "how": Key("What the trace says of it.", "identified", required=True, longest=400),
-    "draws": Key("Equally likely values in SI units.", [1.0, 2.0], required=True),
-}
-"""Keys of each entry of `fitted`."""
+def keys_at_the_top() -> dict[str, Key]:
+    """The keys at the top of a file."""
+    bodies = {name: Key("In place of `slider`.", {}, otherwise="`slider`") for name in BODIES}
+    return bodies | dict(TOP)
+
+
+def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
+    """The key at a path of a document; None if it is in a table that cannot be read."""
+    table, name, *below = path.split(".")
+    key = tables()[table].get(name)
+    content = document.get(table, {}).get(name)
+    if not below or name not in KINDS:
+        return key
+    word, kinds = KINDS[name]
+    kind = kinds.get(content.get(word, "random")) if isinstance(content, Mapping) else None
+    return keys_of(kind).get(below[0]) if kind else None
 
 
 def check_path(path: str, table_of: str = "assumed") -> None:
     """Raise `InputError` unless a path such as ``"interface.delay"`` names a key of a rig file."""
     table, _, rest = path.partition(".")
-    key = rest.partition(".")[0]
-    if path in ("name", "units") or key in TABLES.get(table, {}):
-        return
-    raise InputError(
-        f"{table_of}.{shown(path)}: names no key of a rig file; write it as 'interface.delay'", f"{table_of}.{path}"
-    )
+    if path not in ("name", "units") and rest.partition(".")[0] not in tables().get(table, {}):
+        raise InputError(
+            f"{table_of}.{shown(path)}: names no key of a rig file; write it as 'interface.delay'", f"{table_of}.{path}"
+        )

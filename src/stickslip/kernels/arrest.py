@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
+from .tournament import enter, smallest, winner
 from .turning_points import PEAK, START, TROUGH, turn
 
 _WARM = 5  # each contact breaks so often before the first slip that counts
@@ -99,38 +100,6 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: flo
 
 
 @jit
-def _push(keys: NDArray[np.float64], slots: NDArray[np.int64], size: int, key: float, slot: int) -> None:
-    """Add to a binary heap, the smallest key on top, of so many entries."""
-    i = size
-    while i > 0:
-        parent = (i - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[i], slots[i] = keys[parent], slots[parent]
-        i = parent
-    keys[i], slots[i] = key, slot
-
-
-@jit
-def _pop(keys: NDArray[np.float64], slots: NDArray[np.int64], size: int) -> None:
-    """Take the smallest key off a heap of so many entries."""
-    last = size - 1
-    key, slot = keys[last], slots[last]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= last:
-            break
-        if child + 1 < last and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[i], slots[i] = keys[child], slots[child]
-        i = child
-    keys[i], slots[i] = key, slot
-
-
-@jit
 def slips(
     model: Arrest,
     floor: float,
@@ -138,6 +107,7 @@ def slips(
     rng: np.random.Generator,
     peaks: NDArray[np.float64],
     troughs: NDArray[np.float64],
+    breaks_at: NDArray[np.float64],
 ) -> int:
     """Fill in the force, per contact, before and after each slip; return how many there were.
 
@@ -151,15 +121,16 @@ def slips(
     rng : Generator
     peaks, troughs : array
         Are filled as far as it goes.
+    breaks_at : array
+        Room: a tournament of the positions of the slider at which the contacts break.
     """
     count, kappa, residual = model.contacts, model.stiffness, model.residual
-    attached_at, breaks_at = np.empty(count), np.empty(count)  # positions of the slider
-    queue = np.empty(count, np.int64)  # the contacts attached, a heap by where they break
+    attached_at = np.empty(count)  # positions of the slider
     broken = np.empty(count, np.int64)
     for i in range(count):
         threshold = _threshold(rng, model.std, 1.0, 0.0)
         attached_at[i] = -rng.random() * threshold
-        _push(breaks_at, queue, i, attached_at[i] + threshold, i)
+        enter(breaks_at, count, i, attached_at[i] + threshold)
     total = attached_at.sum()
     track = math.sqrt(math.log1p(model.track_scatter**2))  # of the logarithm of the factor, whose mean is 1
     X = 0.0
@@ -167,7 +138,7 @@ def slips(
     begun = False
     state = START
     while found < peaks.size and done < most:
-        X = max(X, breaks_at[0])
+        X = max(X, smallest(breaks_at))
         force = X - total / count
         drive = X + force / kappa
         low = floor * state.high if state.falling else floor * max(state.high, force)
@@ -180,13 +151,13 @@ def slips(
 
         left, loose, velocity = count, 0, 0.0
         while True:
-            contact = queue[0]
-            _pop(breaks_at, queue, left)
+            contact = winner(breaks_at, count)
+            enter(breaks_at, count, contact, np.inf)
             broken[loose] = contact
             loose += 1
             left -= 1
             total -= attached_at[contact]
-            gap = breaks_at[0] - X if left > 0 else np.inf
+            gap = smallest(breaks_at) - X
             if gap <= 0.0:
                 continue
             unbalanced = drive - X - (left * X - total + residual * loose) / (count * kappa)
@@ -194,14 +165,13 @@ def slips(
             if stops:
                 X += way
                 break
-            X = breaks_at[0]
+            X = smallest(breaks_at)
 
         factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
         for contact in broken[:loose]:
             attached_at[contact] = X - residual
             threshold = _threshold(rng, model.std, factor, residual)
-            _push(breaks_at, queue, left, attached_at[contact] + threshold, contact)
-            left += 1
+            enter(breaks_at, count, contact, attached_at[contact] + threshold)
         # Summed anew now and then, so that no rounding adds up.
         total = attached_at.sum() if done // count != (done + loose) // count else total + loose * (X - residual)
         done += loose

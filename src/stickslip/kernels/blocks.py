@@ -16,30 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .leapfrog import (
-    BLOCK,
-    BROKEN,
-    DRIVE_FORCE,
-    ON_THE_WAY,
-    SPENT,
-    STEP,
-    TIME,
-    Motion,
-    Piece,
-    Sampling,
-    at_rest,
-    begin_step,
-    end_step,
-    slide,
-)
+from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP
+from .leapfrog import Motion, Piece, Sampling, at_rest, begin_step, end_step, slide
 from .network import Network
 from .tournament import enter, play, smallest, tournaments, winner
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
-
-# Why `advance` returned, besides REACHED_END and CONDITION_HELD of `leapfrog`.
-THRESHOLDS_USED_UP, DELAYS_USED_UP, BUDGET_SPENT = range(3, 6)
 
 
 class Draws(NamedTuple):
@@ -156,10 +139,10 @@ def break_contact(state: State, j: int, slot: int, time: float, force: float, de
     blocks.broken[j] = contacts.breaks[j] / N
     if contacts.breaks[j] == 1:
         blocks.first_break[j] = time
-        blocks.first_force[j] = state.motion.scalar[DRIVE_FORCE]
+        blocks.first_force[j] = state.motion.now.drive_force
     if blocks.half_detached[j] != blocks.half_detached[j] and 2 * contacts.attached[j] <= N:
         blocks.half_detached[j] = time
-    state.motion.scalar[BROKEN] += 0.5 * (threshold * threshold - force * force) / N
+    state.motion.now.broken += 0.5 * (threshold * threshold - force * force) / N
     enter(contacts.tree_ahead[j], N, slot, np.inf)
     enter(contacts.tree_behind[j], N, slot, np.inf)
     enter(contacts.tree_attach[j], N, slot, time + delay)
@@ -179,7 +162,7 @@ def attach_contact(state: State, j: int, X: float, threshold: float, force: floa
     blocks.births[j] += X / N
     blocks.squares[j] += X * X / N
     blocks.held[j] = contacts.attached[j] / N
-    state.motion.scalar[BROKEN] += 0.5 * force * force / N
+    state.motion.now.broken += 0.5 * force * force / N
     enter(contacts.tree_ahead[j], N, slot, X + threshold)
     enter(contacts.tree_behind[j], N, slot, threshold - X)
     enter(contacts.tree_attach[j], N, slot, np.inf)
@@ -190,7 +173,7 @@ def attach_contact(state: State, j: int, X: float, threshold: float, force: floa
 def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, draws: Draws) -> int:
     """Let a block drift through all events of its contacts in a step; ON_THE_WAY when all has gone well."""
     contacts, blocks = state.contacts, state.motion.blocks
-    X, V, t = blocks.X[j], blocks.V[j], state.motion.scalar[TIME]
+    X, V, t = blocks.X[j], blocks.V[j], state.motion.now.time
     why = ON_THE_WAY
     while True:
         until_break = np.inf
@@ -228,7 +211,7 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
                     state, j, winner(contacts.tree_behind[j], contacts.birth.shape[1]), t + at, -force, delay
                 )
         contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
-        state.motion.counts[SPENT] += 8
+        state.motion.now.spent += 8
     look_ahead(contacts, j)
     if why == ON_THE_WAY:
         blocks.X[j] = X + h * V
@@ -242,26 +225,26 @@ def advance(
     state: State, network: Network, piece: Piece, sampling: Sampling, draws: Draws, sliding: float, budget: int
 ) -> int:
     """Go on to the end of a piece, or until `budget` steps of blocks, and events at eight each, are spent."""
-    blocks, contacts, counts, scalar = state.motion.blocks, state.contacts, state.motion.counts, state.motion.scalar
+    blocks, contacts, now = state.motion.blocks, state.contacts, state.motion.now
     n = blocks.X.size
     inverse_mass = 1.0 / network.mass
-    last = counts[SPENT] + budget
-    while counts[SPENT] < last:
-        if counts[BLOCK] < 0:
+    last = now.spent + budget
+    while now.spent < last:
+        if now.block < 0:
             why = begin_step(state.motion, network, piece, sampling, sliding)
             if why != ON_THE_WAY:
                 return why
-        h = scalar[STEP]
-        soon = scalar[TIME] + h
-        for j in range(counts[BLOCK], n):
+        h = now.step
+        soon = now.time + h
+        for j in range(now.block, n):
             X = blocks.X[j] + h * blocks.V[j]
             if contacts.ahead[j] > X and contacts.behind[j] > -X and soon < contacts.next_attach[j]:
                 blocks.X[j] = X
             else:
                 why = _drift(state, j, h, inverse_mass, sliding, draws)
                 if why != ON_THE_WAY:
-                    counts[BLOCK] = j
+                    now.block = j
                     return why
         end_step(state.motion, piece)
-        counts[SPENT] += n
-    return BUDGET_SPENT
+        now.spent += n
+    return PAUSED

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ._jit import inlined, jit
+from ._jit import inlined
 
 
 class Quadratic(NamedTuple):
@@ -13,6 +13,15 @@ class Quadratic(NamedTuple):
     velocity: float
     acceleration: float
 
+
+STILL = Quadratic(0.0, 0.0, 0.0, 0.0)
+
+# Why a kernel came back: the end of a piece is reached, its condition holds, its budget is spent; or, to go on, a look
+# has to be taken, there is no more room for cohorts or for steps in a delay, random thresholds or delays are used up.
+# `UNSOLVED`: the next step has no solution.
+ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, NO_ROOM, NO_HISTORY, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED = range(
+    10
+)
 
 # Kinds of conditions.
 NOWHERE, TRAVEL, FORCE_ABOVE, FORCE_BELOW = range(4)
@@ -30,7 +39,7 @@ class Stop(NamedTuple):
     origin: float = 0.0
 
 
-@jit
+@inlined
 def drive_at(drive: Quadratic, time: float) -> tuple[float, float]:
     """Position and velocity of the drive."""
     u = time - drive.start

@@ -12,6 +12,9 @@ Breaking positions and times of re-attachment wait in bucket queues (`event_queu
 number of contacts; the force needs two running sums, whatever that number. Samples are read off the closed form inside
 the interval where they fall, so that sampling never changes the motion.
 
+With temperature, with thresholds that grow, and of different areas, contacts break by the rule of `boxes`: what waits
+in the queues are then the sides of boxes, and proposals wait in a tournament of their times.
+
 Detached contacts that carry a force slide together: one element, elastic with the contacts' stiffness up to that force
 and plastic beyond, follows the slider for all of them. It yields where the slider passes one of two positions, and is
 elastic again once the slider turns round: two more kinds of events, and no friction with a jump.
@@ -20,62 +23,58 @@ Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider po
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .between_events import (
-    ANCHOR,
-    ATTACHED,
-    BREAKS,
-    BROKEN,
-    BUDGET_SPENT,
-    CONDITION_HELD,
-    COUNTS,
-    LOOK,
-    LOOKED,
-    MOTION,
-    POSITION,
-    REACHED_END,
-    REFERENCE,
-    SLIDE,
-    SQUARES,
-    SUM,
-    TIME,
-    VELOCITY,
-    Constants,
-    Leg,
-    Piece,
-    Sampling,
-    constants,
-    detached_stretching,
-    fly,
-    friction,
-    sample_until,
-    set_out,
-)
+from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, threshold_now
 from .drive import Quadratic
 from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
+from .hazard import rate
+from .motion import (
+    Constants,
+    Leg,
+    Motion,
+    Piece,
+    Sampling,
+    balance,
+    constants,
+    contact_force,
+    count_in,
+    count_out,
+    fly,
+    leap,
+    sample_until,
+    set_out,
+)
 from .oscillator import Slider
+from .tournament import enter, play, smallest, tournaments, winner
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Records = NDArray[np.void]
 
 # Fields used together lie together: two contacts a cache line.
-CONTACT = np.dtype([*ENTRY.descr, ("birth", np.float64), ("threshold", np.float64)])
+CONTACT = np.dtype([*ENTRY.descr, ("birth", float), ("threshold", float)])
+# When a contact attached; how far its box reaches, and the largest rate there: 0 if the time of the contact is that of
+# the end of its box, below 0 if it breaks then; its place in the queue ahead.
+BOX = np.dtype([("since", float), ("reach", float), ("most", float), ("place", np.int64)])
 
-# Why `advance` returned, besides the reasons of `between_events`.
-THRESHOLDS_USED_UP = 10
-DELAYS_USED_UP = 11
-ARRESTED = 12
+REACHED_END, CONDITION_HELD, DRAWS_USED_UP, BUDGET_SPENT, LOOK, ARRESTED = range(6)
+"""Why `advance` returned."""
+
+_NEED = 4
+"""Variates that an event may need, at most."""
+_TRIES = 64
+"""Thresholds from which a newborn without strength may choose."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The state and what changes it
+# The state
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -84,7 +83,7 @@ class Draws(NamedTuple):
 
     `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take them from `delays`. Contacts
     attach with the `stretchings` along the motion; without any, unstretched. With `arrests`, `advance` returns when the
-    slider first stops after a break.
+    slider first stops after a break. `variates`, between 0 and 1, decide when contacts in boxes break.
     """
 
     thresholds: Floats
@@ -92,6 +91,7 @@ class Draws(NamedTuple):
     fixed_delay: float
     stretchings: Floats = np.empty(0)
     arrests: bool = False
+    variates: Floats = np.empty(0)
 
 
 class State(NamedTuple):
@@ -108,21 +108,23 @@ class State(NamedTuple):
     ahead: Queue
     behind: Queue
     waiting: Queue
-    motion: Floats
-    counts: Counts
+    motion: Sequence[Motion]
     cuts: Floats
 
 
-# Further floats and counts, behind those of `between_events`.
-_YIELD = MOTION  # force at which the element of the detached contacts yields
-_LEAST = MOTION + 1  # no attached contact has a smaller key in ``behind``
-THRESHOLD = COUNTS  # next threshold of those handed in
-DELAY = COUNTS + 1
-_LEFT = COUNTS + 2  # the side at which the element yielded just now, until the slider turns round: 1, -1, or 0 for none
-_DIRECTION = COUNTS + 3  # in which the slider moved last: 1 or -1
-_AT_ARREST = COUNTS + 4  # breaks up to the last arrest
-_KEPT = COUNTS + 5  # whether ``behind`` is kept
-_SUMMED = COUNTS + 6  # attachments since the last summing up
+class Boxes(NamedTuple):
+    """What contacts that break by a `Rule` need besides.
+
+    ``of`` are those of the contacts, which have strengths for thresholds, ``times`` a tournament of their next
+    proposals and ends of boxes. ``own`` are the strengths of contacts that keep them when they re-attach; without any
+    they draw new ones. ``stiffest`` is how stiff they may become, over their number.
+    """
+
+    rule: Rule
+    of: Records
+    times: Floats
+    own: Floats
+    stiffest: float
 
 
 def make_state(
@@ -130,32 +132,25 @@ def make_state(
     threshold: Floats,
     pending: Floats,
     scale_time: float,
-    X: float = 0.0,
-    velocity: float = 0.0,
-    sliding_force: float = 0.0,
-    slides: int = 0,
+    motion: Sequence[Motion],
 ) -> State:
-    """Return the state of an interface.
+    """Return the state of an interface at time 0.
 
     Parameters
     ----------
     birth, threshold : array, shape (N,)
         Slider position at which each contact has no stretching, and its threshold; the last ``len(pending)`` contacts
-        are detached and must have threshold 0.
+        are detached.
     pending : array, shape (n,)
         Times of re-attachment of the detached contacts; infinite for those that stay detached.
     scale_time : float
         Typical delay, for the width of the bins of times of re-attachment.
-    X, velocity : float
-        Position and velocity of the slider at time 0.
-    sliding_force : float
-        Force at which the element of the detached contacts yields.
-    slides : int
-        1 or -1 if it yields already, ahead or behind.
+    motion : array
+        Of `make_motion`.
     """
     N = birth.size
-    attached = np.flatnonzero(threshold > 0)
-    typical = threshold[attached][:4096] if attached.size else np.ones(1)
+    attached = N - pending.size
+    typical = threshold[:attached][:4096] if attached else np.ones(1)
     # A dozen contacts break on the width of a bin in smooth sliding.
     reach, width = 2.0 * float(typical.max()), 12.0 * float(typical.mean()) / N
     bins = _power_of_two(reach / width, N / 4)
@@ -165,137 +160,264 @@ def make_state(
         ahead=make_queue(N, bins, width, CONTACT),
         behind=make_queue(N, bins, width),
         waiting=make_queue(N, _power_of_two(N / 8, N), time_width),
-        motion=np.zeros(MOTION + 2),
-        counts=np.zeros(COUNTS + 7, np.int64),
+        motion=motion,
         cuts=np.zeros(16),
     )
-    state.motion[POSITION] = state.motion[ANCHOR] = X
-    state.motion[_YIELD] = sliding_force
-    state.counts[SLIDE] = slides
-    state.counts[_DIRECTION] = -1 if velocity < 0 else 1
-    state.motion[VELOCITY] = velocity
-    state.counts[ATTACHED] = attached.size
-    first_detached = N - pending.size
+    motion[0].attached = attached
     for i in np.flatnonzero(np.isfinite(pending)):
-        push(state.waiting, float(pending[i]), first_detached + int(i))
-    clear(state.ahead, X)
-    _fill(state, attached, birth, threshold)
-    _sum_again(state)
+        push(state.waiting, float(pending[i]), attached + int(i))
+    clear(state.ahead, motion[0].position)
+    _fill(state, birth[:attached], threshold)
+    _look_again(state, None)
     return state
 
 
+def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
+    """Return the boxes of contacts that have attached at the times `since`; drawn as soon as the state goes on."""
+    N, m, held = state.size, state.motion[0], attached_places(state)
+    contacts = state.ahead.entries
+    slots, of, times = contacts["slot"][held], np.zeros(N, BOX), tournaments(1, N)
+    # Thresholds that have grown may hold contacts beyond their strengths.
+    stretched = np.abs(m.position - contacts["birth"][held])
+    of["since"], of["reach"][slots] = since, np.maximum(contacts["threshold"][held], stretched)
+    times[0, slots] = m.time
+    play(times, N)
+    boxes = Boxes(rule, of, times[0], own, 1.0)
+    _look_again(state, boxes)
+    # Twice as stiff as now only by a rare choice of the strongest.
+    return boxes._replace(stiffest=2.0 * m.stiffness / max(m.attached, 1)) if rule.as_stiff else boxes
+
+
 @bare
-def _fill(state: State, slots: Counts, birth: Floats, threshold: Floats) -> None:
-    """Put contacts where attached ones live."""
-    for slot in slots:
-        place = push(state.ahead, threshold[slot] + birth[slot], slot)
+def _fill(state: State, birth: Floats, threshold: Floats) -> None:
+    """Put contacts where attached ones live; one whose threshold has grown may be stretched beyond its strength."""
+    for slot in range(birth.size):
+        reach = max(threshold[slot], abs(state.motion[0].position - birth[slot]))
+        place = push(state.ahead, reach + birth[slot], slot)
         state.ahead.entries[place]["birth"] = birth[slot]
         state.ahead.entries[place]["threshold"] = threshold[slot]
 
 
-def contact_force(state: State) -> float:
+def force_of(state: State) -> float:
     """Force of the contacts, per contact."""
-    return float(friction(state.motion, state.counts, state.motion[_YIELD], float(state.size)))
+    return float(contact_force(state.motion[0], float(state.size)))
+
+
+def attached_places(state: State) -> Counts:
+    """Places of the attached contacts in ``ahead``."""
+    return np.flatnonzero(state.ahead.entries["key"][: used(state.ahead)] < np.inf)
 
 
 def attached_contacts(state: State) -> Records:
     """Return the attached contacts: number (`slot`), birth position and threshold of each."""
-    entries = state.ahead.entries[: used(state.ahead)]
-    return entries[entries["key"] < np.inf]
+    return np.asarray(state.ahead.entries[attached_places(state)])
 
 
-def stretchings(state: State, X: float) -> Floats:
-    """Stretchings of the attached contacts with the slider at `X`: its own place, or that of a look, `LOOKED`."""
-    return np.asarray(X - attached_contacts(state)["birth"])
+def re_attach_all(state: State) -> None:
+    """Make all detached contacts re-attach now."""
+    detached = np.ones(state.size, dtype=bool)
+    detached[attached_contacts(state)["slot"]] = False
+    for slot in np.flatnonzero(detached):
+        push(state.waiting, float(state.motion[0].time), int(slot))
 
 
 def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Contacts attach, break, and get boxes
+# ---------------------------------------------------------------------------------------------------------------------
+
+
 @inlined
-def _slid_energy(state: State, part: float, f_d: float) -> float:
-    """Energy that a detached contact holds; `part` is ``1/N``."""
-    if f_d == 0.0:
-        return 0.0
-    return float(0.5 * part * detached_stretching(state.motion, state.counts, f_d, state.motion[POSITION]) ** 2)
+def _reach(state: State, place: int, boxes: Boxes | None) -> float:
+    """Stretching up to which the contact at a place is left alone."""
+    if boxes is None:
+        return float(state.ahead.entries[place]["threshold"])
+    return float(boxes.of[state.ahead.entries[place]["slot"]]["reach"])
 
 
 @bare
-def _keep_behind(state: State) -> None:
+def _keep_behind(state: State, boxes: Boxes | None) -> None:
     """Fill the queue of those behind, and keep it from now on."""
     contacts = state.ahead.entries
-    clear(state.behind, -state.motion[POSITION])
+    clear(state.behind, -state.motion[0].position)
     for place in range(used(state.ahead)):
         if contacts[place]["key"] < np.inf:
-            key = contacts[place]["threshold"] - contacts[place]["birth"]
-            contacts[place]["other"] = push(state.behind, key, place)
-    state.ahead.counts[MOVED] = 0
-    state.counts[_KEPT] = 1
+            contacts[place]["other"] = push(state.behind, _reach(state, place, boxes) - contacts[place]["birth"], place)
+    state.motion[0].keeps_behind = 1
 
 
 @bare
-def _sum_again(state: State) -> None:
-    """Sum the birth positions afresh, about the present position: rounding cannot pile up; and the bound behind."""
-    reference = state.motion[POSITION]
-    total, squares, least = 0.0, 0.0, np.inf
-    contacts = state.ahead.entries
+def _sum_again(state: State, as_stiff: bool) -> None:
+    """Sum the birth positions afresh, about the present position: rounding cannot pile up."""
+    m, contacts = state.motion[0], state.ahead.entries
+    m.reference = m.position
+    m.births = m.squares = m.stiffness = 0.0
     for place in range(used(state.ahead)):
         if contacts[place]["key"] < np.inf:
-            y = contacts[place]["birth"] - reference
-            total += y
-            squares += y * y
-            least = min(least, contacts[place]["threshold"] - contacts[place]["birth"])
-    state.motion[_LEAST] = least
-    state.counts[_SUMMED] = 0
-    state.motion[SUM] = total
-    state.motion[SQUARES] = squares
-    state.motion[REFERENCE] = reference
+            y = contacts[place]["birth"] - m.reference
+            k = contacts[place]["threshold"] if as_stiff else 1.0
+            m.births += k * y
+            m.squares += k * y * y
+            m.stiffness += k
+
+
+@bare
+def _look_again(state: State, boxes: Boxes | None) -> None:
+    """Sum and bound afresh; contacts may lie in other places than before."""
+    m, contacts = state.motion[0], state.ahead.entries
+    m.least = np.inf
+    for place in range(used(state.ahead)):
+        if contacts[place]["key"] < np.inf:
+            m.least = min(m.least, _reach(state, place, boxes) - contacts[place]["birth"])
+            if boxes is not None:
+                boxes.of[contacts[place]["slot"]]["place"] = place
+    _sum_again(state, boxes is not None and boxes.rule.as_stiff)
+    m.attachments = m.keeps_behind = 0
+    state.ahead.counts[MOVED] = state.behind.counts[MOVED] = 0
 
 
 @inlined
-def _attach(state: State, slot: int, threshold: float, stretching: float, c: Constants) -> None:
-    """A contact attaches where the slider is; it lets go of the force it slid with, and is stretched anew."""
-    X = state.motion[POSITION]
-    state.motion[BROKEN] += _slid_energy(state, c.part, c.f_d)
-    if stretching != 0.0:
-        state.motion[BROKEN] -= 0.5 * stretching**2 * c.part
-        X -= state.counts[_DIRECTION] * stretching
-    y = X - state.motion[REFERENCE]
-    state.motion[SUM] += y
-    state.motion[SQUARES] += y * y
-    state.counts[ATTACHED] += 1
-    contacts = state.ahead.entries
-    place = push(state.ahead, threshold + X, slot)
-    contacts[place]["birth"] = X
+def _hold(state: State, slot: int, birth: float, threshold: float, draws: Draws, boxes: Boxes | None) -> None:
+    """Put a contact where attached ones live: up to its threshold, or within its next box."""
+    m, contacts, reach = state.motion[0], state.ahead.entries, threshold
+    if boxes is not None:
+        reach = _enclose(state, slot, birth, threshold, draws, boxes)
+    place = push(state.ahead, reach + birth, slot)
+    contacts[place]["birth"] = birth
     contacts[place]["threshold"] = threshold
-    state.motion[_LEAST] = min(state.motion[_LEAST], threshold - X)
-    if state.counts[_KEPT]:
-        contacts[place]["other"] = push(state.behind, threshold - X, place)
-    state.counts[_SUMMED] += 1
-    if state.counts[_SUMMED] > 2 * state.size + 64 or state.ahead.counts[MOVED] or state.behind.counts[MOVED]:
-        _sum_again(state)
-        state.counts[_KEPT] = state.ahead.counts[MOVED] = state.behind.counts[MOVED] = 0
+    if boxes is not None:
+        boxes.of[slot]["place"] = place
+    m.least = min(m.least, reach - birth)
+    if m.keeps_behind:
+        contacts[place]["other"] = push(state.behind, reach - birth, place)
+    m.attachments += 1
+    if m.attachments > 2 * state.size + 64 or state.ahead.counts[MOVED] or state.behind.counts[MOVED]:
+        _look_again(state, boxes)
 
 
 @inlined
-def _detach(state: State, place: int, c: Constants) -> None:
-    """The contact at a place breaks, stretched to its threshold, and slides on."""
-    contact = state.ahead.entries[place]
-    state.motion[BROKEN] -= _slid_energy(state, c.part, c.f_d)
-    y = contact["birth"] - state.motion[REFERENCE]
-    state.motion[SUM] -= y
-    state.motion[SQUARES] -= y * y
-    state.motion[BROKEN] += 0.5 * contact["threshold"] ** 2 * c.part
-    if state.counts[_KEPT]:
-        drop(state.behind, contact["other"])
+def _drop(state: State, place: int) -> None:
+    """Take the contact at a place off the queues; its fields can still be read."""
+    if state.motion[0].keeps_behind:
+        drop(state.behind, state.ahead.entries[place]["other"])
     drop(state.ahead, place)
-    state.counts[ATTACHED] -= 1
-    state.counts[BREAKS] += 1
+
+
+@inlined
+def _variate(m: Motion, draws: Draws) -> float:
+    m.variates_used += 1
+    return float(draws.variates[m.variates_used - 1])
+
+
+@bare
+def _enclose(state: State, slot: int, birth: float, strength: float, draws: Draws, boxes: Boxes) -> float:
+    """Draw the next box of a contact; how far it reaches."""
+    m, own = state.motion[0], boxes.of[slot]
+    box = box_of(boxes.rule, m.position - birth, strength, m.time - own["since"], m.velocity)
+    wait, own["reach"], own["most"] = box.time, box.reach, 0.0
+    if box.time == 0.0:
+        own["most"] = -1.0
+    elif box.most > 0.0:
+        proposal = -math.log(1.0 - _variate(m, draws)) / box.most
+        if proposal < box.time:
+            wait, own["most"] = proposal, box.most
+    enter(boxes.times, state.size, slot, m.time + wait)
+    return box.reach
+
+
+@bare
+def _breaks(state: State, place: int, proposed: bool, draws: Draws, boxes: Boxes) -> bool:
+    """Whether the contact at a place breaks, that leaves its box or whose time has come."""
+    m, contact = state.motion[0], state.ahead.entries[place]
+    own = boxes.of[contact["slot"]]
+    x, age = m.position - contact["birth"], m.time - own["since"]
+    if proposed and own["most"] != 0.0:
+        if own["most"] < 0.0:
+            return True
+        threshold = threshold_now(boxes.rule, contact["threshold"], age)
+        return bool(_variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
+    return box_of(boxes.rule, x, contact["threshold"], age, m.velocity).time == 0.0
+
+
+@inlined
+def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
+    """Attach a contact where the slider is, with the next threshold and the stretching that goes with it."""
+    m = state.motion[0]
+    i = m.thresholds_used
+    threshold, k = draws.thresholds[i], 1.0
+    if boxes is not None:
+        if boxes.own.size:
+            threshold = boxes.own[slot]
+        elif grows_from_nothing(boxes.rule.growth) and draws.fixed_delay == 0.0:
+            # Those that do not hold re-attach in this moment again and again, until one holds or nobody can.
+            while not can_hold(boxes.rule, threshold, m.velocity) and i < m.thresholds_used + _TRIES - 1:
+                i += 1
+                threshold = draws.thresholds[i]
+            if not can_hold(boxes.rule, threshold, m.velocity):
+                m.thresholds_used = i + 1
+                push(state.waiting, m.time + YOUTH / boxes.rule.growth.first, slot)
+                return
+        if boxes.rule.as_stiff:
+            k = threshold
+    m.thresholds_used = i + 1
+    birth = m.position
+    if draws.stretchings.size:
+        birth -= m.direction * draws.stretchings[i]
+    count_in(m, birth, k, c)
+    if boxes is not None:
+        boxes.of[slot]["since"] = m.time
+    _hold(state, slot, birth, threshold, draws, boxes)
+
+
+@inlined
+def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
+    """Break the contact at a place; without delay it re-attaches at once."""
+    m, contact, k = state.motion[0], state.ahead.entries[place], 1.0
+    slot = contact["slot"]
+    if boxes is not None:
+        enter(boxes.times, state.size, slot, np.inf)
+        if boxes.rule.as_stiff:
+            k = contact["threshold"]
+    count_out(m, contact["birth"], k, c)
+    _drop(state, place)
+    delay = draws.fixed_delay
+    if math.isnan(delay):
+        delay = draws.delays[m.delays_used]
+        m.delays_used += 1
+    if delay == 0.0:
+        _attach(state, slot, draws, boxes, c)
+    elif delay < np.inf:
+        push(state.waiting, m.time + delay, slot)
+
+
+@bare
+def _leave(state: State, place: int, proposed: bool, draws: Draws, boxes: Boxes, c: Constants) -> None:
+    """A contact leaves its box, or its time has come: it breaks or gets another box."""
+    if _breaks(state, place, proposed, draws, boxes):
+        _break(state, place, draws, boxes, c)
+        return
+    contact = state.ahead.entries[place]
+    slot, birth, strength = contact["slot"], contact["birth"], contact["threshold"]
+    _drop(state, place)
+    _hold(state, slot, birth, strength, draws, boxes)
+
+
+@inlined
+def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
+    """The slider passes the first position ahead or behind."""
+    place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
+    state.motion[0].position = state.ahead.entries[place]["birth"] + side * _reach(state, place, boxes)
+    if boxes is None:
+        _break(state, place, draws, boxes, c)
+    else:
+        _leave(state, place, False, draws, boxes, c)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The engine
+# The detached contacts
 # ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -311,35 +433,91 @@ class _Edges(NamedTuple):
 
 
 @inlined
-def _element_turns(state: State, flight: Flight) -> bool:
-    """Whether the element of the detached contacts ceases to yield, or yields again, as the slider sets out."""
-    counts = state.counts
-    slides, left = counts[SLIDE], counts[_LEFT]
-    if slides != 0 and heading(flight) * slides < 0.0:
-        state.motion[ANCHOR] = state.motion[POSITION] - slides * state.motion[_YIELD]
-        counts[SLIDE], counts[_LEFT] = 0, slides
+def _edges(m: Motion, watch: bool, c: Constants) -> _Edges:
+    """Where the element yields; while it does so already, nowhere."""
+    if c.f_d == 0.0:
+        return _Edges(np.inf, -np.inf, watch)
+    ahead, behind = np.inf, -np.inf
+    if m.slides == 0:
+        ahead = m.anchor + c.f_d if m.slid != 1 else np.inf
+        behind = m.anchor - c.f_d if m.slid != -1 else -np.inf
+    return _Edges(ahead, behind, watch or m.slides != 0 or m.slid != 0)
+
+
+@inlined
+def _holds_again(m: Motion) -> None:
+    """The element ceases to yield."""
+    m.anchor = m.position - m.slides * m.sliding_force
+    m.slides, m.slid = 0, m.slides
+
+
+@inlined
+def _element_turns(m: Motion, flight: Flight, c: Constants) -> bool:
+    """Whether the element ceases to yield, or yields again, as the slider sets out."""
+    onwards = heading(flight)
+    if m.slides != 0 and onwards * m.slides < 0.0:
+        _holds_again(m)
         return True
-    if left != 0 and heading(flight) * left > 0.0:
-        counts[SLIDE], counts[_LEFT] = left, 0
+    if (c.rigid or c.massless) and abs(m.position - m.anchor) < (1.0 - 1e-12) * c.f_d:
+        m.slid = 0  # no flight has told of a turn
+    if m.slid != 0 and onwards * m.slid > 0.0:
+        m.slides, m.slid = m.slid, 0
         return True
     return False
 
 
 @inlined
-def _begin(state: State, drive: Quadratic, arrests: bool, c: Constants) -> tuple[Leg, _Edges]:
+def _yields(m: Motion, edges: _Edges, side: int, first: float) -> bool:
+    """Whether the element gives way before the contact whose key is `first`; it yields from here on."""
+    limit = edges.ahead if side == 1 else edges.behind
+    if not side * limit < first:
+        return False
+    m.position = limit
+    m.slides, m.slid = side, 0
+    return True
+
+
+@bare
+def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Boxes | None, c: Constants) -> bool:
+    """Take a slider without mass towards its balance; whether something happens on the way there."""
+    m = state.motion[0]
+    goal = balance(m, drive, c)
+    if m.slides * (goal - m.position) < 0.0:
+        _holds_again(m)
+        return True
+    edges = _edges(m, False, c)
+    behind = peek(state.behind) if m.keeps_behind else m.least
+    if goal > min(ahead, edges.ahead):
+        leap(m, min(ahead, edges.ahead), c)
+        if not _yields(m, edges, 1, ahead):
+            _pass(state, 1, draws, boxes, c)
+        return True
+    if goal < max(-behind, edges.behind):
+        if not m.keeps_behind:
+            _keep_behind(state, boxes)
+        else:
+            leap(m, max(-behind, edges.behind), c)
+            if not _yields(m, edges, -1, behind):
+                _pass(state, -1, draws, boxes, c)
+        return True
+    leap(m, goal, c)
+    return False
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The engine
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@inlined
+def _begin(m: Motion, drive: Quadratic, arrests: bool, c: Constants) -> tuple[Leg, _Edges]:
     """Motion from here on, if nothing happened."""
-    motion, counts = state.motion, state.counts
-    leg = set_out(motion, counts, drive, c)
-    ahead, behind = np.inf, -np.inf
-    watch = arrests and counts[BREAKS] > counts[_AT_ARREST]
-    if c.f_d > 0.0:
-        if _element_turns(state, leg.motion):
-            leg = set_out(motion, counts, drive, c)
-        if counts[SLIDE] == 0:
-            ahead = motion[ANCHOR] + c.f_d if counts[_LEFT] != 1 else np.inf
-            behind = motion[ANCHOR] - c.f_d if counts[_LEFT] != -1 else -np.inf
-        watch = watch or counts[SLIDE] != 0 or counts[_LEFT] != 0
-    return leg, _Edges(ahead, behind, watch)
+    leg = set_out(m, drive, c)
+    if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
+        leg = set_out(m, drive, c)
+    if c.rigid or c.massless:
+        m.velocity = leg.motion.v
+    return leg, _edges(m, arrests and m.breaks > m.breaks_at_arrest, c)
 
 
 _TURN = 2  # ends a flight where the slider turns round
@@ -359,7 +537,8 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
         h, y, u, side, applies = soon(leg.motion, to_ahead, most)
     if not applies:
         # Only now those behind are looked at: while the slider moves on, none of them can break.
-        behind = peek(state.behind) if state.counts[_KEPT] else state.motion[_LEAST]
+        m = state.motion[0]
+        behind = peek(state.behind) if m.keeps_behind else m.least
         to_behind = max(min(behind, -edges.behind) + leg.X, 0.0)
         h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
         if not applies and v < 0.0:
@@ -379,136 +558,105 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
 
 
 @inlined
-def _attach_next(state: State, slot: int, draws: Draws, c: Constants) -> None:
-    """Attach a contact with the next threshold, and the stretching that goes with it."""
-    i = state.counts[THRESHOLD]
-    state.counts[THRESHOLD] = i + 1
-    _attach(state, slot, draws.thresholds[i], draws.stretchings[i] if draws.stretchings.size else 0.0, c)
-
-
-@inlined
-def _yields(state: State, edges: _Edges, side: int, ahead: float) -> bool:
-    """Whether it is the element of the detached contacts that gives way, not a contact; it yields from here on."""
-    limit = edges.ahead if side == 1 else edges.behind
-    if not (limit < ahead if side == 1 else -limit < peek(state.behind)):
-        return False
-    state.motion[POSITION] = limit
-    state.counts[SLIDE], state.counts[_LEFT] = side, 0
-    return True
-
-
-@inlined
-def _turn(state: State, arrests: bool) -> bool:
+def _stops(m: Motion, arrests: bool) -> bool:
     """The slider turns round; whether it has stopped after a break."""
-    counts = state.counts
-    counts[_LEFT] = 0
-    if arrests and counts[BREAKS] > counts[_AT_ARREST]:
-        counts[_AT_ARREST] = counts[BREAKS]
-        return True
-    return False
-
-
-def re_attach_all(state: State) -> None:
-    """Make all detached contacts re-attach now."""
-    detached = np.ones(state.size, dtype=bool)
-    detached[attached_contacts(state)["slot"]] = False
-    for slot in np.flatnonzero(detached):
-        push(state.waiting, float(state.motion[TIME]), int(slot))
-
-
-@inlined
-def _break(state: State, side: int, draws: Draws, c: Constants) -> bool:
-    """Break the first contact ahead or behind; whether it waits for its re-attachment."""
-    place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
-    contact = state.ahead.entries[place]
-    slot = contact["slot"]
-    state.motion[POSITION] = contact["birth"] + side * contact["threshold"]
-    _detach(state, place, c)
-    delay = draws.fixed_delay
-    if math.isnan(delay):
-        delay = draws.delays[state.counts[DELAY]]
-        state.counts[DELAY] += 1
-    if delay == 0.0:
-        _attach_next(state, slot, draws, c)
-        return False
-    if delay < np.inf:
-        push(state.waiting, state.motion[TIME] + delay, slot)
+    m.slid = 0
+    if arrests and m.breaks > m.breaks_at_arrest:
+        m.breaks_at_arrest = m.breaks
         return True
     return False
 
 
 @inlined
-def _re_attach(state: State, draws: Draws, c: Constants) -> float:
-    """Attach the first contact that waits; the time of the next."""
-    slot = first_slot(state.waiting)
-    pop(state.waiting)
-    _attach_next(state, slot, draws, c)
-    return peek(state.waiting)
+def short_of(m: Motion, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, bool]:
+    """Whether there are too few thresholds, delays and variates for any event that may come next."""
+    thresholds, variates = 1, False
+    if boxes is not None:
+        variates = m.variates_used + _NEED > draws.variates.size
+        if grows_from_nothing(boxes.rule.growth):
+            thresholds = _TRIES
+    delays = math.isnan(draws.fixed_delay) and m.delays_used >= draws.delays.size
+    return m.thresholds_used + thresholds > draws.thresholds.size, delays, variates
 
 
 @bare
-def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draws: Draws, budget: int) -> int:
+def advance(
+    state: State,
+    slider: Slider,
+    piece: Piece,
+    sampling: Sampling,
+    draws: Draws,
+    budget: int,
+    boxes: Boxes | None = None,
+) -> int:
     """Move the state on, event by event, until a reason to stop.
 
     Parameters
     ----------
     state : State
-        Changed in place. ``counts[SAMPLE]``, ``counts[THRESHOLD]`` and ``counts[DELAY]`` say how far the samples are
-        filled and the draws used.
+        Changed in place. Its motion says how far the samples are filled and the draws used.
     slider : Slider
-        In rigid motion the slider moves with the drive.
+        In rigid motion the slider moves with the drive; without mass it is in balance.
     piece : Piece
     sampling : Sampling
         Samples up to the end of the piece are filled.
     draws : Draws
     budget : int
         Return after about this many events, so that a caller can show progress or be interrupted.
+    boxes : Boxes, optional
+        Changed in place; without any, contacts break at their thresholds and nowhere else. Which it is numba knows as
+        it compiles: contacts without boxes pay nothing for them.
 
     Returns
     -------
     int
-        `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP`, `BUDGET_SPENT`, `LOOK` or `ARRESTED`.
+        `REACHED_END`, `CONDITION_HELD`, `DRAWS_USED_UP`, `BUDGET_SPENT`, `LOOK` or `ARRESTED`.
     """
-    counts, acceleration = state.counts, piece.drive.acceleration
-    c = constants(slider, state.motion[_YIELD], float(state.size))
-    random_delay = math.isnan(draws.fixed_delay)
+    m, acceleration, stiffest = state.motion[0], piece.drive.acceleration, 1.0
+    if boxes is not None:
+        stiffest = boxes.stiffest
+    c = constants(slider, m.sliding_force, float(state.size), stiffest)
     to_go = budget
-    ahead = peek(state.ahead)
-    attachment = peek(state.waiting)
     while True:
-        if counts[THRESHOLD] >= draws.thresholds.size:
-            return THRESHOLDS_USED_UP
-        if random_delay and counts[DELAY] >= draws.delays.size:
-            return DELAYS_USED_UP
+        thresholds, delays, variates = short_of(m, draws, boxes)
+        if thresholds or delays or variates:
+            return DRAWS_USED_UP
         if to_go <= 0:
             return BUDGET_SPENT
         to_go -= 1
-
-        leg, edges = _begin(state, piece.drive, draws.arrests, c)
-        limit = min(attachment, piece.end)
+        ahead = peek(state.ahead)
+        if c.massless and _leaps(state, piece.drive, ahead, draws, boxes, c):
+            continue
+        leg, edges = _begin(m, piece.drive, draws.arrests, c)
+        attachment, due = peek(state.waiting), np.inf
+        if boxes is not None:
+            due = smallest(boxes.times)
+        limit = min(min(attachment, due), piece.end)
         most = max(limit - leg.t, 0.0)
         h, y, u, side = _next_event(state, leg, edges, ahead, most)
-        if side == -1 and not counts[_KEPT]:
-            _keep_behind(state)
+        if side == -1 and not m.keeps_behind:
+            _keep_behind(state, boxes)
             continue
         ends_at = limit if side == 0 and h == most else leg.t + h
 
         if ends_at > piece.look and leg.t <= piece.look:
-            state.motion[LOOKED] = leg.X + at(leg.motion, piece.look - leg.t)[0]
+            m.looked = leg.X + at(leg.motion, piece.look - leg.t)[0]
             return LOOK
-        if sample_until(state.motion, counts, piece, sampling, leg, min(ends_at, piece.end), c):
+        if sample_until(m, piece, sampling, leg, min(ends_at, piece.end), c):
             return CONDITION_HELD
-        fly(state.motion, counts, leg, h, y, u, ends_at, acceleration, c)
-        if u != 0.0:
-            counts[_DIRECTION] = 1 if u > 0.0 else -1
+        fly(m, leg, h, y, u, acceleration, c)
+        m.time = ends_at
         if side == _TURN:
-            if _turn(state, draws.arrests):
+            if _stops(m, draws.arrests):
                 return ARRESTED
         elif side != 0:
-            if not _yields(state, edges, side, ahead) and _break(state, side, draws, c):
-                attachment = peek(state.waiting)
+            if not _yields(m, edges, side, ahead if side == 1 else peek(state.behind)):
+                _pass(state, side, draws, boxes, c)
         elif ends_at == attachment:
-            attachment = _re_attach(state, draws, c)
+            slot = first_slot(state.waiting)
+            pop(state.waiting)
+            _attach(state, slot, draws, boxes, c)
+        elif boxes is not None and ends_at == due:
+            _leave(state, boxes.of[winner(boxes.times, state.size)]["place"], True, draws, boxes, c)
         elif ends_at >= piece.end:
             return REACHED_END
-        ahead = peek(state.ahead)

@@ -217,7 +217,7 @@ def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
 
 @bare
 def heading(f: Flight) -> float:
-    """Whither the slider moves just after the start: a number of that sign, 0 if it stays."""
+    """Direction of the slider just after the start: a number of its sign, 0 if it stays."""
     return _start(f, 1)
 
 

@@ -1,18 +1,14 @@
-"""Rates at which contacts break by thermal activation, and thresholds that grow with age."""
+"""Rates at which contacts break by thermal activation."""
 
 import math
 from typing import NamedTuple
 
 from ._jit import inlined
-from .growth import EXPONENTIAL, Growth, grown
 
 BELL, PARABOLIC, BARRIER = range(3)
 
 TOP = 1e-9
 """Nearest to the top of a barrier, over the threshold: there the slope of Kramers' prefactor grows beyond bounds."""
-
-FIXED = Growth(1, 0.0, 1.0)
-"""Thresholds that do not grow."""
 
 
 class Hazard(NamedTuple):
@@ -76,18 +72,3 @@ def steepness(hazard: Hazard, x: float, threshold: float) -> float:
         return hazard.scale / max(x, math.sqrt(hazard.scale))
     left = max(1.0 - x / threshold, (1.0 / hazard.scale) ** (1.0 / hazard.power))
     return float(threshold / (hazard.scale * hazard.power * left ** (hazard.power - 1.0)))
-
-
-@inlined
-def threshold_at(growth: Growth, strength: float, age: float) -> float:
-    """Threshold of a contact of this strength and age."""
-    factor, addend = grown(growth, age)
-    return float(strength * factor + addend)
-
-
-@inlined
-def ageing_time(growth: Growth, age: float) -> float:
-    """Time in which a threshold does not grow much more."""
-    if growth.kind == EXPONENTIAL:
-        return 0.25 / growth.first
-    return math.inf if growth.first == 0.0 else age + growth.second

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
+from .drive import FINISHED, LOOK, NOWHERE, ON_THE_WAY, STOPPED, Quadratic, Stop, drive_at, holds
 from .network import Network, Pull, energies, stretch
+from .records import Record, blank, record
 
 Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 SCALARS = 9
 """Numbers that a sample begins with, summed over blocks: spring force, work of drive and push, kinetic energy, energies
@@ -67,18 +67,18 @@ class Motion(NamedTuple):
     """All that the next step needs, the contacts aside."""
 
     blocks: Blocks
-    scalar: Floats
-    counts: Counts
+    now: Record
     rows: Floats  # shape (2, width): the last two moments between which a sample may lie
     Z: Floats  # shape (2, n): work space of the dashpots
 
 
-TIME, STEP, DRIVE_FORCE, WORK, DAMPED, VISCOUS, BROKEN, LAST_DAMPED, LAST_VISCOUS, DT, ROW_TIME = range(11)
-SAMPLE, BLOCK, SPENT, HAS_ROW, MODE = range(5)
-
-# What `begin_step` finds.
-ON_THE_WAY, REACHED_END, CONDITION_HELD = range(3)
-LOOK = 8
+NOW = record(
+    "time step drive_force work damped viscous broken last_damped last_viscous dt row_time",
+    counts="sampled block spent has_row mode",
+)
+"""What changes from step to step: the time and the length of a step, the force of the driving springs, energies, what
+the last kick has lost in advance, the even step of a piece, the time of a row; samples filled, the next block to drift,
+steps of blocks spent, whether there is a row, and the mode of quasi-static motion."""
 
 
 def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
@@ -107,8 +107,8 @@ def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
         first_force=np.full(n, np.nan),
         half_detached=np.full(n, np.nan),
     )
-    motion = Motion(blocks, np.zeros(11), np.zeros(5, np.int64), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
-    motion.counts[BLOCK] = -1
+    motion = Motion(blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
+    motion.now.block = -1
     return motion
 
 
@@ -126,16 +126,16 @@ def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
     force = min(max(e, -sliding), sliding)
     slip = e - force
     blocks.anchor[j] += slip
-    motion.scalar[BROKEN] += (1.0 - blocks.held[j]) * force * slip
+    motion.now.broken += (1.0 - blocks.held[j]) * force * slip
     return float(force)
 
 
 @bare
 def kick(motion: Motion, network: Network, piece: Piece, before: float, after: float, sliding: float) -> None:
     """Kick all blocks by their forces over half of the step before and half of the one after."""
-    blocks, scalar = motion.blocks, motion.scalar
+    blocks, now = motion.blocks, motion.now
     n = blocks.X.size
-    D, _ = drive_at(piece.drive, scalar[TIME])
+    D, _ = drive_at(piece.drive, now.time)
     span = 0.5 * (before + after)
     brake = 0.5 * network.damping * span
     kept, share = (1.0 - brake) / (1.0 + brake), span / ((1.0 + brake) * network.mass)
@@ -167,27 +167,27 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
         blocks.V_now[j] = V + part * (kicked - V)
         damped += (V + kicked) * (V + kicked)
     lost = 0.25 * network.mass * network.damping * damped * span
-    scalar[DAMPED] += lost
-    scalar[LAST_DAMPED] = lost * (1.0 - part)
+    now.damped += lost
+    now.last_damped = lost * (1.0 - part)
     if viscous:
         rubbed = 0.0
         for j in range(n):
             rubbed -= blocks.V_now[j] * (stretch(network, Z, j) - stretch(network, blocks.X, j))
-        scalar[VISCOUS] += rubbed * span
-        scalar[LAST_VISCOUS] = rubbed * span * (1.0 - part)
+        now.viscous += rubbed * span
+        now.last_viscous = rubbed * span * (1.0 - part)
     for j in range(n):
         pulled += network.load[j] - network.push[j]
-    D_before, _ = drive_at(piece.drive, scalar[TIME] - before)
-    scalar[WORK] += 0.5 * (scalar[DRIVE_FORCE] + pulled) * (D - D_before)
-    scalar[DRIVE_FORCE] = pulled
+    D_before, _ = drive_at(piece.drive, now.time - before)
+    now.work += 0.5 * (now.drive_force + pulled) * (D - D_before)
+    now.drive_force = pulled
 
 
 @bare
-def record(motion: Motion, network: Network, piece: Piece, row: Floats, sliding: float) -> None:
+def fill_row(motion: Motion, network: Network, piece: Piece, row: Floats, sliding: float) -> None:
     """Fill a row with what is now, after the kick."""
-    blocks, scalar = motion.blocks, motion.scalar
+    blocks, now = motion.blocks, motion.now
     n = blocks.X.size
-    D, _ = drive_at(piece.drive, scalar[TIME])
+    D, _ = drive_at(piece.drive, now.time)
     here: Pull = energies(network, blocks.X, blocks.V_now, D)
     stored = 0.0
     first = SCALARS
@@ -200,10 +200,10 @@ def record(motion: Motion, network: Network, piece: Piece, row: Floats, sliding:
         row[first + 3 * n + j] = held
         row[first + 4 * n + j] = blocks.broken[j]
         stored += held * X * X - 2.0 * X * blocks.births[j] + blocks.squares[j] + (1.0 - held) * force * force
-    row[0], row[1] = here.force, scalar[WORK] + here.pushed
+    row[0], row[1] = here.force, now.work + here.pushed
     row[2], row[3], row[4], row[5] = here.kinetic, here.springs, here.bulk, 0.5 * stored
-    row[6], row[7] = scalar[DAMPED] - scalar[LAST_DAMPED], scalar[VISCOUS] - scalar[LAST_VISCOUS]
-    row[8] = scalar[BROKEN]
+    row[6], row[7] = now.damped - now.last_damped, now.viscous - now.last_viscous
+    row[8] = now.broken
 
 
 @bare
@@ -224,18 +224,18 @@ def _sample(
     motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float
 ) -> bool:
     """Fill the samples that lie between the last two moments; whether one of them holds the condition."""
-    counts, now = motion.counts, motion.scalar[TIME]
-    k, n = counts[SAMPLE], motion.blocks.X.size
-    if k == sampling.times.size or sampling.times[k] > max(now, next_time):
-        counts[HAS_ROW] = 0
+    now, time = motion.now, motion.now.time
+    k, n = now.sampled, motion.blocks.X.size
+    if k == sampling.times.size or sampling.times[k] > max(time, next_time):
+        now.has_row = 0
         return False
-    record(motion, network, piece, motion.rows[1], sliding)
+    fill_row(motion, network, piece, motion.rows[1], sliding)
     held = False
-    while k < sampling.times.size and sampling.times[k] <= now:
+    while k < sampling.times.size and sampling.times[k] <= time:
         fraction, span = 1.0, 0.0
-        if counts[HAS_ROW] == 1 and now > motion.scalar[ROW_TIME]:
-            span = now - motion.scalar[ROW_TIME]
-            fraction = (sampling.times[k] - motion.scalar[ROW_TIME]) / span
+        if now.has_row == 1 and time > now.row_time:
+            span = time - now.row_time
+            fraction = (sampling.times[k] - now.row_time) / span
         _interpolate(motion, sampling.samples[k], fraction, span)
         k += 1
         if piece.stop.kind != NOWHERE:
@@ -245,25 +245,25 @@ def _sample(
             if holds(piece.stop, mean / n, motion.rows[1, 0]):
                 held = True
                 break
-    counts[SAMPLE] = k
+    now.sampled = k
     for i in range(motion.rows.shape[1]):
         motion.rows[0, i] = motion.rows[1, i]
-    motion.scalar[ROW_TIME] = now
-    counts[HAS_ROW] = 1
+    now.row_time = time
+    now.has_row = 1
     return held
 
 
 @bare
 def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float) -> int:
     """Sample, kick, and set the length of the next step; or come to rest at the end, or where a condition holds."""
-    scalar, counts = motion.scalar, motion.counts
-    before, t = scalar[STEP], scalar[TIME]
+    now = motion.now
+    before, t = now.step, now.time
     left = piece.end - t
     if before == 0.0 and left > 0.0:  # a piece begins: equal steps
-        scalar[DT] = left / math.ceil(left / piece.longest * (1.0 - 1e-12))
-    h = scalar[DT] if left > scalar[DT] * (1.0 + 1e-6) else left
+        now.dt = left / math.ceil(left / piece.longest * (1.0 - 1e-12))
+    h = now.dt if left > now.dt * (1.0 + 1e-6) else left
     if piece.stop.kind != NOWHERE:  # where a condition is looked for, steps end at the samples
-        k = counts[SAMPLE]
+        k = now.sampled
         while k < sampling.times.size and sampling.times[k] <= t:
             k += 1
         if k < sampling.times.size:
@@ -273,22 +273,22 @@ def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Samplin
     kick(motion, network, piece, before, h, sliding)
     if _sample(motion, network, piece, sampling, t + h, sliding):
         _rest(motion)
-        return CONDITION_HELD
+        return STOPPED
     if left <= 0.0:
         _rest(motion)
-        return REACHED_END
-    scalar[STEP] = h
-    counts[BLOCK] = 0
+        return FINISHED
+    now.step = h
+    now.block = 0
     return ON_THE_WAY
 
 
 @inlined
 def end_step(motion: Motion, piece: Piece) -> None:
     """All blocks have drifted."""
-    scalar, counts = motion.scalar, motion.counts
-    soon = scalar[TIME] + scalar[STEP]
-    scalar[TIME] = piece.end if piece.end - soon < 1e-6 * scalar[STEP] else soon
-    counts[BLOCK] = -1
+    now = motion.now
+    soon = now.time + now.step
+    now.time = piece.end if piece.end - soon < 1e-6 * now.step else soon
+    now.block = -1
 
 
 @inlined
@@ -296,8 +296,8 @@ def _rest(motion: Motion) -> None:
     """Bring the velocities to the time of the displacements."""
     for j in range(motion.blocks.X.size):
         motion.blocks.V[j] = motion.blocks.V_now[j]
-    scalar = motion.scalar
-    scalar[STEP] = 0.0
-    scalar[DAMPED] -= scalar[LAST_DAMPED]
-    scalar[VISCOUS] -= scalar[LAST_VISCOUS]
-    scalar[LAST_DAMPED] = scalar[LAST_VISCOUS] = 0.0
+    now = motion.now
+    now.step = 0.0
+    now.damped -= now.last_damped
+    now.viscous -= now.last_viscous
+    now.last_damped = now.last_viscous = 0.0

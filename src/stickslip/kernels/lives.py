@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import inlined, jit
-from .growth import EXPONENTIAL, LOGARITHMIC, Growth
+from .growth import LOGARITHMIC, Growth, grown
 from .hazard import BELL, PARABOLIC, TOP, Hazard, log_rate
 from .rules import integrals, radau
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Numbers = Floats | Complexes
-
-FIXED = -1
-"""Thresholds that do not grow, as a kind of `Growth`."""
 
 NODES = 8
 FOLDS = 1.75
@@ -60,18 +57,23 @@ class Lives(NamedTuple):
 @inlined
 def _threshold(growth: Growth, strength: float, age: float) -> tuple[float, float]:
     """Threshold at an age, and its rate of growth."""
-    if growth.kind == LOGARITHMIC:
-        return strength + growth.first * np.log1p(age / growth.second), growth.first / (growth.second + age)
-    if growth.kind == EXPONENTIAL:
-        young = np.exp(-growth.first * age)
-        return strength - (strength - growth.second) * young, growth.first * (strength - growth.second) * young
-    return strength, 0.0
+    factor, addend, faster, more = grown(growth, age)
+    return strength * factor + addend, strength * faster + more
+
+
+@jit
+def rule(growth: Growth, ages: Floats) -> Floats:
+    """`grown` at many ages, shape (4, n)."""
+    found = np.empty((4, ages.size))
+    for i in range(ages.size):
+        found[0, i], found[1, i], found[2, i], found[3, i] = grown(growth, ages[i])
+    return found
 
 
 @jit
 def reach(growth: Growth, strength: float, v: float) -> float:
     """Stretching at which a contact meets its threshold: the first crossing, by bisection; 0 if it breaks at once."""
-    if growth.kind == FIXED:
+    if growth.first == 0.0:
         return strength
     start, pace = _threshold(growth, strength, 0.0)
     if start <= 0.0 and pace <= v:
@@ -99,7 +101,7 @@ def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: floa
     c, pace = _threshold(growth, strength, here / v)
     exponent, steep, hard = log_rate(hazard, here, c)
     h = min(0.25 * end, end - here)
-    if growth.kind != FIXED:
+    if growth.first != 0.0:
         memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
         h = min(h, 0.5 * (here + memory))
     if not hazard.attempts > 0.0:

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .drive import Quadratic
-from .groups import BIRTH, GROUP_ROWS, MASS, REACH, WHOLE, Reading
+from .cohorts import COHORT_ROWS, MASS, PLACE, REACH, WHOLE, Reading
+from .drive import STILL, Quadratic
 from .oscillator import Slider
+from .records import Record, blank, record
 from .rules import NODE, WEIGHT, P, Q
 from .survival import Table, values_at
 
@@ -76,7 +77,7 @@ class Accuracy(NamedTuple):
     broken: float = math.inf
 
 
-class Lot(NamedTuple):
+class FiniteNumber(NamedTuple):
     """Number of contacts, of which each node holds some; 0: infinitely many.
 
     Attributes
@@ -94,20 +95,68 @@ class Lot(NamedTuple):
 
 
 UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), np.ones(1))
-UNCOUNTED = Lot(0.0, np.random.default_rng(0), 0.0)
+INFINITE = FiniteNumber(0.0, np.random.default_rng(0), 0.0)
 
 
 class Case(NamedTuple):
-    """All that stays the same in a call."""
+    """All that stays the same while the drive moves by one rule.
+
+    Attributes
+    ----------
+    table : Table
+        Survival of the thresholds.
+    delays, slider, accuracy
+    drive : Quadratic
+    newborn : Newborn
+        With which stretchings contacts attach.
+    sliding_force : float
+        Force at which a detached contact slides.
+    finite : FiniteNumber
+        How many contacts there are; its generator goes on.
+    """
 
     table: Table
     delays: Delays
     slider: Slider
-    drive: Quadratic
     accuracy: Accuracy
-    newborn: Newborn
-    sliding_force: float
-    lot: Lot
+    drive: Quadratic = STILL
+    newborn: Newborn = UNSTRETCHED
+    sliding_force: float = 0.0
+    finite: FiniteNumber = INFINITE
+
+
+MOTION = record(
+    "position velocity contact_force attached stored work damped lost drive_force time",
+    "broken reattached mass_out mass_in next_step slope element direction",
+)
+"""What changes from step to step.
+
+A sample holds the first line: where the slider is, the forces on it, the attached fraction; the energies stored in
+contacts, put in by the drive, dissipated by damping and lost in breaks. Then come the mass broken and re-attached so
+far, that outside of cohorts and in them, the step to try next, the slope of the contact force, the stretching of the
+element that stands for detached contacts, and the direction of the last motion.
+"""
+
+COUNTS = record(counts="cohorts panels extremes rough steps sweeps rejected sampled left")
+"""Numbers in use: cohorts, panels, extremes, rough moments; steps tried, sweeps over the contacts, steps rejected; and,
+of a call, the samples that are filled, and the steps that are left."""
+
+AT_NODE = record("x v force attached stored work damped lost", "slope broken reattached known old young")
+"""What is known at a node of a step.
+
+What is sampled: displacement of the slider and its velocity; contact force and attached fraction; energies as in
+`MOTION`. Then the slope of the force; broken and re-attached mass; what re-attaches of what broke before; attached of
+what was so at the start; broken of what was not.
+"""
+SAMPLED_ROWS = 8
+
+FLUCTUATION = record("time velocity acceleration loss_rate force fraction detached energy frequency2")
+"""What breaks in a step beyond the mean.
+
+When; how fast the slider goes from there, how that changes, and the force that breaks take per time on average; the
+force and the fraction of contacts that go, and of these the fraction that does not re-attach at once; the energy; and
+the squared frequency of the slider.
+"""
 
 
 class State(NamedTuple):
@@ -115,10 +164,9 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    scalar : ndarray, shape (18,)
-        The quantities `TIME` ... `DIRECTION`.
-    groups : ndarray, shape (5, room, Q)
-        See `stickslip.kernels.groups`.
+    motion : record of MOTION
+    cohorts : ndarray, shape (5, room, Q)
+        See `stickslip.kernels.cohorts`.
     panels : ndarray, shape (room, WAITING + n_delays + Q)
         Of each step: its start and length, the mass broken up to each of its nodes, and the mass that breaks in it by
         nodes of Gauss. Where contacts are counted, how many wait: for each of the given delays, and by nodes.
@@ -130,72 +178,55 @@ class State(NamedTuple):
         Places where the slider has turned and that it has not passed since.
     rough : ndarray
         Ring of moments at which what breaks has no smooth rate.
-    used : ndarray of int, shape (7,)
-        Numbers of groups, panels, extremes, rough moments; steps tried, sweeps over the contacts, steps rejected.
+    used : record of COUNTS
     """
 
-    scalar: Array
-    groups: Array
+    motion: Record
+    cohorts: Array
     panels: Array
     cursor: IntArray
     front: IntArray
     extremes: Array
     rough: Array
-    used: IntArray
+    used: Record
 
 
 class Work(NamedTuple):
-    """Room to calculate in: rows of values at the nodes, and the polynomials through them."""
+    """Room to calculate in.
 
-    nodes: Array
-    curves: Array
+    Attributes
+    ----------
+    nodes : recarray of AT_NODE, shape (P + 3,)
+        Start and nodes of a step; then the start before it is changed, and a place between, as for samples.
+    values : ndarray, shape (P + 3, fields)
+        The same numbers as a matrix.
+    curves, coefficients
+        Of the polynomials through them, by name and as a matrix.
+    before : recarray of MOTION, shape (1,)
+        Motion at the start of a step.
+    matrix : ndarray, shape (P, P + 1)
+    reading : Reading
+    fluctuation : record of FLUCTUATION
+    """
+
+    nodes: Record
+    values: Array
+    curves: Record
+    coefficients: Array
+    before: Record
     matrix: Array
-    start: Array
     reading: Reading
-    chance: Array
+    fluctuation: Record
 
 
-# Columns of the samples, which are also the first scalars. Energies: work of the drive, dissipated by
-# damping, lost in breaks, stored in contacts.
-COLUMNS = 10
-TIME, POSITION, VELOCITY, DRIVE_FORCE, CONTACT_FORCE, ATTACHED, WORK, DAMPED, LOST, STORED = range(COLUMNS)
-# Further scalars: mass broken and re-attached so far, mass outside and in groups, the step to try next, the slope of
-# the contact force, the stretching of the element that stands for detached contacts, and where the slider moved last.
-SCALARS = 18
-BROKEN, BORN, MASS_OUT, MASS_IN, NEXT_STEP, SLOPE, ELEMENT, DIRECTION = range(COLUMNS, SCALARS)
-
+FIRST, BETWEEN = P + 1, P + 2
+"""Rows of the nodes behind the last."""
 WAITING = 3 + P + Q
 """First of the columns of panels that count contacts."""
 
-GROUPS, PANELS, EXTREMES, ROUGH, STEPS, SWEEPS, REJECTED = range(7)
-
-# Why `advance` came back.
-FINISHED, STOPPED, PAUSED, NO_ROOM, UNSOLVED = range(5)
-
-# Rows of values at the nodes: way of the slider and its velocity; force, attached, slope of the force; broken,
-# re-attached; energy of the contacts; what re-attaches of what broke before; work, damped, lost; attached of what was
-# so at the start; broken of what was not.
-(
-    AT_X,
-    AT_V,
-    AT_FORCE,
-    AT_ATTACHED,
-    AT_SLOPE,
-    AT_BROKEN,
-    AT_BORN,
-    AT_STORED,
-    AT_KNOWN,
-    AT_WORK,
-    AT_DAMPED,
-    AT_LOST,
-    AT_OLD,
-    AT_YOUNG,
-) = range(14)
-ROWS = 14
-
 SPARE = 16
-"""Groups for which there must be room before a step."""
-HOPELESS = math.inf
+"""Cohorts for which there must be room before a step."""
+NOT_CONVERGED = math.inf
 """Error of a step that Newton's method did not solve."""
 SHORTER = 0.9 * 100.0 ** (-1 / P)
 """Length of the next attempt after such a step, as a fraction of it: that after an error of 100 tolerances."""
@@ -213,13 +244,11 @@ def initial_state(
     stretching: Array,
     weight: Array,
     *,
-    position: float = 0.0,
     velocity: float = 0.0,
-    time: float = 0.0,
     rate: float = 0.0,
     element: float = 0.0,
 ) -> State:
-    """Put a slider on its initial contacts.
+    """Put a slider at 0 on its initial contacts.
 
     Parameters
     ----------
@@ -229,8 +258,8 @@ def initial_state(
     stretching, weight : ndarray, shape (n, Q)
         Initial stretchings, any sign, at the nodes of Gauss of intervals, and the attached fraction of contacts at
         each. A contact at ``x_0`` has a threshold beyond ``|x_0|``. The rest of a sum of 1 is detached.
-    position, velocity, time : float
-        Of the slider, at the start.
+    velocity : float
+        Of the slider.
     rate : float
         Mass that broke per unit time before the start; it re-attaches after its delay. For smooth sliding
         ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
@@ -243,29 +272,28 @@ def initial_state(
     """
     n, reach = len(stretching), np.abs(stretching)
     alive = np.maximum(values_at(table, reach.ravel()).reshape(reach.shape), 1e-12)
-    groups = np.zeros((GROUP_ROWS, n + 128, Q))
-    groups[BIRTH, :n], groups[MASS, :n], groups[REACH, :n] = position - stretching, weight / alive, reach
-    groups[WHOLE, :n] = np.ptp(stretching, axis=1)[:, None] > 0.0
+    cohorts = np.zeros((COHORT_ROWS, n + 128, Q))
+    cohorts[PLACE, :n], cohorts[MASS, :n], cohorts[REACH, :n] = -stretching, weight / alive, reach
+    cohorts[WHOLE, :n] = np.ptp(stretching, axis=1)[:, None] > 0.0
     attached = float(weight.sum())
-    scalar = np.zeros(SCALARS)
-    scalar[TIME], scalar[POSITION], scalar[VELOCITY] = time, position, velocity
-    scalar[CONTACT_FORCE] = np.sum(weight * stretching) + (1.0 - attached) * element
-    scalar[ATTACHED] = scalar[MASS_IN] = scalar[SLOPE] = attached
-    scalar[MASS_OUT] = 1.0 - attached
-    scalar[STORED] = 0.5 * (np.sum(weight * stretching**2) + (1.0 - attached) * element**2)
-    scalar[ELEMENT] = element
-    scalar[DIRECTION] = -1.0 if velocity < 0.0 else 1.0
-    scalar[NEXT_STEP] = math.inf
+    motion, used = blank(MOTION), blank(COUNTS)
+    motion.velocity = velocity
+    motion.contact_force = np.sum(weight * stretching) + (1.0 - attached) * element
+    motion.attached = motion.mass_in = motion.slope = attached
+    motion.mass_out = 1.0 - attached
+    motion.stored = 0.5 * (np.sum(weight * stretching**2) + (1.0 - attached) * element**2)
+    motion.element = element
+    motion.direction = -1.0 if velocity < 0.0 else 1.0
+    motion.next_step = math.inf
     # Before the start, at a constant rate.
     memory = max([1e-3, delays.continuous.top if delays.fraction > 0.0 else 0.0, *delays.time])
     count = math.ceil(memory / delays.grain) if rate > 0.0 and delays.fraction > 0.0 else 1
     panels = np.zeros((count + 256, WAITING + delays.time.size + Q))
     step = memory / count
-    panels[:count, 0] = time - memory + step * np.arange(count)
+    panels[:count, 0] = step * np.arange(count) - memory
     panels[:count, 1] = step
-    panels[:count, 2 : 3 + P] = rate * (panels[:count, :1] - time + step * NODE)
+    panels[:count, 2 : 3 + P] = rate * (panels[:count, :1] + step * NODE)
     panels[:count, 3 + P : WAITING] = rate * step * WEIGHT
-    rough = np.full(64, time)
     zeros = np.zeros(delays.time.size, np.int64)
-    used = np.array([n, count, 0, 1, 0, 0, 0], np.int64)
-    return State(scalar, groups, panels, zeros, zeros.copy(), np.zeros(64), rough, used)
+    used.cohorts, used.panels, used.rough = n, count, 1
+    return State(motion, cohorts, panels, zeros, zeros.copy(), np.zeros(64), np.zeros(64), used)

@@ -15,44 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .blocks import (
-    BUDGET_SPENT,
+from .blocks import Draws, State, attach_contact, break_contact, look_ahead
+from .drive import (
     DELAYS_USED_UP,
-    THRESHOLDS_USED_UP,
-    Draws,
-    State,
-    attach_contact,
-    break_contact,
-    look_ahead,
-)
-from .drive import NOWHERE, drive_at, holds
-from .leapfrog import (
-    BLOCK,
-    CONDITION_HELD,
-    DAMPED,
-    DRIVE_FORCE,
+    FINISHED,
     LOOK,
-    MODE,
+    NOWHERE,
     ON_THE_WAY,
-    REACHED_END,
-    SAMPLE,
-    SPENT,
-    TIME,
-    WORK,
-    Piece,
-    Sampling,
-    element,
-    record,
-    slide,
+    PAUSED,
+    STOPPED,
+    THRESHOLDS_USED_UP,
+    UNSOLVED,
+    drive_at,
+    holds,
 )
+from .leapfrog import Piece, Sampling, element, fill_row, slide
 from .network import Network, stretch
 from .tournament import smallest, winner
 
 Floats = NDArray[np.float64]
 
 LET_GO, DRIVEN = range(2)
-UNDECIDED = 9
-"""Why `advance` returned: which elements slide, and which do not, was not found."""
 _ON_THE_EDGE = 1e-10
 """An element this near to its sliding force slides, if it is pulled that way."""
 
@@ -89,9 +72,7 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 
 
 @bare
-def _answer(
-    state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats
-) -> bool:
+def _answer(state: State, network: Network, sliding: float, right: Floats, way: float, room: Floats) -> bool:
     """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path.
 
     Returns whether it was found which elements slide.
@@ -99,9 +80,10 @@ def _answer(
     blocks = state.motion.blocks
     n = blocks.X.size
     Y, diagonal, stuck = room[0], room[1], room[2]
-    coupling = network.spring[0, network.spring.shape[1] - 1] if n > 1 else 0.0
+    coupling, closed = 0.0, False  # a ring, where the last block is a neighbour of the first
     for m in range(network.spring.shape[1]):
         coupling = max(coupling, network.spring[0, m])
+        closed = closed or (n > 2 and network.spring[0, m] > 0.0 and network.neighbour[0, m] == n - 1)
     for j in range(n):
         if sliding > 0.0 and blocks.held[j] < 1.0:
             e = blocks.X[j] - blocks.anchor[j]
@@ -114,7 +96,7 @@ def _answer(
             for m in range(network.spring.shape[1]):
                 bonds += network.spring[j, m]
             diagonal[j] = network.pull[j] + bonds + blocks.held[j] + stuck[j] * (1.0 - blocks.held[j])
-        if ring:
+        if closed:
             _solve_ring(diagonal, coupling, right, Y, room[3:6])
         else:
             _solve(diagonal, coupling, right, Y, room[3])
@@ -155,8 +137,8 @@ def _first(state: State, sliding: float, way: float, most: float, room: Floats) 
 @bare
 def _go(state: State, network: Network, sliding: float, amount: float, time: float, piece: Piece, room: Floats) -> None:
     """Move all blocks along, and the drive to where it is at `time`."""
-    blocks, scalar = state.motion.blocks, state.motion.scalar
-    before, _ = drive_at(piece.drive, scalar[TIME])
+    blocks, now = state.motion.blocks, state.motion.now
+    before, _ = drive_at(piece.drive, now.time)
     D, _ = drive_at(piece.drive, time)
     force = 0.0
     for j in range(blocks.X.size):
@@ -164,9 +146,9 @@ def _go(state: State, network: Network, sliding: float, amount: float, time: flo
         if sliding > 0.0:
             slide(state.motion, j, blocks.X[j], sliding)
         force += network.pull[j] * (D - blocks.X[j]) + network.load[j] - network.push[j]
-    scalar[WORK] += 0.5 * (scalar[DRIVE_FORCE] + force) * (D - before)
-    scalar[DRIVE_FORCE] = force
-    scalar[TIME] = time
+    now.work += 0.5 * (now.drive_force + force) * (D - before)
+    now.drive_force = force
+    now.time = time
 
 
 @inlined
@@ -193,10 +175,8 @@ def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws)
             delay = draws.delays[j, state.contacts.next_delay[j]]
             state.contacts.next_delay[j] += 1
         force = slide(state.motion, j, X, sliding)
-        break_contact(
-            state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.scalar[TIME], way * force, delay
-        )
-        state.motion.counts[MODE] = LET_GO
+        break_contact(state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.now.time, way * force, delay)
+        state.motion.now.mode = LET_GO
     look_ahead(state.contacts, j)
     return why
 
@@ -204,18 +184,18 @@ def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws)
 @bare
 def _attach_due(state: State, sliding: float, draws: Draws) -> int:
     """Attach what is due."""
-    blocks, now = state.motion.blocks, state.motion.scalar[TIME]
+    blocks, now = state.motion.blocks, state.motion.now.time
     for j in range(blocks.X.size):
         while state.contacts.next_attach[j] <= now:
             if state.contacts.next_threshold[j] == draws.thresholds.shape[1]:
-                state.motion.counts[BLOCK] = j
+                state.motion.now.block = j
                 return THRESHOLDS_USED_UP
             threshold = draws.thresholds[j, state.contacts.next_threshold[j]]
             state.contacts.next_threshold[j] += 1
             force = slide(state.motion, j, blocks.X[j], sliding)
             attach_contact(state, j, blocks.X[j], threshold, force)
             look_ahead(state.contacts, j)
-            state.motion.counts[MODE] = LET_GO
+            state.motion.now.mode = LET_GO
     return ON_THE_WAY
 
 
@@ -223,7 +203,7 @@ def _attach_due(state: State, sliding: float, draws: Draws) -> int:
 def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float, right: Floats) -> None:
     """Forces on the blocks that nothing balances."""
     blocks = state.motion.blocks
-    D, _ = drive_at(piece.drive, state.motion.scalar[TIME])
+    D, _ = drive_at(piece.drive, state.motion.now.time)
     for j in range(blocks.X.size):
         X, held = blocks.X[j], blocks.held[j]
         force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.births[j]
@@ -231,25 +211,23 @@ def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float
 
 
 @bare
-def _let_go(
-    state: State, network: Network, ring: bool, piece: Piece, sliding: float, draws: Draws, room: Floats
-) -> int:
+def _let_go(state: State, network: Network, piece: Piece, sliding: float, draws: Draws, room: Floats) -> int:
     """Let go of what is out of balance, as far as the first event; that happens."""
-    blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
+    blocks, now = state.motion.blocks, state.motion.now
     right = room[6]
     _out_of_balance(state, network, piece, sliding, right)
-    if not _answer(state, network, ring, sliding, right, 1.0, room):
-        return UNDECIDED
+    if not _answer(state, network, sliding, right, 1.0, room):
+        return UNSOLVED
     part, j, is_break = _first(state, sliding, 1.0, 1.0, room)
     power = 0.0
     for i in range(blocks.X.size):
         power += right[i] * room[0, i]
-    scalar[DAMPED] += power * part * (1.0 - 0.5 * part)
-    _go(state, network, sliding, part, scalar[TIME], piece, room)
+    now.damped += power * part * (1.0 - 0.5 * part)
+    _go(state, network, sliding, part, now.time, piece, room)
     if j < 0:
-        counts[MODE] = DRIVEN
+        now.mode = DRIVEN
     elif is_break == 1:
-        counts[BLOCK] = j
+        now.block = j
         return _break_there(state, j, math.copysign(1.0, room[0, j]), sliding, draws)
     return ON_THE_WAY
 
@@ -258,7 +236,6 @@ def _let_go(
 def advance(
     state: State,
     network: Network,
-    ring: bool,
     piece: Piece,
     sampling: Sampling,
     draws: Draws,
@@ -270,61 +247,61 @@ def advance(
 
     The state is that of `blocks.make_state`; `room` has shape (7, n).
     """
-    blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
+    blocks, now = state.motion.blocks, state.motion.now
     n = blocks.X.size
-    spent = counts[SPENT]
-    while counts[SPENT] - spent <= budget:
-        counts[SPENT] += n
+    spent = now.spent
+    while now.spent - spent <= budget:
+        now.spent += n
         why = _attach_due(state, sliding, draws)
         if why != ON_THE_WAY:
             return why
-        if counts[MODE] == LET_GO:
-            why = _let_go(state, network, ring, piece, sliding, draws, room)
+        if now.mode == LET_GO:
+            why = _let_go(state, network, piece, sliding, draws, room)
             if why != ON_THE_WAY:
                 return why
             continue
         # As far as the drive goes one way, or to the next re-attachment.
-        now = scalar[TIME]
-        D, v = drive_at(piece.drive, now)
+        time = now.time
+        D, v = drive_at(piece.drive, time)
         until = piece.end
         for j in range(n):
             until = min(until, state.contacts.next_attach[j])
         turn = -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
-        if 0.0 < turn < until - now:
-            until = now + turn
+        if 0.0 < turn < until - time:
+            until = time + turn
         D_until, _ = drive_at(piece.drive, until)
         way = math.copysign(1.0, D_until - D)
-        if not _answer(state, network, ring, sliding, network.pull, way, room):
-            return UNDECIDED
+        if not _answer(state, network, sliding, network.pull, way, room):
+            return UNSOLVED
         distance, j, is_break = _first(state, sliding, way, abs(D_until - D), room)
-        event = _time_of(piece, now, way * distance) if j >= 0 and distance > 0.0 else (now if j >= 0 else until)
+        event = _time_of(piece, time, way * distance) if j >= 0 and distance > 0.0 else (time if j >= 0 else until)
         event = min(event, until)
         if event > piece.look:
             return LOOK
-        while counts[SAMPLE] < sampling.times.size and sampling.times[counts[SAMPLE]] <= event:
-            k = counts[SAMPLE]
-            D_before, _ = drive_at(piece.drive, scalar[TIME])
+        while now.sampled < sampling.times.size and sampling.times[now.sampled] <= event:
+            k = now.sampled
+            D_before, _ = drive_at(piece.drive, now.time)
             D_then, v_then = drive_at(piece.drive, sampling.times[k])
-            _go(state, network, sliding, D_then - D_before, max(sampling.times[k], scalar[TIME]), piece, room)
+            _go(state, network, sliding, D_then - D_before, max(sampling.times[k], now.time), piece, room)
             for i in range(n):
                 blocks.V_now[i] = v_then * room[0, i]
-            record(state.motion, network, piece, sampling.samples[k], sliding)
-            counts[SAMPLE] += 1
+            fill_row(state.motion, network, piece, sampling.samples[k], sliding)
+            now.sampled += 1
             if piece.stop.kind != NOWHERE:
                 mean = 0.0
                 for i in range(n):
                     mean += blocks.X[i]
                 if holds(piece.stop, mean / n, sampling.samples[k, 0]):
-                    return CONDITION_HELD
-        D_before, _ = drive_at(piece.drive, scalar[TIME])
+                    return STOPPED
+        D_before, _ = drive_at(piece.drive, now.time)
         D_then, _ = drive_at(piece.drive, event)
         _go(state, network, sliding, D_then - D_before, event, piece, room)
         if j >= 0:
             if is_break == 1:
-                counts[BLOCK] = j
+                now.block = j
                 why = _break_there(state, j, math.copysign(1.0, way * room[0, j]), sliding, draws)
                 if why != ON_THE_WAY:
                     return why
         elif event >= piece.end:
-            return REACHED_END
-    return BUDGET_SPENT
+            return FINISHED
+    return PAUSED

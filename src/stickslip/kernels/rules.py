@@ -7,6 +7,8 @@ what happens in it: the integral of anything smooth over the panel is a sum over
 import numpy as np
 from numpy.typing import NDArray
 
+from ._jit import bare, inlined
+
 Array = NDArray[np.float64]
 
 P = 5
@@ -66,3 +68,41 @@ INCREASE = np.stack([_slopes(NODE, u * GAUSS) * (u * WEIGHT)[:, None] for u in N
 _CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * NODE - 1, P))
 LAST = np.ascontiguousarray(_CHEBYSHEV[P - 2 :])
 """Coefficients of the last three Chebyshev polynomials: they tell whether the polynomial is resolved."""
+
+
+@bare
+def fit(row: Array, curve: Array) -> None:
+    """Find the coefficients of the polynomial through values at start and nodes."""
+    for a in range(P + 1):
+        c = 0.0
+        for b in range(P + 1):
+            c += MONOMIAL[a, b] * row[b]
+        curve[a] = c
+
+
+@inlined
+def along(curve: Array, u: float) -> float:
+    """Value at ``0 <= u <= 1`` of a polynomial that `fit` has found."""
+    total = curve[P]
+    for a in range(P - 1, -1, -1):
+        total = total * u + curve[a]
+    return float(total)
+
+
+@bare
+def between(row: Array, u: float) -> float:
+    """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes; that at the start stays exact."""
+    total, base = 0.0, row[0]
+    for a in range(P, 0, -1):
+        c = 0.0
+        for b in range(1, P + 1):
+            c += MONOMIAL[a, b] * (row[b] - base)
+        total = (total + c) * u
+    return float(base + total)
+
+
+@inlined
+def value(row: Array, curve: Array, u: float) -> float:
+    """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes, which it leaves in `curve`."""
+    fit(row, curve)
+    return along(curve, u)

@@ -1,11 +1,14 @@
-"""The master equation of contacts that break by thermal activation, on cohorts, under the motion of a slider, Eq. (11).
+"""The master equation of contacts whose thresholds are no fixed numbers, on cohorts, under a slider, Eq. (11).
 
-A cohort is what attached in one step, at the same place and time. Each of its contacts keeps its threshold, so that
-what survives is an average over thresholds of ``exp(-H)``, with ``H`` the integral of the rate over the cohort's life.
+Contacts break by thermal activation, or their thresholds grow with age, or both. A cohort is what attached in one step,
+at the same place and time. Each of its contacts keeps its strength, so that what survives is an average over strengths.
 
-- By `Bell`, without ageing or with thresholds that grow by an addend ``g``, ``H = G exp(-x_c/A)``: one number,
-  ``ln G``, says what survives, by a table of ``J(u) = Int P_c(x_c) exp(-exp((u - x_c)/A)) dx_c`` at ``u = A ln G``.
-- Otherwise ``H`` is followed at nodes of the thresholds.
+- Without temperature a strength ``s`` has broken if the largest ``(|x| - addend)/factor`` so far is beyond it: one
+  number, ``reach``, says what survives.
+- With a temperature it survives as ``exp(-H)``, with ``H`` the integral of the rate over the cohort's life. By `Bell`,
+  where thresholds are fixed or grow by an addend, ``H = G exp(-s/A)``: one number, ``ln G``, says what survives, by a
+  table of ``J(u) = Int P_c(s) exp(-exp((u - s)/A)) ds`` at ``u = A ln G``.
+- Otherwise ``H`` is followed at nodes of the strengths.
 
 Within a step the slider moves one way and by less than a fraction of the width over which rates change; in a hold steps
 grow with time. Half of what attaches in a step does so at each of its ends; what of the first half breaks within the
@@ -14,55 +17,47 @@ step is passed on, so that no contact is lost.
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._jit import jit
-from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
-from .growth import EXPONENTIAL, Growth
-from .hazard import Hazard, rate, threshold_at
+from ._jit import bare, inlined
+from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
+from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
+from .growth import EXPONENTIAL, Growth, grown, threshold_at
+from .hazard import Hazard, rate
 from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, travel
-from .survival import Table, value_at
+from .records import Record, blank, record
+from .survival import Table, value_at, values_at
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Scalars of the state; the first are those of the samples, in the order of the columns of a run, then the rest.
-(
-    POSITION,
-    VELOCITY,
-    CONTACT_FORCE,
-    ATTACHED,
-    STORED,
-    WORK,
-    DAMPED,
-    BROKEN,
-    TIME,
-    FORCE,
-    LOSS,
-    SLID,
-    NEXT_STEP,
-    OUTSIDE,
-) = range(14)
-COLUMNS, SCALARS = 8, 14
+MOTION = record(
+    "position velocity contact_force attached stored work damped broken time",
+    "force loss slid next_step outside reattached",
+)
+"""What changes from step to step: what is sampled, in the order of the columns of a run, and the time. Then the force
+of the attached contacts alone, what breaking takes from the force per time, the force of a detached contact, the step
+to try next, the fraction that waits, and all that has re-attached."""
+COUNTS = record(counts="cohorts sampled left")
+"""Cohorts in use; of a call, the samples that are filled, and the steps that are left."""
 
-# Rows of the cohorts: where and when they attached, how many did, how many are left, and how far beyond the growth of
-# their thresholds they were stretched at most.
-BIRTH, SINCE, MASS, ALIVE, REACH, TRIAL_ALIVE, TRIAL_REACH = range(7)
+SINCE, TRIAL_ALIVE, TRIAL_REACH = range(4, 7)
+"""Rows of the cohorts behind those of the store: when they attached, and what a step under trial leaves."""
 ROWS = 7
-
-# Why `advance` came back.
-FINISHED, STOPPED, PAUSED, NO_ROOM = range(4)
 
 EXTINCT = 1e-13
 """A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
 UNTRIED = 1e-10
-"""A contact whose integrated rate is smaller is as good as whole, and with it all of larger thresholds."""
+"""A contact whose integrated rate is smaller is as good as whole, and with it all of larger strengths."""
 _PIECE = 0.5
 """Largest logarithm of the growth of an age in a panel of its quadrature."""
+_STEADY = 0.1
+"""Largest growth of an age in a step in which exponents change all but evenly."""
 
 _NODE = (0.1127016653792583, 0.5, 0.8872983346207417)
 _WEIGHT = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
@@ -74,14 +69,15 @@ class Model(NamedTuple):
     Attributes
     ----------
     hazard : Hazard
+        Without attempts there is no temperature.
     growth : Growth
     thresholds : Table
-        Survival of thresholds.
+        Survival of strengths.
     thermal : Table
         ``J(u)`` from `low` on, where one number is enough.
     low : float
     node, weight : ndarray, shape (n,)
-        Thresholds at which the hazard is followed, and their weights; none where one number is enough.
+        Strengths at which the hazard is followed, and their weights; none where one number is enough.
     capped : bool
         Whether a contact may meet its threshold before it breaks; nodes always look.
     width : float
@@ -99,13 +95,6 @@ class Model(NamedTuple):
     width: float
 
 
-class Delays(NamedTuple):
-    """Times until a broken contact re-attaches, and their weights; none: it never does."""
-
-    time: Array
-    weight: Array
-
-
 class Limits(NamedTuple):
     """Largest steps: of the slider in widths, of the mass that breaks, of an oscillation that matters in radians."""
 
@@ -115,34 +104,46 @@ class Limits(NamedTuple):
 
 
 class State(NamedTuple):
-    """All that the next step needs; `used`: cohorts and times of `broken` in use.
+    """All that the next step needs.
 
-    ``run`` holds, by cohort, ``ln G``, or ``H`` at the nodes, and ``trial`` the same at the end of a step under trial.
-    ``broken`` holds times, and the mass broken up to them; ``cursor`` where in it a delay ago is.
+    Attributes
+    ----------
+    motion : record of MOTION
+    cohort : ndarray, shape (ROWS, room)
+    run, trial : ndarray, shape (room, nodes or 1)
+        By cohort ``ln G``, or ``H`` at the nodes: now, and at the end of a step under trial.
+    history : History
+    used : record of COUNTS
     """
 
-    scalar: Array
+    motion: Record
     cohort: Array
     run: Array
     trial: Array
-    broken: Array
-    cursor: IntArray
-    used: IntArray
+    history: History
+    used: Record
 
 
-class _Case(NamedTuple):
-    """All that stays the same in a call."""
+class Case(NamedTuple):
+    """All that stays the same while the drive moves by one rule; detached contacts slide with the force `f_d`."""
 
     model: Model
     delays: Delays
     slider: Slider
     f_d: float
-    drive: Quadratic
     limits: Limits
+    drive: Quadratic = STILL
+
+
+class _Work(NamedTuple):
+    """Room to calculate in: the motion at the start of a step, and what is due."""
+
+    before: Record
+    due: Array
 
 
 class _Trial(NamedTuple):
-    """What a step comes to."""
+    """What a step comes to; `load` is the one under which it was reached, or is to be tried again."""
 
     dt: float
     X: float
@@ -163,22 +164,28 @@ class _Trial(NamedTuple):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@jit
+@inlined
 def _thermal_survival(model: Model, u: float) -> float:
     """Fraction that survives a reading ``u`` of the clock."""
     return 1.0 if u <= model.low else value_at(model.thermal, u - model.low)
 
 
-@jit
+@inlined
 def surviving(model: Model, log_g: float, reach: float) -> float:
-    """Fraction that survives by `Bell`, of contacts stretched by `reach` at most.
+    """Fraction that survives by `Bell`, of contacts stretched by `reach` at most beyond what they have grown by."""
+    if reach <= 0.0 or log_g - reach / model.hazard.scale > 3.7:
+        return _thermal_survival(model, model.hazard.scale * log_g)
+    return _surviving_beyond(model, log_g, reach)
 
-    ``Int J_c(max(reach, u - A ln E)) exp(-E) dE``: with ``t`` the distance beyond `reach` in widths, by panels.
+
+@bare
+def _surviving_beyond(model: Model, log_g: float, reach: float) -> float:
+    """The same where thresholds below `reach` matter: ``Int J_c(max(reach, u - A ln E)) exp(-E) dE``.
+
+    With ``t`` the distance beyond `reach` in widths, by panels.
     """
     A = model.hazard.scale
     d = log_g - reach / A
-    if reach <= 0.0 or d > 3.7:
-        return _thermal_survival(model, A * log_g)
     held = value_at(model.thresholds, reach)
     if d < -37.0:
         return held
@@ -195,7 +202,7 @@ def surviving(model: Model, log_g: float, reach: float) -> float:
     return min(total, held)
 
 
-@jit
+@bare
 def _integral(hazard: Hazard, growth: Growth, strength: float, age: float, dt: float, x: float, dx: float) -> float:
     """Integral of the rate over a time in which the stretching goes from `x` by `dx`, uniformly."""
     ratio = 0.0
@@ -221,36 +228,57 @@ def _integral(hazard: Hazard, growth: Growth, strength: float, age: float, dt: f
     return total
 
 
-@jit
-def _log_integral(model: Model, age: float, dt: float, x: float, dx: float) -> float:
-    """Logarithm of what ``G`` grows by: the integral for the threshold 0, scaled so that it does not overflow."""
+@inlined
+def _gained(model: Model, age: float, dt: float, x: float, dx: float) -> float:
+    """Logarithm of what ``G`` grows by: the integral for the strength 0, scaled so that it does not overflow."""
     hazard, growth = model.hazard, model.growth
     A = hazard.scale
     top = max(abs(x), abs(x + dx))
-    if growth.first == 0.0 and x * (x + dx) >= 0.0:
-        far = abs(dx) / A
-        mean = -math.expm1(-far) / far if far > 1e-8 else 1.0
-        return math.log(hazard.attempts * dt * mean) + top / A
-    # A threshold of `top` at rest: its rate does not overflow.
-    return math.log(max(_integral(hazard, growth, top, age, dt, x, dx), 1e-300)) + top / A
+    if x * (x + dx) < 0.0 or (growth.first != 0.0 and dt > _STEADY * (age + growth.second)):
+        # A threshold of `top` at rest: its rate does not overflow.
+        return math.log(max(_integral(hazard, growth, top, age, dt, x, dx), 1e-300)) + top / A
+    if growth.first == 0.0:
+        return math.log(hazard.attempts * dt * _mean_exponential(abs(dx) / A)) + top / A
+    # The exponent is all but linear on either half: the threshold grows ever more slowly.
+    start = abs(x) - grown(growth, age)[1]
+    middle = abs(x + 0.5 * dx) - grown(growth, age + 0.5 * dt)[1]
+    end = abs(x + dx) - grown(growth, age + dt)[1]
+    top = max(start, middle, end)
+    first = math.exp((max(start, middle) - top) / A) * _mean_exponential(abs(middle - start) / A)
+    second = math.exp((max(middle, end) - top) / A) * _mean_exponential(abs(end - middle) / A)
+    return math.log(0.5 * hazard.attempts * dt * (first + second)) + top / A
 
 
-@jit
+@inlined
+def _mean_exponential(far: float) -> float:
+    """Mean of ``exp(-z)`` for `z` from 0 to `far`."""
+    return -math.expm1(-far) / far if far > 1e-8 else 1.0
+
+
+@inlined
 def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, dX: float) -> float:
     """Take a cohort along: the fraction of it that survives."""
     cohort = state.cohort
-    age, x = now - cohort[SINCE, j], X - cohort[BIRTH, j]
-    if model.node.size == 0:
-        step = _log_integral(model, age, dt, x, dX)
-        before = state.run[j, 0]
-        most = max(before, step)
-        state.trial[j, 0] = most + math.log1p(math.exp(-abs(before - step)))
-        reach = cohort[REACH, j]
-        if model.capped:
-            reach = max(reach, abs(x + dX) - threshold_at(model.growth, 0.0, age + dt))
-        cohort[TRIAL_REACH, j] = reach
-        return surviving(model, state.trial[j, 0], reach)
-    fraction, seen = 0.0, 0.0
+    age, x = now - cohort[SINCE, j], X - cohort[PLACE, j]
+    if model.node.size > 0:
+        cohort[TRIAL_REACH, j] = cohort[REACH, j]
+        return _follow_nodes(state, model, j, age, dt, x, dX)
+    reach = cohort[REACH, j]
+    if model.capped:
+        factor, addend, _, _ = grown(model.growth, age + dt)
+        reach = max(reach, (abs(x + dX) - addend) / factor)
+    cohort[TRIAL_REACH, j] = reach
+    if model.hazard.attempts == 0.0:
+        return value_at(model.thresholds, max(reach, 0.0))
+    step, before = _gained(model, age, dt, x, dX), state.run[j, 0]
+    state.trial[j, 0] = max(before, step) + math.log1p(math.exp(-abs(before - step)))
+    return surviving(model, state.trial[j, 0], reach)
+
+
+@bare
+def _follow_nodes(state: State, model: Model, j: int, age: float, dt: float, x: float, dX: float) -> float:
+    """The same where the hazard is followed at nodes of the strengths."""
+    fraction = seen = 0.0
     end = abs(x + dX)
     for k in range(model.node.size):
         run = state.run[j, k]
@@ -267,11 +295,10 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
                 state.trial[j, i] = state.run[j, i]
             fraction += 1.0 - seen
             break
-    cohort[TRIAL_REACH, j] = cohort[REACH, j]
     return fraction
 
 
-@jit
+@inlined
 def untouched(model: Model) -> float:
     """What a newborn's ``ln G``, or ``H``, begins with."""
     return -1e300 if model.node.size == 0 else 0.0
@@ -282,130 +309,100 @@ def untouched(model: Model) -> float:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@jit
-def _due(state: State, delays: Delays, dt: float) -> tuple[float, float]:
-    """What has broken and re-attaches in the next `dt`, and the fraction of what breaks in it that does so, too."""
-    last, broken = state.used[1] - 1, state.broken
-    now = broken[0, last]
-    known = fraction = 0.0
-    for i in range(delays.time.size):
-        begin = now - delays.time[i]
-        j = state.cursor[i]
-        while j < last - 1 and broken[0, j + 1] <= begin:
-            j += 1
-        state.cursor[i] = j
-        before = _between(broken, j, begin)
-        end = begin + dt
-        if end >= now:
-            known += delays.weight[i] * (broken[1, last] - before)
-            fraction += delays.weight[i] * (end - now) / dt
-        else:
-            while j < last - 1 and broken[0, j + 1] <= end:
-                j += 1
-            known += delays.weight[i] * (_between(broken, j, end) - before)
-    return known, fraction
-
-
-@jit
-def _between(broken: Array, j: int, t: float) -> float:
-    part = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
-    return float(broken[1, j] + part * (broken[1, j + 1] - broken[1, j]))
-
-
-@jit
-def _move(case: _Case, scalar: Array, load: Load, dt: float) -> tuple[float, float, float, float]:
+@bare
+def _move(case: Case, motion: Record, load: Load, dt: float) -> tuple[float, float, float, float]:
     """Position and velocity of the slider a time `dt` later, work of the drive, integral of the squared velocity."""
     slider, drive = case.slider, case.drive
-    X, V = scalar[POSITION], scalar[VELOCITY]
+    X, V = motion.position, motion.velocity
     if not is_rigid(slider) and slider.mass == 0.0:  # in balance
-        D, velocity = drive_at(drive, scalar[TIME] + dt)
+        D, velocity = drive_at(drive, motion.time + dt)
         K = slider.stiffness
         X1 = X + (K * (D - X) - load.force + load.loss * dt) / (K + load.stiffness)
-        D0, velocity0 = drive_at(drive, scalar[TIME])
+        D0, velocity0 = drive_at(drive, motion.time)
         work = 0.5 * dt * K * ((D0 - X) * velocity0 + (D - X1) * velocity)
         return X1, (X1 - X) / dt, work, 0.0
-    moved = travel(slider, drive, Motion(scalar[TIME], X, V), load, dt)
+    moved = travel(slider, drive, Motion(motion.time, X, V), load, dt)
     return moved.X, moved.V, moved.work, moved.squares
 
 
-@jit
-def _arrive(state: State, case: _Case, due: tuple[float, float], dt: float, load: Load) -> _Trial:
-    """End of a step under this load."""
-    scalar, model, cohort = state.scalar, case.model, state.cohort
-    now, X = scalar[TIME], scalar[POSITION]
-    X1, V1, work, squares = _move(case, scalar, load, dt)
+@bare
+def _arrive(state: State, case: Case, known: float, part: float, dt: float, load: Load) -> _Trial:
+    """End of a step under this load, in which `known` re-attaches, and a part of what breaks in it."""
+    motion, model, cohort = state.motion, case.model, state.cohort
+    now, X = motion.time, motion.position
+    X1, V1, work, squares = _move(case, motion, load, dt)
     dX = X1 - X
     old = force = 0.0
-    for j in range(state.used[0]):
+    for j in range(state.used.cohorts):
         fraction = follow(state, model, j, now, dt, X, dX)
         alive = cohort[MASS, j] * fraction if fraction > EXTINCT else 0.0
         alive = min(alive, cohort[ALIVE, j])
         cohort[TRIAL_ALIVE, j] = alive
         old += alive
-        force += alive * (X1 - cohort[BIRTH, j])
+        force += alive * (X1 - cohort[PLACE, j])
     # What attaches at the start of the step is the cohort behind the last.
-    j = state.used[0]
-    cohort[BIRTH, j], cohort[SINCE, j], cohort[REACH, j] = X, now, 0.0
+    j = state.used.cohorts
+    cohort[PLACE, j], cohort[SINCE, j], cohort[REACH, j] = X, now, 0.0
     state.run[j, :] = untouched(model)
     young = follow(state, model, j, now, dt, X, dX)
-    known, part = due
     fragile = 0.5 * (1.0 - young)
-    broken = (scalar[ATTACHED] - old + fragile * known) / (1.0 - fragile * part)
+    broken = (motion.attached - old + fragile * known) / (1.0 - fragile * part)
     attaching = known + part * broken
     mass = old + 0.5 * attaching * (1.0 + young)
     force += 0.5 * attaching * young * dX
-    slid = min(max(scalar[SLID] + dX, -case.f_d), case.f_d)
+    slid = min(max(motion.slid + dX, -case.f_d), case.f_d)
     return _Trial(dt, X1, V1, work, squares, load, force, mass, broken, attaching, young, slid)
 
 
-@jit
-def _load(case: _Case, scalar: Array, loss: float) -> Load:
+@bare
+def _load(case: Case, motion: Record, loss: float) -> Load:
     """Friction force on the way, with what breaking takes from it per time."""
-    stiffness = scalar[ATTACHED]
-    if case.f_d > 0.0 and abs(scalar[SLID]) < case.f_d:
+    stiffness = motion.attached
+    if case.f_d > 0.0 and abs(motion.slid) < case.f_d:
         stiffness = 1.0
-    return Load(scalar[CONTACT_FORCE], stiffness, loss, 0.0)
+    return Load(motion.contact_force, stiffness, loss, 0.0)
 
 
-@jit
+@bare
 def _friction(trial: _Trial) -> float:
     return trial.force + (1.0 - trial.mass) * trial.slid
 
 
-@jit
-def _try_step(state: State, case: _Case, dt: float) -> tuple[_Trial, float]:
+@bare
+def _try_step(state: State, case: Case, work: _Work, dt: float) -> tuple[_Trial, float]:
     """Find the end of a step without taking it, and how much too long it is (above 1)."""
-    scalar, slider, width = state.scalar, case.slider, case.model.width
-    due = _due(state, case.delays, dt)
-    load = _load(case, scalar, scalar[LOSS])
-    trial = _arrive(state, case, due, dt, load)
+    motion, slider, width = state.motion, case.slider, case.model.width
+    part = due(state.history, case.delays, dt, work.due)
+    known = work.due[0] - motion.reattached
+    load = _load(case, motion, motion.loss)
+    trial = _arrive(state, case, known, part, dt, load)
     disagreement = 0.0
-    loss = (scalar[CONTACT_FORCE] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
+    loss = (motion.contact_force + load.stiffness * (trial.X - motion.position) - _friction(trial)) / dt
     if not is_rigid(slider):
         for _ in range(2 if slider.mass > 0.0 else 4):
             guess = trial.X
-            trial = _arrive(state, case, due, dt, _load(case, scalar, loss))
-            loss = (scalar[CONTACT_FORCE] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
+            trial = _arrive(state, case, known, part, dt, _load(case, motion, loss))
+            loss = (motion.contact_force + load.stiffness * (trial.X - motion.position) - _friction(trial)) / dt
             disagreement = abs(trial.X - guess)
             if disagreement < 1e-3 * case.limits.reach * case.limits.reach * width:
                 break
-    trouble = abs(trial.X - scalar[POSITION]) / (case.limits.reach * width)
+    trouble = abs(trial.X - motion.position) / (case.limits.reach * width)
     trouble = max(trouble, trial.broken / case.limits.broken, trial.attaching / (8.0 * case.limits.broken))
     trouble = max(trouble, math.sqrt(disagreement / (0.02 * case.limits.reach * width)))
-    return _under(trial, _load(case, scalar, loss)), trouble
+    return _with_load(trial, _load(case, motion, loss)), trouble
 
 
-@jit
-def _under(trial: _Trial, load: Load) -> _Trial:
-    """Give a trial the load that it has turned out to have."""
+@bare
+def _with_load(trial: _Trial, load: Load) -> _Trial:
+    """Return a trial step with its final load."""
     return _Trial(
         trial.dt, trial.X, trial.V, trial.work, trial.squares, load, trial.force, trial.mass, trial.broken,
         trial.attaching, trial.young, trial.slid,
     )  # fmt: skip
 
 
-@jit
-def _longest_step(scalar: Array, case: _Case) -> float:
+@bare
+def _longest_step(motion: Record, case: Case) -> float:
     """Resolve the oscillation of the slider on its contacts where it matters."""
     slider = case.slider
     if is_rigid(slider) or slider.mass == 0.0:
@@ -413,223 +410,265 @@ def _longest_step(scalar: Array, case: _Case) -> float:
     fast = (slider.stiffness + 1.0) / slider.mass
     if 0.25 * slider.damping * slider.damping >= fast:
         return math.inf
-    here = Motion(scalar[TIME], scalar[POSITION], scalar[VELOCITY])
-    if free_amplitude(slider, case.drive, here, _load(case, scalar, scalar[LOSS])) < 1e-3 * case.model.width:
+    here = Motion(motion.time, motion.position, motion.velocity)
+    if free_amplitude(slider, case.drive, here, _load(case, motion, motion.loss)) < 1e-3 * case.model.width:
         return math.inf
     return case.limits.angle / math.sqrt(fast)
 
 
-@jit
-def _commit(state: State, case: _Case, trial: _Trial) -> None:
+@bare
+def _commit(state: State, case: Case, trial: _Trial) -> None:
     """Make the trial the state."""
-    scalar, cohort, _model, f_d = state.scalar, state.cohort, case.model, case.f_d
-    X, now = scalar[POSITION], scalar[TIME]
+    motion, cohort, f_d = state.motion, state.cohort, case.f_d
+    X, now = motion.position, motion.time
     dX, end = trial.X - X, now + trial.dt
     half = 0.5 * trial.attaching
-    before, out = scalar[SLID], 1.0 - scalar[ATTACHED]
+    before, out = motion.slid, 1.0 - motion.attached
     middle = 0.5 * (before + trial.slid)
     lost = stored = 0.0
     kept, fresh = 0, False
-    for j in range(state.used[0] + 1):
+    for j in range(state.used.cohorts + 1):
         alive, mass = cohort[TRIAL_ALIVE, j], cohort[MASS, j]
-        if j == state.used[0]:
+        if j == state.used.cohorts:
             if fresh:
                 break
             alive, mass = half * trial.young, half
             lost += 0.5 * (0.25 * dX * dX - middle * middle) * (half - alive)
         else:
-            x = X + 0.5 * dX - cohort[BIRTH, j]
+            x = X + 0.5 * dX - cohort[PLACE, j]
             lost += 0.5 * (x * x - middle * middle) * (cohort[ALIVE, j] - alive)
-            if cohort[SINCE, j] == now and cohort[BIRTH, j] == X:  # attached at the end of the step before
+            if cohort[SINCE, j] == now and cohort[PLACE, j] == X:  # attached at the end of the step before
                 fresh = True
                 alive += half * trial.young
                 mass += half
                 lost += 0.5 * (0.25 * dX * dX - middle * middle) * half * (1.0 - trial.young)
         if alive <= 0.0:
             continue
-        stored += 0.5 * (trial.X - cohort[BIRTH, j]) ** 2 * alive
-        cohort[BIRTH, kept], cohort[SINCE, kept] = cohort[BIRTH, j], cohort[SINCE, j]
+        stored += 0.5 * (trial.X - cohort[PLACE, j]) ** 2 * alive
+        cohort[PLACE, kept], cohort[SINCE, kept] = cohort[PLACE, j], cohort[SINCE, j]
         cohort[MASS, kept], cohort[ALIVE, kept] = mass, alive
         cohort[REACH, kept] = cohort[TRIAL_REACH, j]
-        state.run[kept, :] = state.trial[j, :]
+        for k in range(state.run.shape[1]):
+            state.run[kept, k] = state.trial[j, k]
         kept += 1
-    state.used[0] = kept
+    state.used.cohorts = kept
     _settle(state, case, trial.X, end, half)
     slides = abs(dX - (trial.slid - before))
     lost += out * f_d * slides + 0.5 * middle * middle * trial.attaching
-    scalar[BROKEN] += lost
-    scalar[STORED] = stored + 0.5 * (1.0 - trial.mass) * trial.slid * trial.slid
+    motion.broken += lost
+    motion.stored = stored + 0.5 * (1.0 - trial.mass) * trial.slid * trial.slid
     friction = _friction(trial)
     if is_rigid(case.slider):
-        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + friction) * dX
+        motion.work += 0.5 * (motion.contact_force + friction) * dX
     else:
-        scalar[WORK] += trial.work
-        scalar[DAMPED] += case.slider.mass * case.slider.damping * trial.squares
-    scalar[TIME], scalar[POSITION], scalar[VELOCITY] = end, trial.X, trial.V
-    scalar[CONTACT_FORCE], scalar[FORCE], scalar[ATTACHED] = friction, trial.force, trial.mass
-    scalar[LOSS], scalar[SLID] = trial.load.loss, trial.slid
-    scalar[OUTSIDE] += trial.broken - trial.attaching
-    n = state.used[1]
-    state.broken[0, n], state.broken[1, n] = end, state.broken[1, n - 1] + trial.broken
-    state.used[1] = n + 1
+        motion.work += trial.work
+        motion.damped += case.slider.mass * case.slider.damping * trial.squares
+    motion.time, motion.position, motion.velocity = end, trial.X, trial.V
+    motion.contact_force, motion.force, motion.attached = friction, trial.force, trial.mass
+    motion.loss, motion.slid = trial.load.loss, trial.slid
+    motion.outside += trial.broken - trial.attaching
+    motion.reattached += trial.attaching
+    history, kept = state.history, state.history.times.size
+    n = history.entered[0]
+    history.times[n % kept] = end
+    history.broken[n % kept, 0] = history.broken[(n - 1) % kept, 0] + trial.broken
+    history.entered[0] = n + 1
 
 
-@jit
-def _settle(state: State, case: _Case, X: float, now: float, mass: float) -> None:
+@bare
+def _settle(state: State, case: Case, X: float, now: float, mass: float) -> None:
     """Add what attaches at the end of a step: to the youngest cohort if that is small and near, else as a new one."""
-    cohort, j = state.cohort, state.used[0] - 1
+    cohort, j = state.cohort, state.used.cohorts - 1
     if mass <= 0.0:
         return
     near = 0.1 * case.limits.reach * case.model.width
-    if j >= 0 and cohort[ALIVE, j] + mass < 0.1 * case.limits.broken and abs(X - cohort[BIRTH, j]) < near:
+    if j >= 0 and cohort[ALIVE, j] + mass < 0.1 * case.limits.broken and abs(X - cohort[PLACE, j]) < near:
         part = mass / (cohort[ALIVE, j] + mass)
-        cohort[BIRTH, j] += part * (X - cohort[BIRTH, j])
         cohort[SINCE, j] += part * (now - cohort[SINCE, j])
         cohort[MASS, j] += mass
-        cohort[ALIVE, j] += mass
+        join(cohort, j, X, mass, cohort[REACH, j])
         return
     j += 1
-    cohort[BIRTH, j], cohort[SINCE, j], cohort[MASS, j], cohort[ALIVE, j], cohort[REACH, j] = X, now, mass, mass, 0.0
+    cohort[PLACE, j], cohort[SINCE, j], cohort[MASS, j], cohort[ALIVE, j], cohort[REACH, j] = X, now, mass, mass, 0.0
     state.run[j, :] = untouched(case.model)
-    state.used[0] = j + 1
+    state.used.cohorts = j + 1
 
 
-@jit
-def _make_room(state: State) -> bool:
-    """Whether there is room for another step; if need be after forgetting what has re-attached."""
-    count = state.used[1]
-    if count == state.broken.shape[1]:
-        first = count - 2
-        for i in range(state.cursor.size):
-            first = min(first, state.cursor[i])
-        if first < count // 2:
-            return False
-        base = state.broken[1, first]  # small numbers keep their digits
-        for j in range(first, count):
-            state.broken[0, j - first] = state.broken[0, j]
-            state.broken[1, j - first] = state.broken[1, j] - base
-        for i in range(state.cursor.size):
-            state.cursor[i] -= first
-        state.used[1] = count - first
-    return bool(state.used[0] + 2 <= state.cohort.shape[1])
-
-
-@jit
-def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, case: _Case) -> None:
+@bare
+def _sample(row: Record, t: float, before: Record, trial: _Trial, after: Record, case: Case) -> None:
     """What a step passes at time `t`."""
-    u = t - before[TIME]
+    u = t - before.time
     part = u / trial.dt
-    for i in range(COLUMNS):
-        row[i] = before[i] + part * (after[i] - before[i])
+    row.attached = before.attached + part * (after.attached - before.attached)
+    row.broken = before.broken + part * (after.broken - before.broken)
+    row.contact_force = before.contact_force + part * (after.contact_force - before.contact_force)
+    row.stored = before.stored + part * (after.stored - before.stored)
+    row.work = before.work + part * (after.work - before.work)
+    row.damped = before.damped
+    row.position, row.velocity = before.position, before.velocity
     if u <= 0.0:
         return
     X, V, work, squares = _move(case, before, trial.load, u)
-    row[POSITION], row[VELOCITY] = X, V
-    bend = X - before[POSITION] - part * (trial.X - before[POSITION])
-    row[CONTACT_FORCE] += trial.load.stiffness * bend
-    row[STORED] += row[CONTACT_FORCE] * bend
+    row.position, row.velocity = X, V
+    bend = X - before.position - part * (trial.X - before.position)
+    row.contact_force += trial.load.stiffness * bend
+    row.stored += row.contact_force * bend
     if not is_rigid(case.slider):
-        row[WORK] = before[WORK] + work
-        row[DAMPED] = before[DAMPED] + case.slider.mass * case.slider.damping * squares
+        row.work = before.work + work
+        row.damped = before.damped + case.slider.mass * case.slider.damping * squares
 
 
-@jit
-def _held(stop: Stop, row: Array, t: float, case: _Case) -> bool:
+@bare
+def _held(stop: Stop, row: Record, t: float, case: Case) -> bool:
     """Whether the condition holds at a sample."""
-    spring = row[CONTACT_FORCE]
+    spring = row.contact_force
     if not is_rigid(case.slider):
-        spring = case.slider.stiffness * (drive_at(case.drive, t)[0] - row[POSITION])
-    return holds(stop, row[POSITION], spring)
+        spring = case.slider.stiffness * (drive_at(case.drive, t)[0] - row.position)
+    return holds(stop, row.position, spring)
 
 
-@jit
-def _run(
-    state: State, case: _Case, stop: Stop, until: float, times: Array, rows: Array, max_steps: int
-) -> tuple[int, int, int]:
-    """Take steps until there is a reason to come back: it, the number of rows filled, and the steps left."""
-    scalar = state.scalar
-    before = scalar.copy()
+@bare
+def _planned(state: State, case: Case, work: _Work, left: float, smallest: float) -> tuple[_Trial, float]:
+    """Find a step as long as may be, at most `left`: its end and its trouble, NaN if no step helps."""
+    motion, slider = state.motion, case.slider
+    planned = min(motion.next_step, _longest_step(motion, case))
+    while True:
+        dt = left if planned > 0.999 * left else (0.5 * left if planned > 0.5 * left else planned)
+        trial, trouble = _try_step(state, case, work, dt)
+        if motion.velocity * trial.V < 0.0 and slider.mass > 0.0 and not is_rigid(slider):  # a step goes one way
+            part = motion.velocity / (motion.velocity - trial.V)
+            if 0.05 < part < 0.95:
+                dt = planned = part * dt
+                trial, trouble = _try_step(state, case, work, dt)
+        if math.isnan(trouble) or trouble <= 1.0 or dt <= smallest:
+            break
+        planned = dt * max(0.9 / trouble, 0.2)
+    if dt >= planned or trouble > 0.45:  # a step cut short by the end says little about the next one
+        motion.next_step = dt * min(0.9 / max(trouble, 1e-9), 2.0)
+    return trial, trouble
+
+
+@bare
+def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times: Array, rows: Record) -> int:
+    """Take steps until there is a reason to come back."""
+    motion, used = state.motion, state.used
     smallest = 1e-13 * max(1.0, abs(until))
-    filled = 0
     if is_rigid(case.slider):
-        scalar[VELOCITY] = drive_at(case.drive, scalar[TIME])[1]
-    while max_steps > 0:
-        while filled < times.size and times[filled] <= scalar[TIME] + smallest:
-            rows[filled, :] = scalar[:COLUMNS]
-            filled += 1
-            if _held(stop, rows[filled - 1], times[filled - 1], case):
-                return STOPPED, filled, max_steps
-        left = until - scalar[TIME]
+        motion.velocity = drive_at(case.drive, motion.time)[1]
+    while used.left > 0:
+        while used.sampled < times.size and times[used.sampled] <= motion.time + smallest:
+            rows[used.sampled] = motion
+            used.sampled += 1
+            if _held(stop, motion, times[used.sampled - 1], case):
+                return STOPPED
+        left = until - motion.time
         if left <= smallest:
-            return FINISHED, filled, max_steps
-        if not _make_room(state):
-            return NO_ROOM, filled, max_steps
-        if stop.kind != NOWHERE and filled < times.size:
-            left = min(left, times[filled] - scalar[TIME])
-        planned = min(scalar[NEXT_STEP], _longest_step(scalar, case))
-        while True:
-            dt = left if planned > 0.999 * left else (0.5 * left if planned > 0.5 * left else planned)
-            trial, trouble = _try_step(state, case, dt)
-            turn = scalar[VELOCITY] * trial.V < 0.0 and case.slider.mass > 0.0 and not is_rigid(case.slider)
-            if turn:  # a step goes one way
-                part = scalar[VELOCITY] / (scalar[VELOCITY] - trial.V)
-                if 0.05 < part < 0.95:
-                    planned = part * dt
-                    trial, trouble = _try_step(state, case, planned)
-                    dt = planned
-            if math.isnan(trouble):  # no step helps; the caller is told by where the slider is
-                scalar[POSITION] = math.nan
-                return PAUSED, filled, 0
-            if trouble <= 1.0 or dt <= smallest:
-                break
-            planned = dt * max(0.9 / trouble, 0.2)
-        if dt >= planned or trouble > 0.45:  # a step cut short by the end says little about the next one
-            scalar[NEXT_STEP] = dt * min(0.9 / max(trouble, 1e-9), 2.0)
-        before[:] = scalar
-        max_steps -= 1
+            return FINISHED
+        if used.cohorts + 2 > state.cohort.shape[1] or not has_room(state.history):
+            return NO_ROOM
+        if stop.kind != NOWHERE and used.sampled < times.size:
+            left = min(left, times[used.sampled] - motion.time)
+        trial, trouble = _planned(state, case, work, left, smallest)
+        if math.isnan(trouble):  # the caller is told by where the slider is
+            motion.position = math.nan
+            return PAUSED
+        work.before[0] = motion
+        used.left -= 1
         _commit(state, case, trial)
-        while filled < times.size and times[filled] < scalar[TIME] - smallest:
-            _sample(rows[filled], times[filled], before, trial, scalar, case)
-            filled += 1
-    return PAUSED, filled, 0
-
-
-class Progress(NamedTuple):
-    """What `advance` reached: the state to go on from, the samples that were passed, and why it came back."""
-
-    state: State
-    rows: Array
-    reason: int
+        while used.sampled < times.size and times[used.sampled] < motion.time - smallest:
+            _sample(rows[used.sampled], times[used.sampled], work.before[0], trial, motion, case)
+            used.sampled += 1
+    return PAUSED
 
 
 def advance(
-    state: State,
-    model: Model,
-    delays: Delays,
-    slider: Slider,
-    f_d: float,
-    drive: Quadratic,
-    *,
-    until: float,
-    times: Array,
-    limits: Limits,
-    stop: Stop = Stop(),
-    max_steps: int = 2**62,
-) -> Progress:
-    """Go on from a state, which is not changed, under one piece of the drive; as `cohorts.advance`."""
-    scalar, cohort, run, trial, broken, cursor, used = state
-    state = State(scalar.copy(), cohort.copy(), run.copy(), trial.copy(), broken.copy(), cursor.copy(), used.copy())
-    rows = np.empty((times.size, COLUMNS))
-    case = _Case(model, delays, slider, f_d, drive, limits)
-    filled, reason, steps = 0, NO_ROOM, max_steps
+    state: State, case: Case, until: float, times: Array, stop: Stop = Stop(), max_steps: int = 2**62
+) -> tuple[State, Record, int]:
+    """Go on from a state, which is not changed, under one piece of the drive; as `panels.advance`."""
+    state = copy.deepcopy(state)
+    rows = np.empty(times.size, MOTION).view(np.recarray)
+    work, reason = _Work(blank(MOTION, 1), np.zeros(1)), NO_ROOM
+    state.used.sampled, state.used.left = 0, max_steps
     while reason == NO_ROOM:
-        reason, more, steps = _run(state, case, stop, until, times[filled:], rows[filled:], steps)
-        filled += more
-        if reason == NO_ROOM:
-            if state.used[0] + 2 > state.cohort.shape[1]:
-                double = np.concatenate([state.cohort, np.zeros_like(state.cohort)], axis=1)
-                longer, tried = (np.concatenate([part, np.zeros_like(part)]) for part in (state.run, state.trial))
-                state = state._replace(cohort=double, run=longer, trial=tried)
-            else:
-                state = state._replace(broken=np.concatenate([state.broken, np.zeros_like(state.broken)], axis=1))
-    return Progress(state, rows[:filled], reason)
+        reason = _run(state, case, work, stop, until, times, rows)
+        if reason != NO_ROOM:
+            break
+        if state.used.cohorts + 2 > state.cohort.shape[1]:
+            double = np.concatenate([state.cohort, np.zeros_like(state.cohort)], axis=1)
+            run, trial = (np.concatenate([part, np.zeros_like(part)]) for part in (state.run, state.trial))
+            state = state._replace(cohort=double, run=run, trial=trial)
+        else:
+            state = state._replace(history=longer(state.history))
+    return state, rows[: state.used.sampled], reason
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The beginning
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def initial_state(model: Model, delays: Delays, x: Array, weight: Array, since: float, velocity: float) -> State:
+    """Put a slider at 0 on contacts of these stretchings, whose thresholds lie beyond them; the rest is detached."""
+    count = x.size
+    state = _empty(model, delays, 2 * count + 256, 0.0)
+    cohort, reach = state.cohort, np.abs(x)
+    cohort[PLACE, :count], cohort[SINCE, :count] = -x, since
+    cohort[ALIVE, :count], cohort[REACH, :count] = weight, reach
+    state.run[:count] = untouched(model)
+    cohort[MASS, :count] = weight / np.maximum(values_at(model.thresholds, reach), 1e-12)
+    if model.node.size:
+        above = model.node > reach[:, None]
+        state.run[:count][~above] = np.inf
+        cohort[MASS, :count] = weight / np.maximum(above @ model.weight, 1e-12)
+    return _summed(state, count, velocity)
+
+
+def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_d: float) -> State:
+    """Put a slider at 0 in steady sliding on its contacts: newborns taken along step by step until none is left."""
+    mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
+    state = _empty(model, delays, 1024, 0.0)
+    for _ in range(4):  # most newborns should not break before the first step is over
+        state.run[0], state.cohort[REACH, 0] = untouched(model), 0.0
+        if follow(state, model, 0, 0.0, step / velocity, 0.0, step) > 0.97:
+            break
+        step *= 0.5
+    state.run[0], state.cohort[REACH, 0] = untouched(model), 0.0
+    alive, runs, reaches = [1.0], [state.run[0].copy()], [0.0]
+    while alive[-1] > EXTINCT:
+        done = len(alive) - 1
+        fraction = follow(state, model, 0, done * step / velocity, step / velocity, done * step, step)
+        state.run[0], state.cohort[REACH, 0] = state.trial[0], state.cohort[TRIAL_REACH, 0]
+        alive.append(min(fraction, alive[-1]))
+        runs.append(state.run[0].copy())
+        reaches.append(float(state.cohort[REACH, 0]))
+    count = len(alive) - 1
+    left, part = np.array(alive[:count]), np.full(count, step)
+    part[0] *= 0.5
+    cycle = float((part * left).sum()) + velocity * mean
+    state = _empty(model, delays, 2 * count + 256, velocity / cycle)
+    x, cohort = step * np.arange(count)[::-1], state.cohort
+    cohort[PLACE, :count], cohort[SINCE, :count] = -x, -x / velocity
+    cohort[MASS, :count], cohort[ALIVE, :count] = part[::-1] / cycle, (part * left)[::-1] / cycle
+    cohort[REACH, :count], state.run[:count] = reaches[count - 1 :: -1], runs[count - 1 :: -1]
+    state.motion.slid = f_d
+    return _summed(state, count, velocity)
+
+
+def _empty(model: Model, delays: Delays, room: int, rate_before: float) -> State:
+    """Make room for a state; contacts broke at this rate before."""
+    run = np.zeros((room, max(model.node.size, 1)))
+    history = first_history(delays, rate_before, 1024)
+    state = State(blank(MOTION), np.zeros((ROWS, room)), run, run.copy(), history, blank(COUNTS))
+    state.motion.reattached = -rate_before * float((delays.time * delays.weight).sum())
+    return state
+
+
+def _summed(state: State, count: int, velocity: float) -> State:
+    motion, alive, x = state.motion, state.cohort[ALIVE, :count], -state.cohort[PLACE, :count]
+    state.used.cohorts = count
+    motion.velocity, motion.next_step = velocity, math.inf
+    motion.force, motion.attached = float((alive * x).sum()), float(alive.sum())
+    motion.outside = out = 1.0 - motion.attached
+    motion.contact_force = motion.force + out * motion.slid
+    motion.stored = 0.5 * float((alive * x * x).sum()) + 0.5 * out * motion.slid**2
+    return state

@@ -10,15 +10,18 @@ driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing
 """
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
+from stickslip.measure.evidence import Criterion
 from stickslip.measure.fronts import events, fronts
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
-from stickslip.measure.verdict import Regime, regime, regime_of
+from stickslip.measure.verdict import Regime, Segment, regime, regime_of
 
 __all__ = [
+    "Criterion",
     "Cycles",
     "Regime",
+    "Segment",
     "counted",
     "drops",
     "events",

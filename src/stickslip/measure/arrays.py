@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,14 @@ Array = NDArray[np.float64]
 
 FEWEST_READINGS = 16
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
+_VARIABLES = {
+    "force": "spring_force",
+    "X": "displacement",
+    "velocity": "velocity",
+    "drive": "drive_velocity",
+    "attached": "attached",
+    "displacement": "measured_displacement",
+}
 
 
 def check_numbers(place: str, variable: xr.DataArray) -> None:
@@ -66,7 +74,7 @@ class Trace:
             raise InputError(
                 "measure: need a Dataset with the variable spring_force along time; read a file with read_trace()"
             )
-        for name in ("time", "spring_force", "displacement", "velocity", "drive_velocity", "attached"):
+        for name in ("time", *_VARIABLES.values()):
             if name in data:
                 check_numbers("measure", data[name])
         data = of_the_whole(data)
@@ -79,20 +87,11 @@ class Trace:
             raise InputError("measure: the times t must be finite and rising")
         if not t[-1] - t[0] >= SMALLEST:
             raise InputError(f"measure: the times span {t[-1] - t[0]:.3g} only; give them in another unit")
-        arrays = {
-            name: np.asarray(data[name].values, dtype=float) if name in data else None
-            for name in (
-                "spring_force",
-                "displacement",
-                "velocity",
-                "drive_velocity",
-                "attached",
-                "measured_displacement",
-            )
-        }
-        for name, values in arrays.items():
-            if values is None:
+        arrays: dict[str, Any] = dict.fromkeys(_VARIABLES)
+        for key, name in _VARIABLES.items():
+            if name not in data:
                 continue
+            arrays[key] = values = np.asarray(data[name].values, dtype=float)
             if values.shape != t.shape:
                 raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
             bad = np.flatnonzero(~np.isfinite(values))
@@ -101,22 +100,19 @@ class Trace:
                     f"measure: {name} = {values[bad[0]]:g} at t = {t[bad[0]]:g}: {bad.size} of {t.size} values are "
                     "not finite; drop or fill them first"
                 )
-        drive, force = arrays["drive_velocity"], arrays["spring_force"]
-        assert force is not None
+        drive, force = arrays["drive"], arrays["force"]
         # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
         turned = drive is None and bool(data.attrs.get("flipped"))
         sign = -1.0 if np.mean(force if drive is None else drive) < 0 and not turned else 1.0
+        for key in ("X", "velocity", "drive"):
+            if (values := arrays[key]) is not None:
+                arrays[key] = sign * values
         return cls(
+            **arrays | {"force": sign * force},
             t=t,
-            force=sign * force,
-            X=None if arrays["displacement"] is None else sign * arrays["displacement"],
-            velocity=None if arrays["velocity"] is None else sign * arrays["velocity"],
-            drive=None if drive is None else sign * drive,
-            attached=arrays["attached"],
             sign=sign,
             largest=_largest(sign * force),
             contacts=_contacts(data),
-            displacement=arrays["measured_displacement"],
             time_unit=printable(str(data["time"].attrs.get("units", ""))),
             force_unit=printable(str(data["spring_force"].attrs.get("units", ""))),
             quantity="coefficient of friction"
@@ -165,20 +161,8 @@ class Trace:
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
-
-        def cut(values: Array | None) -> Array | None:
-            return None if values is None else values[inside]
-
-        return replace(
-            self,
-            t=self.t[inside],
-            force=self.force[inside],
-            X=cut(self.X),
-            velocity=cut(self.velocity),
-            drive=cut(self.drive),
-            attached=cut(self.attached),
-            displacement=cut(self.displacement),
-        )
+        known = {name: values for name in ("t", *_VARIABLES) if (values := getattr(self, name)) is not None}
+        return replace(self, **{name: values[inside] for name, values in known.items()})
 
 
 def in_words(value: float, unit: str, digits: int = 4) -> str:
@@ -220,67 +204,3 @@ def slope(values: Array, at: Array) -> float:
     """Slope of the straight line through values."""
     at = at - at.mean()
     return float((at * (values - values.mean())).sum()) / float((at * at).sum())
-
-
-def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:
-    """Alternating peaks and troughs such that each drop and rise between them is at least `smallest`.
-
-    Returns the drops only: index of the peak (of a flat one, its end) and index of the trough. They are sought
-    among all samples, or among the `extremes` left for a smaller drop.
-    """
-    where = extremes(force, smallest, among)
-    if where.size == 0:
-        return [], []
-    index, value = where.tolist(), force[where].tolist()
-    peaks: list[int] = []
-    troughs: list[int] = []
-    high = low = 0
-    direction = 0
-    for i in range(1, len(index)):
-        here = value[i]
-        if direction >= 0 and here > value[high]:
-            high = i
-        if direction <= 0 and here < value[low]:
-            low = i
-        if direction >= 0 and value[high] - here >= smallest:
-            peaks.append(index[high])
-            direction, low = -1, i
-        elif direction <= 0 and here - value[low] >= smallest:
-            if direction < 0:
-                troughs.append(index[low])
-            direction, high = 1, i
-    if len(troughs) < len(peaks):
-        troughs.append(index[low])
-    return peaks, troughs
-
-
-def extremes(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-    """Ends and local extremes of a force, without pairs of them that lie within a larger drop or rise.
-
-    Millions of samples of noise leave a few extremes that way, a third of the pairs going at each pass.
-    """
-    where = _all_extremes(force) if among is None else among
-    while where.size > 8:
-        step = np.abs(np.diff(force[where]))
-        inside = (step[1:-1] < smallest) & (step[1:-1] <= step[:-2]) & (step[1:-1] < step[2:])
-        if not inside.any():
-            break
-        keep = np.ones(where.size, dtype=bool)
-        first = (
-            np.flatnonzero(inside) + 1
-        )  # strict on one side: no two neighbours go at once, and the first of equal extremes stays
-        keep[first] = keep[first + 1] = False
-        where = where[keep]
-    return where
-
-
-def _all_extremes(force: Array) -> NDArray[np.intp]:
-    """Ends and local extremes of a force; nothing where it never changes."""
-    moving = np.flatnonzero(force[1:] != force[:-1])
-    if moving.size == 0:
-        return moving
-    rising = force[moving + 1] > force[moving]
-    turn = np.flatnonzero(rising[1:] != rising[:-1])
-    # The end of a flat peak, and the start of a flat trough: the drop between them is what moves.
-    inner = np.where(rising[turn], moving[turn + 1], moving[turn] + 1)
-    return np.concatenate([[0], inner, [moving[-1] + 1]])

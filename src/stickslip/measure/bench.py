@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace, turns
-from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips, quantum
+from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace
+from stickslip.measure.slips import Slips, find_slips, resolution, turning_points
 
 LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
 IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
@@ -52,7 +52,7 @@ def _reversals(trace: Trace) -> list[int]:
     way = trace.displacement
     if way is not None:
         least = LEAST_WAY * float(np.ptp(way))
-        peaks, troughs = turns(way, least) if least > 0 else ([], [])
+        peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         turning = sorted({*peaks, *troughs} - {0, size - 1})
         return [0, *turning, size]
     low, high = (float(edge) for edge in np.quantile(trace.force, (0.05, 0.95)))
@@ -70,14 +70,12 @@ def _reversals(trace: Trace) -> list[int]:
 
 def about_the_sensor(force: Array) -> tuple[str, ...]:
     """What looks like a fault of the sensor."""
-    notes = []
-    for extreme, edge in ((force, "top"), (-force, "bottom")):
-        if _is_flat(extreme):
-            notes.append(
-                f"the {edge}s of the force are flat at {force[int(np.argmax(extreme))]:.4g}: the sensor or its "
-                "amplifier seems to be saturated; drops are larger than what was recorded"
-            )
-    return tuple(notes)
+    return tuple(
+        f"the {edge}s of the force are flat at {force[int(np.argmax(extreme))]:.4g}: the sensor or its amplifier seems "
+        "to be saturated; drops are larger than what was recorded"
+        for extreme, edge in ((force, "top"), (-force, "bottom"))
+        if _is_flat(extreme)
+    )
 
 
 def far_outside(force: Array) -> NDArray[np.bool_]:
@@ -113,7 +111,7 @@ def spikes(force: Array) -> NDArray[np.bool_]:
     if values.size < FEWEST_READINGS:
         return found
     bend = float(np.median(np.abs(values[:-2] - 2.0 * values[1:-1] + values[2:])))
-    scatter = max(1.4826 * bend / math.sqrt(6.0), quantum(values) / math.sqrt(12.0))
+    scatter = max(1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0))
     beside, here = (values[:-4], values[1:-3], values[3:-1], values[4:]), values[2:-2]
     lowest, highest = functools.reduce(np.minimum, beside), functools.reduce(np.maximum, beside)
     apart = np.maximum(lowest - here, here - highest) > highest - lowest
@@ -141,9 +139,7 @@ def _is_flat(force: Array) -> bool:
 
 def is_mirrored(trace: Trace, found: Slips) -> bool:
     """Whether the force jumps up and goes down slowly: stick-slip with the sign of the force turned."""
-    if found.size and not found.slip_phase(trace) > 1.0 - SLIP_PHASE_OF_SLIPS:
-        return False
-    if found.size == 0 and not found.dismissed:
+    if not found.size or not found.slip_phase(trace) > 1.0 - MIRRORED:
         return False
     other = replace(trace, force=-trace.force)
     turned = find_slips(other)

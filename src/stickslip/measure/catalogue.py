@@ -12,7 +12,7 @@ from stickslip import words
 from stickslip.errors import number, printable
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import find_strokes
-from stickslip.measure.slips import Slips, find_slips, mean_and_std
+from stickslip.measure.slips import Slips, fast_ones, find_slips, mean_and_std
 from stickslip.measure.verdict import Regime, over_the_window, since, with_coefficient
 from stickslip.words import prefixed
 
@@ -110,9 +110,11 @@ def regime_and_drops(
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
     """Drops of a trace; where it ends in smooth sliding, those outside that window, larger than anything in it."""
-    found = find_slips(trace, minimum_drop, slow=seen.kind != "stick-slip")
-    if seen.kind != "smooth sliding" or minimum_drop is not None:
+    found = find_slips(trace, minimum_drop)
+    if minimum_drop is not None:
         return found
+    if seen.kind != "smooth sliding":
+        return fast_ones(trace, found) if seen.kind == "stick-slip" else found
     begin, end = seen.window
     outside = (trace.t[found.peak] < begin) | (trace.t[found.peak] > end)
     kept = outside & (found.drops > seen.peak_to_peak)
@@ -129,7 +131,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
     time_unit = str(data["time"].attrs.get("units", ""))
     force_unit = str(data["spring_force"].attrs.get("units", ""))
     name = "coefficient of friction" if force_unit == "1" else "force"
-    rate_unit = f"{'' if force_unit == '1' else force_unit}/{time_unit}" if time_unit else ""
+    rate_unit = f"{force_unit or 1}/{time_unit}" if time_unit else ""
     recurrence = np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0)
     loading = np.full(start.size, math.nan)
     loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
@@ -142,14 +144,9 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
         "force_after": (trace.sign * found.after, force_unit, f"{name} after the slip (trough)"),
         "drop": (found.drops, force_unit, f"drop of the {name} in the slip"),
         "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
-        "recurrence": (
-            recurrence,
-            time_unit,
-            "time since the start of the slip before",
-        ),
-        "loading_rate": (loading, "1" + rate_unit if rate_unit.startswith("/") else rate_unit, "rise of the "
-                         f"{name} per time since the slip before"),
-    }  # fmt: skip
+        "recurrence": (recurrence, time_unit, "time since the start of the slip before"),
+        "loading_rate": (loading, rate_unit, f"rise of the {name} per time since the slip before"),
+    }
     if "mu" in data and "load" in data and start.size:
         row = [np.searchsorted(data["time"].values, trace.t[edge]) for edge in (start, end)]
         before, after = (
@@ -167,11 +164,8 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
         unit = str(data["velocity"].attrs.get("units", ""))
         peaks = [float(trace.velocity[i : j + 1].max()) for i, j in zip(found.peak, found.trough, strict=True)]
         columns["peak_velocity"] = (np.array(peaks, dtype=float), unit, "largest slider velocity in the slip")
-    table = {}
-    for key, (values, unit, title) in columns.items():
-        table[key] = ("event", np.asarray(values), {"units": unit, "long_name": title})
     made = xr.Dataset(
-        table,
+        {key: ("event", values, {"units": unit, "long_name": title}) for key, (values, unit, title) in columns.items()},
         coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
         attrs={
             "count": found.size,

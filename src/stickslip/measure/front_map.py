@@ -84,28 +84,8 @@ def front_map(
 def front_summary(run: xr.Dataset, what: Field = "velocity", *, most: int = 300) -> dict[str, Any]:
     """Return all that a page shows of a run of a chain, as plain numbers, texts and lists.
 
-    Parameters
-    ----------
-    run : Dataset
-        Of a `Chain`, or one row of a `Sheet`, as `simulate` returns it.
-    what : {"velocity", "attached", "force", "displacement"}
-        What the map shows; of the velocity, the largest size within a pixel, else the mean.
-    most : int
-        Pixels of the map each way, and points of the force trace.
-
-    Returns
-    -------
-    dict
-        ``map``: ``what``, ``units``, ``values`` (a row per time, from the start on), ``time`` and ``block`` (edges of
-        the pixels). ``fronts`` and ``events``: a dict for each, with the columns of `fronts` and `events`; fronts also
-        with ``arrested``, whether they stopped inside the bar. ``blocks``: for each block its ``first_break`` and the
-        ``speed`` of the front there. ``trace``: ``time``, ``spring_force`` and ``units``. ``sound_speed``, blocks per
-        time; ``time_units``. What is not there is None.
-
-    Raises
-    ------
-    InputError
-        If it is no run of a chain.
+    A map of at most so many pixels each way, fronts and events as rows, first break and front speed of each block, and
+    the force along time; what is not there is None.
     """
     instance("front_summary: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     most = int(number("front_summary: most", most, at_least=2, at_most=5_000))

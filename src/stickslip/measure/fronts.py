@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,22 +13,13 @@ from stickslip.measure.arrays import Array
 if TYPE_CHECKING:
     import xarray as xr
 
-WAIT = 10.0
-"""A front has stopped where the next block breaks only after so many times what blocks before took."""
-_BEFORE = 20
-"""How many blocks before."""
-_WINDOW = 2
-"""Blocks on either side from which the speed at a block is read."""
-_FEWEST = 5
-"""Blocks from which a speed is read."""
-FAST = 10.0
-"""Blocks in an event are so many times faster than the drive."""
-_SLOWEST = 0.01
-"""Where the drive stands still: than this part of the fastest block of the run."""
-_BREAKING = 0.01
-"""A block that holds takes part only if it breaks more than this part of its contacts while it is fast."""
-_IN_TIME = np.array([[0, 1, 0]] * 3)
-"""Neighbours in time, for tables of samples and blocks."""
+_WAIT, _BEFORE = 10.0, 20  # a front has stopped where the next wait is so many times the median of so many before
+_WINDOW = 2  # blocks on either side from which the speed at a block is read
+_FEWEST = 5  # blocks from which a speed is read
+_FAST = 10.0  # blocks in an event are so many times faster than the drive ...
+_SLOWEST = 0.01  # ... or, where it stands still, faster than this part of the fastest block of the run
+_BREAKING = 0.01  # a block that holds takes part if it breaks more than this part of its contacts while it is fast
+_IN_TIME = np.array([[0, 1, 0]] * 3)  # neighbours in time, for tables of samples and blocks
 
 
 def fronts(run: xr.Dataset) -> xr.Dataset:
@@ -61,7 +53,7 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
     >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
     >>> rig = ss.Rig(stiff, bar, ss.constant(0.0, duration=100), method=ss.Contacts(10),
     ...              start=ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3))
-    >>> found = ss.fronts(ss.simulate(rig))
+    >>> found = ss.measure.fronts(ss.simulate(rig))
     >>> int(found.blocks[0])
     100
     """
@@ -75,8 +67,7 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
         origin = int(np.nanargmin(time))
         rows = [*_pieces(time, origin, 1), *_pieces(time, origin, -1)]
         rows.sort(key=lambda row: row[3])
-    columns = np.array(rows, dtype=float).reshape(len(rows), 6).T
-    names = (
+    columns = (
         ("first_block", "1", "block on which the front starts"),
         ("last_block", "1", "last block that it reaches"),
         ("blocks", "1", "blocks that it passes"),
@@ -84,16 +75,12 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
         ("end", unit, "time at which it reaches its last block"),
         ("front_speed", f"1/{unit}", "speed of the front, in blocks"),
     )
-    found = {
-        name: ("front", column.astype(int) if name.startswith(("first", "last", "bl")) else column, _words(kind, text))
-        for (name, kind, text), column in zip(names, columns, strict=True)
-    }
     return xr.Dataset(
         {
             "first_break": ("block", time, dict(run["first_break"].attrs)),
             "half_detached": ("block", half, dict(run["half_detached"].attrs)),
             "speed": ("block", local_speed(time), _words(f"1/{unit}", "speed of the front, in blocks")),
-            **found,
+            **_table("front", columns, rows),
         },
         {"block": run["block"]},
     )
@@ -122,7 +109,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
     starts = [0]
     for i in range(1, waits.size):
         before = np.abs(waits[max(starts[-1], i - _BEFORE) : i])
-        if before.size >= _FEWEST and waits[i] > WAIT * float(np.median(before)):
+        if before.size >= _FEWEST and waits[i] > _WAIT * float(np.median(before)):
             starts.append(i + 1)
     ends = [*(start - 1 for start in starts[1:]), line.size - 1]
     found: list[tuple[float, ...]] = []
@@ -172,7 +159,7 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.Delay(100.0), sliding_force=0.425)
     >>> bar = ss.Chain(blocks=40, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
     >>> rig = ss.Rig(interface, bar, ss.constant(2e-3, duration=2e4), method=ss.QuasiStatic(50, seed=1))
-    >>> ss.events(ss.simulate(rig)).sizes["event"] > 3
+    >>> ss.measure.events(ss.simulate(rig)).sizes["event"] > 3
     True
     """
     import xarray as xr
@@ -189,7 +176,7 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
     speed = np.abs(np.diff(X, axis=0)) / np.diff(time)[:, None]
     if velocity is None:
         drive = float(np.abs(run["drive_velocity"].values).max())
-        velocity = FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
+        velocity = _FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
     else:
         velocity = number("events: velocity", velocity, above=0)
     # Whether a block takes part is asked of the whole time that it is fast, however finely that is sampled.
@@ -231,7 +218,7 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
     units = {
         name: str(run[name].attrs.get("units", "")) for name in ("time", "displacement", "velocity", "spring_force")
     }
-    names = (
+    columns = (
         ("start", units["time"], "time at which the event starts"),
         ("end", units["time"], "time at which it ends"),
         ("first_block", "1", "block that slips first"),
@@ -241,12 +228,20 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
         ("peak_velocity", units["velocity"], "largest velocity of a block"),
         ("front_speed", f"1/{units['time']}", "speed of the front, in blocks"),
     )
-    columns = np.array(rows, dtype=float).reshape(len(rows), len(names)).T
-    table = {
-        name: ("event", column.astype(int) if name in ("first_block", "blocks") else column, _words(unit, text))
-        for (name, unit, text), column in zip(names, columns, strict=True)
+    return xr.Dataset(
+        _table("event", columns, rows),
+        {"event": np.arange(len(rows))},
+        {"count": len(rows), "velocity": float(velocity)},
+    )
+
+
+def _table(along: str, columns: Sequence[tuple[str, str, str]], rows: Sequence[tuple[float, ...]]) -> dict[str, Any]:
+    """The variables of a table: name, unit and long name of each column, with its values; blocks are counted."""
+    values = np.array(rows, dtype=float).reshape(len(rows), len(columns)).T
+    return {
+        name: (along, column.astype(int) if "block" in name else column, _words(unit, text))
+        for (name, unit, text), column in zip(columns, values, strict=True)
     }
-    return xr.Dataset(table, {"event": np.arange(len(rows))}, {"count": len(rows), "velocity": float(velocity)})
 
 
 def _check(run: xr.Dataset, who: str, needed: str) -> None:

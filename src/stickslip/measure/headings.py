@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from stickslip.words import PREFIXES
+
 Quantity = Literal["force", "load", "coefficient", "time", "displacement", "other", ""]
 
-_PREFIXES = {"": 1.0, "G": 1e9, "M": 1e6, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9, "p": 1e-12}
 _BASES = {"N": "force", "s": "time", "m": "length", "Pa": "stress", "V": "signal", "A": "signal", "m/s": "velocity"}
 _WORDS: dict[str, tuple[str, float]] = {
     **dict.fromkeys(("sec", "secs", "second", "seconds", "sek", "sekunden"), ("time", 1.0)),
@@ -61,8 +62,8 @@ def unit_named(text: str) -> tuple[str, float] | None:
     plain = text.strip().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
     for base, kind in _BASES.items():
         prefix = plain[: -len(base)]
-        if plain.endswith(base) and prefix in _PREFIXES:
-            return kind, _PREFIXES[prefix]
+        if plain.endswith(base) and (prefix in PREFIXES or not prefix):
+            return kind, float(f"1e{PREFIXES[prefix][1]}") if prefix else 1.0
     return _WORDS.get(plain.lower())
 
 

@@ -59,12 +59,12 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     """Return the cycles of a force: how far it repeats itself, and where each cycle begins.
 
     The autocorrelation tells one period from a part of it (ringing, a small drop after a large one) and from
-    several; each cycle is then timed by itself, from one rise through the upper quarter of the range of the force
+    several; each cycle is then timed by itself, from one rise through the upper third of the range of the force
     in a typical cycle to the next.
     """
     lag, correlation = _autocorrelation_peak(t, force)
     low, high = _typical_range(t, force, lag)
-    begins, times = rises(t, force, low + 0.25 * (high - low), high - 0.25 * (high - low))
+    begins, times = rises(t, force, (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0)
     if math.isfinite(lag) and begins.size:
         first = [0]
         for i in range(1, begins.size):

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace, turns
+from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace
+from stickslip.measure.headings import unit_named
+from stickslip.measure.slips import turning_points
 from stickslip.model import Slider
 from stickslip.model.units import engineering
 from stickslip.simulation import rig_of
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles
-_SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
 
 
 def _windows(trace: Trace, rig: Rig, level: float) -> Array:
@@ -78,32 +79,23 @@ def _oscillation(run: xr.Dataset, rig: Rig | None, level: float, window: float |
     force_unit, time_unit = run["spring_force"].attrs.get("units", ""), run["time"].attrs.get("units", "")
     velocity = trace.sign * np.interp(times["middle"], trace.t, trace.drive)
     length = str(run["displacement"].attrs.get("units", "")) if "displacement" in run else ""
+    speed_unit = run["drive_velocity"].attrs.get("units", "")
+    times_of = {
+        name: _labelled("travel", at, time_unit, f"time at the {name} of the window") for name, at in times.items()
+    }
     return xr.Dataset(
         {
-            "peak_to_peak": (
-                "travel",
-                high - low,
-                {"units": force_unit, "long_name": "peak to peak of the spring force"},
-            ),
-            "drive_velocity": (
-                "travel",
-                velocity,
-                {"units": run["drive_velocity"].attrs.get("units", ""), "long_name": "velocity of the drive"},
-            ),
-            **{
-                name: (
-                    "travel",
-                    value,
-                    {"units": time_unit, "long_name": f"time at the {name} of the window"},
-                )
-                for name, value in times.items()
-            },
+            "peak_to_peak": _labelled("travel", high - low, force_unit, "peak to peak of the spring force"),
+            "drive_velocity": _labelled("travel", velocity, speed_unit, "velocity of the drive"),
+            **times_of,
         },
-        coords={
-            "travel": ("travel", places["middle"], {"units": length, "long_name": "travel of the drive"}),
-        },
+        coords={"travel": _labelled("travel", places["middle"], length, "travel of the drive")},
         attrs={"window": float(np.max(places["end"] - places["begin"]))},
     )
+
+
+def _labelled(along: str, values: Array, unit: str, name: str) -> tuple[str, Array, dict[str, str]]:
+    return along, values, {"units": unit, "long_name": name}
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
@@ -180,45 +172,43 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         whose = "" if stops.size and stops[0] > transient else ": the state the run was started in"
         notes.append(f"the force oscillates above the level from the start {state}{whose}")
 
-    found: dict[str, float | None] = {}
+    found: dict[str, float] = {}
     for way, onset, ending, moves, first, last in (
         ("up", "v1", "v2", t[0] < top, -np.inf, top),
-        ("down", "v2'", "v1'", top < t[-1], top, np.inf),
+        ("down", "v2_down", "v1_down", top < t[-1], top, np.inf),
     ):
         here = starts[(starts > first) & (starts <= last)]
         there = stops[(stops > first) & (stops <= last) & ((stops > transient) | (t[0] >= top))]
-        found[onset] = float(np.interp(here[0], t, drive)) if here.size else None
-        found[ending] = float(np.interp(there[-1], t, drive)) if there.size else None
-        seen = on[(middle > first) & (middle <= last)]
-        if not moves:
-            why = f"the drive never {'speeds up' if way == 'up' else 'slows down'}"
-        elif not seen.size:
-            why = f"less than a window of travel on the way {way}"
-        elif found[onset] is found[ending] is None and (seen.all() or not seen.any()):
-            why = f"{'stick-slip' if seen.all() else 'no stick-slip'} all the way {way}"
-        else:
-            why = f"it does not {'set in' if found[onset] is None else 'end'} on the way {way}"
-        missing = [name for name in (onset, ending) if found[name] is None]
+        found[onset] = float(np.interp(here[0], t, drive)) if here.size else np.nan
+        found[ending] = float(np.interp(there[-1], t, drive)) if there.size else np.nan
+        missing = [name for name in (onset, ending) if np.isnan(found[name])]
         if missing:
-            notes.append(f"{' and '.join(missing)} not seen: {why}")
+            seen = on[(middle > first) & (middle <= last)]
+            why = _why_unseen(way, seen, moves=bool(moves), onset=onset in missing, both=len(missing) == 2)
+            notes.append(f"{' and '.join(missing).replace('_down', chr(39))} not seen: {why}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
     speed = dict(oscillation["drive_velocity"].attrs)
-    words = {
-        "v1": "stick-slip sets in on the way up",
-        "v2": "stick-slip ends on the way up",
-        "v2_down": "stick-slip sets in on the way down",
-        "v1_down": "stick-slip ends on the way down",
-    }
-    velocities = {}
-    for name, text in words.items():
-        value = found[name.replace("_down", "'")]
-        velocities[name] = ((), np.nan if value is None else value, speed | {"long_name": text})
+    words = {"v1": "sets in on the way up", "v2": "ends on the way up"}
+    words |= {"v2_down": "sets in on the way down", "v1_down": "ends on the way down"}
     return (
-        oscillation.assign(velocities)
+        oscillation.assign(
+            {name: ((), found[name], speed | {"long_name": f"stick-slip {words[name]}"}) for name in words}
+        )
         .merge(_hysteresis(oscillation, top), combine_attrs="override")
         .assign_attrs(level=level, window=float(oscillation.attrs["window"]), notes="; ".join(notes))
     )
+
+
+def _why_unseen(way: str, seen: NDArray[np.bool_], *, moves: bool, onset: bool, both: bool) -> str:
+    """Why stick-slip was not seen to set in, or to end, on one way of a ramp."""
+    if not moves:
+        return f"the drive never {'speeds up' if way == 'up' else 'slows down'}"
+    if not seen.size:
+        return f"less than a window of travel on the way {way}"
+    if both and (seen.all() or not seen.any()):
+        return f"{'stick-slip' if seen.all() else 'no stick-slip'} all the way {way}"
+    return f"it does not {'set in' if onset else 'end'} on the way {way}"
 
 
 def _rig_of(run: xr.Dataset) -> Rig | None:
@@ -234,7 +224,8 @@ def _usual(run: xr.Dataset, name: str, of: str, value: float, rig: Rig | None) -
     if rig is not None:
         return value * rig.unit("f_s")
     unit = str(run[of].attrs.get("units", "")) if of in run else ""
-    if unit.strip().lower() in _SI_UNITS:
+    known = unit_named(unit)
+    if known and known[0] in ("force", "length"):
         raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
     return value
 
@@ -280,23 +271,12 @@ def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:
     grid = np.linspace(low, high, 201)
     up, down = (np.interp(grid, v[order], f[order]) for v, f in branches for order in [np.argsort(v, kind="stable")])
     unit = oscillation["peak_to_peak"].attrs["units"]
+    name = "peak to peak of the force, drive"
     return xr.Dataset(
         {
-            "up": (
-                "velocity",
-                up,
-                {"units": unit, "long_name": "peak to peak of the force, drive speeding up"},
-            ),
-            "down": (
-                "velocity",
-                down,
-                {"units": unit, "long_name": "peak to peak of the force, drive slowing down"},
-            ),
-            "difference": (
-                "velocity",
-                down - up,
-                {"units": unit, "long_name": "peak to peak down less up"},
-            ),
+            "up": _labelled("velocity", up, unit, f"{name} speeding up"),
+            "down": _labelled("velocity", down, unit, f"{name} slowing down"),
+            "difference": _labelled("velocity", down - up, unit, "peak to peak down less up"),
         },
         coords={"velocity": ("velocity", grid, dict(oscillation["drive_velocity"].attrs))},
     )
@@ -313,7 +293,7 @@ def _turning_time(run: xr.Dataset) -> float:
         raise UndecidedError(
             f"transitions: the drive keeps its velocity ({drive[-1]:.4g}); ramp it, or ask for the regime"
         )
-    peaks, _ = turns(np.concatenate([[0.0], drive, [0.0]]), max(margin, 1e-300))
+    peaks, _ = turning_points(np.concatenate([[0.0], drive, [0.0]]), max(margin, 1e-300))
     if len(peaks) > 1:
         raise UndecidedError(
             f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "

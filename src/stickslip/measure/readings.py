@@ -7,11 +7,11 @@ import json
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import FEWEST_READINGS, Array
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 FEW_UNREADABLE = 3  # rows, or ...
 UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
-_NAMES = {"force": "force", "coefficient": "coefficient of friction", "displacement": "displacement", "load": "load"}
 
 
 def read_trace(
@@ -43,7 +42,7 @@ def read_trace(
 
     Columns of a text may be separated by tabs, semicolons, commas or blanks. There may be text before the table, a
     line of names with units in brackets or a line of units below it, comments (``#``, ``%``, ``//``, ``!``), and
-    units in the cells (``0.04 N``), which are turned to one. Rows that cannot be read are reported, and the force
+    one unit in the cells (``0.04 N``). Rows that cannot be read are reported, and the force
     there is interpolated linearly in time, so that the gap stays a gap in time; more than 3 of them, and more
     than 1 % of the rows, are an error. Spikes of a single sample, six standard deviations off, are interpolated, too.
 
@@ -106,96 +105,80 @@ def read_trace(
         step=step,
         skip=("load",) if constant else (),
     )
-    read = table.rows([i for i in (chosen.time, chosen.force, chosen.displacement, chosen.load) if i is not None])
+    read = table.rows(list(chosen.values()))
     return _dataset(table, read, chosen, step=table.step if step is None else step, load=constant, flip=flip)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Columns:
-    """Indices of the columns; None for what the table does not have."""
-
-    force: int
-    time: int | None
-    displacement: int | None
-    load: int | None
-
-
 def _dataset(
-    table: Table, read: Rows, chosen: _Columns, *, step: float | None, load: tuple[float, str] | None, flip: bool
+    table: Table,
+    read: Rows,
+    chosen: dict[str, int],
+    *,
+    step: float | None,
+    load: tuple[float | Array, str] | None,
+    flip: bool,
 ) -> xr.Dataset:
     """Check the rows, fill the gaps, and label what was read."""
     import xarray as xr
 
-    place, forces = table.place, read.values[chosen.force]
-    if chosen.time is None:
+    values = {name: read.values[i] for name, i in chosen.items()}
+    units = {name: read.units[i] for name, i in chosen.items()}
+    place, forces = table.place, values["force"]
+    if "time" in chosen:
+        times = values["time"]
+    else:
         assert step is not None
         times = step * np.arange(forces.size, dtype=float)
-    else:
-        times = read.values[chosen.time]
     outside = far_outside(forces)
     if outside.any():
         forces = np.where(outside, np.nan, forces)
-        read.values[chosen.force] = forces
     readable = np.isfinite(times) & np.isfinite(forces)
     bad = np.flatnonzero(~readable)
     _check_rows(table, read, bad)
     _check_times(place, read, times)
+    kept: slice | NDArray[np.bool_] = slice(None)
     if bad.size:
         first, last = np.flatnonzero(readable)[[0, -1]]
         kept = np.isfinite(times) & (np.arange(times.size) >= first) & (np.arange(times.size) <= last)
-    else:
-        kept = slice(None)
     spiky = spikes(forces)
-    read.values[chosen.force] = np.where(spiky, np.nan, forces)
-    t, good = times[kept], (readable & ~spiky)[kept]
-    sign = -1.0 if flip else 1.0
+    values["force"] = np.where(spiky, np.nan, forces)
+    t = times[kept]
 
-    def filled(values: Array) -> Array:
-        part: Array = values[kept]
+    def filled(name: str) -> Array:
+        part: Array = values[name][kept]
         known = np.isfinite(part)
         return part if bool(known.all()) else np.interp(t, t[known], part[known])
 
-    coefficient = table.headings[chosen.force].quantity == "coefficient"
-    force_unit = "1" if coefficient else read.units[chosen.force] or "N"
-    time_unit = "s" if chosen.time is None else read.units[chosen.time] or "s"
-    variables = {
-        "spring_force": (
-            "time",
-            sign * filled(read.values[chosen.force]),
-            {"units": force_unit, "long_name": _NAMES["coefficient" if coefficient else "force"]},
-        ),
-        "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable, or a spike; force interpolated"}),
+    coefficient = table.headings[chosen["force"]].quantity == "coefficient"
+    force_unit = "1" if coefficient else units["force"] or "N"
+    force = (-1.0 if flip else 1.0) * filled("force")
+    interpolated = (~readable | spiky)[kept]
+    columns: dict[str, tuple[Array | NDArray[np.bool_], str, str]] = {
+        "spring_force": (force, force_unit, "coefficient of friction" if coefficient else "force"),
+        "filled": (interpolated, "1", "row was unreadable, or a spike; force interpolated"),
     }
-    assumed = [] if coefficient or read.units[chosen.force] else ["the file names no unit of the force: N assumed"]
-    if chosen.time is not None and not read.units[chosen.time]:
+    assumed = [] if coefficient or units["force"] else ["the file names no unit of the force: N assumed"]
+    if not units.get("time", "s"):
         assumed.append("the file names no unit of the time: s assumed")
-    if chosen.displacement is not None:
-        unit = read.units[chosen.displacement]
-        variables["measured_displacement"] = (
-            "time", filled(read.values[chosen.displacement]), {"units": unit, "long_name": "displacement, as measured"}
-        )  # fmt: skip
-    if chosen.load is not None:
-        load_unit, loads = read.units[chosen.load] or force_unit, filled(read.values[chosen.load])
-    elif load is not None:
-        load_unit, loads = load[1], np.full(t.size, load[0])
-    else:
-        load_unit, loads = "", np.empty(0)
-    if loads.size:
-        variables["load"] = ("time", loads, {"units": load_unit, "long_name": "normal load"})
+    if "displacement" in chosen:
+        columns["measured_displacement"] = filled("displacement"), units["displacement"], "displacement, as measured"
+    if "load" in chosen:
+        load = filled("load"), units["load"] or force_unit
+    if load is not None:
+        loads, load_unit = np.full(t.size, load[0]), load[1]
+        columns["load"] = loads, load_unit, "normal load"
         size = ratio(force_unit, load_unit) if force_unit != load_unit else 1.0
-        if coefficient:
-            pass
-        elif size is None:
+        if size is None and not coefficient:
             assumed.append(f"no coefficient of friction: the force is in {force_unit}, the load in {load_unit}")
-        else:
-            mu = np.divide(size * variables["spring_force"][1], loads, out=np.full(t.size, np.nan), where=loads != 0)
-            variables["mu"] = ("time", mu, {"units": "1", "long_name": "coefficient of friction"})
+        elif size is not None and not coefficient:
+            mu = np.divide(size * force, loads, out=np.full(t.size, np.nan), where=loads != 0)
+            columns["mu"] = mu, "1", "coefficient of friction"
     if spiky.any():
         assumed.insert(0, f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
     unreadable = [(int(read.lines[i]), table.line(int(read.lines[i]))) for i in bad]
     return xr.Dataset(
-        variables,
-        coords={"time": ("time", t, {"units": time_unit, "long_name": "time"})},
+        {key: ("time", column, {"units": unit, "long_name": text}) for key, (column, unit, text) in columns.items()},
+        coords={"time": ("time", t, {"units": units.get("time") or "s", "long_name": "time"})},
         attrs={
             "source": Path(place).name,
             "rows": int(forces.size),
@@ -220,7 +203,7 @@ def _choose(
     load: str | int | None,
     step: float | None,
     skip: tuple[str, ...],
-) -> _Columns:
+) -> dict[str, int]:
     """Columns that were asked for, and those that the headings tell."""
     place = table.place
     asked = {"force": force, "time": time, "displacement": displacement, "load": load}
@@ -253,12 +236,9 @@ def _choose(
             f"{place}: no column is labelled as time; give the seconds from one row to the next (--step on "
             f"the command line, step= in Python) or name the column (--time, time=); there are {table.listed()}"
         )
-    return _Columns(
-        force=given["force"],
-        time=None if step is not None else given.get("time"),
-        displacement=given.get("displacement"),
-        load=given.get("load"),
-    )
+    if step is not None:
+        given.pop("time", None)
+    return given
 
 
 def _force_column(table: Table, given: dict[str, int], named: int | None, coefficient: int | None) -> int:

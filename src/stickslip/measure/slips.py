@@ -1,4 +1,4 @@
-"""Slips: the drops of a force that stand out."""
+"""Slips: the drops of a force that stand out. One picker for measures and for fits."""
 
 from __future__ import annotations
 
@@ -8,40 +8,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.measure.arrays import Array, Trace, extremes, turns, without_line
+from stickslip.kernels.turning_points import pick as zigzag
+from stickslip.measure.arrays import Array, Trace, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
 
-# Numbers that decide.
+Peaks = NDArray[np.intp]
+
 SMALLEST_PART_OF_DROP = 0.1  # a drop below this part of the typical drop is no slip of its own
-SLIP_VELOCITY = 3.5  # a slip is faster than this many times the drive, where the velocity is known
-LARGEST_REBOUND = 0.98  # ringing decays: a free slider comes back by exp(-pi zeta/sqrt(1 - zeta^2)) of the drop
-WITHIN_A_CYCLE = 0.6  # of a period: what follows a slip later than this is no ringing of it
-RINGING_SPEED = 3.0  # a rebound faster than this many times the usual loading is ringing (force only) ...
-SOON = (1.5, 2.0, 0.5)  # ... or this much faster, within so many slip durations, and less than this part of the drop
-SLIP_PHASE_OF_SLIPS = 0.35  # drops that take more of the time than this, and are not periodic, are noise
-REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # coefficients of variation below which drops are regular
-FEWEST_IN_A_DROP = 4  # samples, for the velocity of a slip to be seen
+SLIP_VELOCITY = 3.5
+"""Times the drive that a slip reaches: between 2, of a sine that just comes to rest, and 2 pi, of a slider that is held
+and makes up for it by half a sine in a quarter of the cycle (their geometric mean)."""
+LARGEST_REBOUND = 0.98  # of a drop: ringing decays
+RINGING = 2.0  # times as fast as the loading: the slider's swing back makes more of a rise than the drive
 EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
-CONTACT_NOISE = 0.5  # standard deviation of the force of N contacts over static friction, times sqrt(N): at most that
-NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion; a lightly
-# damped slider amplifies noise to what lies between, and it stays distributed as noise is
-NORMAL = 2.4  # fourth moment over the squared variance: 3 for noise, 1.5 for a sine
-WHITE = 5.0  # over the root of the samples: what a force that is noise may exceed its scatter by, by chance
-LARGE_DROP = 0.2  # fast drops of this part of static friction are slips, and not noise, however few contacts there are
-COHERENT = 0.97  # autocorrelation at one period that even amplified noise does not reach
-CLEAR = 3.0  # drops this many times what noise may show need no smoothing
-_FOR_NOISE = 500_000  # samples from which noise is read
+FEWEST_IN_A_DROP = 4  # samples, for the shape and the velocity of a slip to be seen
 CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
+WHITE = 5.0  # over the root of the samples: what a force that is noise may exceed its scatter by, by chance
+_FOR_NOISE, _FOR_RESOLUTION = 500_000, 50_000  # samples from which noise, and the step of a recording, are read
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slips:
     """Samples of the peak and the trough of each slip, and how they were found."""
 
-    peak: NDArray[np.intp]
-    trough: NDArray[np.intp]
-    start: NDArray[np.intp]
-    end: NDArray[np.intp]
+    peak: Peaks
+    trough: Peaks
+    start: Peaks
+    end: Peaks
     times: Array  # of the peaks
     before: Array
     after: Array
@@ -50,7 +43,6 @@ class Slips:
     criterion: str
     cycles: Cycles
     cut: int = 0
-    dismissed: str = ""  # why drops that were found are no slips
 
     @property
     def size(self) -> int:
@@ -63,18 +55,9 @@ class Slips:
         return self.before - self.after
 
     @property
-    def regular(self) -> bool:
-        """Whether the drops come at even times and are about equal, a steady growth or decay left aside."""
-        if self.size < FEWEST_CYCLES or bool(np.any(self.drops <= 0)):
-            return False
-        at, size = self.times, np.log(self.drops)
-        rest = size - np.polyval(np.polyfit(at - at[0], size, 1), at - at[0])
-        return mean_and_std(np.diff(at))[2] < REGULAR_PERIOD and float(rest.std()) < REGULAR_DROP
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the force repeats itself, by its autocorrelation or drop by drop."""
-        return self.cycles.periodic or self.regular
+    def typical(self) -> float:
+        """The typical drop: the median, weighted by the squares of the drops; 0 without any."""
+        return weighted_median(self.drops, self.drops**2) if self.size else 0.0
 
     def slip_phase(self, trace: Trace) -> float:
         """Time in slips over the time from the first peak to the last."""
@@ -85,7 +68,7 @@ class Slips:
 
     def none(self, why: str) -> Slips:
         """Return a list without slips, that says why."""
-        return replace(self.only(np.zeros(self.size, dtype=bool)), cut=0, dismissed=why, criterion=f"no slips: {why}")
+        return replace(self.only(np.zeros(self.size, dtype=bool)), cut=0, criterion=f"no slips: {why}")
 
     def only(self, keep: NDArray[np.bool_]) -> Slips:
         """Return some of the slips."""
@@ -99,6 +82,13 @@ def mean_and_std(values: Array) -> tuple[float, float, float]:
     mean = float(kept.mean()) if kept.size else math.nan
     std = float(kept.std(ddof=1)) if kept.size > 1 else math.nan
     return mean, std, std / abs(mean) if mean else math.nan
+
+
+def weighted_median(values: Array, weights: Array) -> float:
+    """Value below which half of the weight lies."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -122,48 +112,30 @@ def white_noise(force: Array) -> float:
     return noise / math.sqrt(6.0)
 
 
-def contact_noise(trace: Trace) -> float:
-    """Fluctuation of the force over that which so many independent contacts make; infinite where that is not known."""
-    if not trace.contacts or not trace.largest:
-        return math.inf
-    rest = without_line(trace.force, trace.t)
-    # Contacts that are attached for a part `a` of the time and stretched evenly up to 1 have a mean force of a/2, and a
-    # variance of a/3 - (a/2)^2. Thresholds that age are far below static friction in fast sliding.
-    attached = 1.0 if trace.attached is None else max(float(trace.attached.mean()), 1e-12)
-    stretched = min(CONTACT_NOISE * abs(trace.largest), abs(float(trace.force.mean())) / attached)
-    noise = stretched * math.sqrt(max(4.0 * attached - 3.0 * attached**2, 0.0) / trace.contacts)
-    return float(rest.std()) / noise if noise > 0 else math.inf
+def resolution(force: Array) -> float:
+    """Step in which a trace was recorded, interpolated samples left aside; 0 if its values lie on no coarse grid."""
+    force = force[:: max(1, force.size // _FOR_RESOLUTION)]
+    values = np.unique(force)
+    if values.size < 2 or values.size > force.size // 2:
+        return 0.0
+    steps = np.diff(values)
+    step = float(np.median(steps[steps <= 1.5 * np.median(steps)]))  # most differences are multiples of it
+    off = np.abs((force - values[0]) / step - np.round((force - values[0]) / step))
+    return step if float(np.mean(off < 0.1)) > 0.99 else 0.0
 
 
-def is_normal(force: Array) -> bool:
-    """Whether a force is distributed as noise is, and not as an oscillation."""
+def kurtosis(force: Array) -> float:
+    """Fourth moment over the squared variance: 3 of what is normally distributed, 1.5 of a sine."""
     rest = force - force.mean()
-    return float(np.mean(rest**4)) >= NORMAL * float(np.mean(rest**2)) ** 2
+    variance = float(np.mean(rest**2))
+    return float(np.mean(rest**4)) / variance**2 if variance > 0 else math.nan
 
 
 def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
     """Whether a force shows white noise about a line and nothing else: no more of it, no period, and normal."""
     rest, chance = without_line(trace.force, trace.t), WHITE / math.sqrt(trace.t.size)
-    return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance and is_normal(rest)
-
-
-def quantum(force: Array) -> float:
-    """Step in which a trace was recorded, or 0 if its values lie on no coarse grid."""
-    force = force[:: max(1, force.size // 50_000)]
-    values = np.unique(force)
-    if values.size < 2 or values.size > force.size // 2:
-        return 0.0
-    step = float(np.min(np.diff(values)))
-    if values[-1] - values[0] > 1e12 * step:
-        return 0.0
-    count = (values - values[0]) / step
-    return step if bool(np.all(np.abs(count - np.round(count)) < 0.1)) else 0.0
-
-
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+    normal = kurtosis(rest) >= 3.0 - 0.6  # undersampled slips are distributed evenly: 1.8
+    return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance and normal
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
@@ -174,15 +146,15 @@ def _chance_drop(size: float, within: float, noise: float) -> float:
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
-def _smoothed(force: Array, noise: float, among: NDArray[np.intp]) -> tuple[Array, float]:
+def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
     """A force smoothed as far as its cycles allow, and the drop that its noise may show by chance.
 
     A running median keeps the edges of the drops; it cuts a drop by its length over that of the cycle.
     """
     chance = _chance_drop(force.size, force.size, noise)
-    peaks, troughs = turns(force, 0.7 * chance, among)
+    peaks, troughs = turning_points(force, 0.7 * chance)
     drops = force[peaks] - force[troughs]
-    if drops.size < FEWEST_CYCLES or _weighted_median(drops, drops**2) > CLEAR * chance:
+    if drops.size < FEWEST_CYCLES or weighted_median(drops, drops**2) > 3.0 * chance:
         return force, chance
     cycle = force.size / drops.size
     width = min(int(cycle / 6.0) // 2 * 2 + 1, 15)
@@ -199,67 +171,29 @@ def _smoothed(force: Array, noise: float, among: NDArray[np.intp]) -> tuple[Arra
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def find_slips(trace: Trace, minimum_drop: float | None = None, *, slow: bool = False) -> Slips:
-    """Slips by a threshold that comes from the data: above noise, and not small beside the typical drop.
-
-    Drops that are slow beside others are left out, unless they are asked for.
-    """
+def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
+    """Drops by a threshold that comes from the data: above noise, and not small beside the typical drop."""
     noise, cycles = white_noise(trace.force), find_cycles(trace.t, trace.force)
     if minimum_drop is not None:
-        found = _joined(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
+        found = _drops_of(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
         return found.only(found.drops >= minimum_drop)
     force, chance = trace.force, _chance_drop(trace.t.size, trace.t.size, noise)
-    among = extremes(force, 0.5 * chance)
     if trace.velocity is None:
-        force, chance = _smoothed(force, noise, among)
-        among = among if force is trace.force else extremes(force, 0.5 * chance)
+        force, chance = _smoothed(force, noise)
     rounding = 1e-7 * float(np.max(np.abs(force)))
-    by_chance = max(chance, 2.5 * quantum(trace.force), rounding, 1e-300)
-    peaks, troughs = turns(force, by_chance, among)
+    by_chance = max(chance, 2.5 * resolution(trace.force), rounding, 1e-300)
+    peaks, troughs = turning_points(force, by_chance)
     drops = force[peaks] - force[troughs]
     if drops.size == 0 or (trace.contacts is None and is_white(trace, noise, cycles)):
         criterion = f"no drop exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
-        return replace(_joined(trace, force, math.inf, criterion, noise, cycles, among), smallest=by_chance)
-    smallest = max(by_chance, SMALLEST_PART_OF_DROP * _weighted_median(drops, drops**2))
+        return replace(_drops_of(trace, force, math.inf, criterion, noise, cycles), smallest=by_chance)
+    smallest = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
     smoothing = "" if force is trace.force else ", smoothed"
     criterion = (
         f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
         f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
     )
-    whole = _joined(trace, force, smallest, criterion, noise, cycles, among)
-    found = whole if slow else _fast(trace, whole)
-    excess = contact_noise(trace)
-    amplified = excess < MORE_THAN_NOISE and is_normal(trace.force)
-    noise_like = (excess <= NO_MORE_THAN_NOISE or amplified) and cycles.correlation < COHERENT
-    if noise_like and not _are_jumps(trace, whole):
-        return found.none(f"{found.size} {criterion}, but no more than {trace.contacts} contacts make as noise")
-    phase = _typical_phase(trace, found)
-    known = trace.contacts is not None and excess >= MORE_THAN_NOISE
-    if phase <= SLIP_PHASE_OF_SLIPS or found.periodic or known:
-        return found
-    return found.none(
-        f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: slow noise"
-    )
-
-
-def _are_jumps(trace: Trace, found: Slips) -> bool:
-    """Whether the slider jumps by a good part of static friction: few contacts make such slips, however irregular."""
-    speed = speeds(trace, found)
-    if speed is None:
-        return False
-    weights = found.drops**2
-    jump = _weighted_median(found.drops, weights) >= LARGE_DROP * abs(trace.largest)
-    fast = _weighted_median(speed, weights) >= SLIP_VELOCITY
-    return jump and fast and _typical_phase(trace, found) <= SLIP_PHASE_OF_SLIPS
-
-
-def _typical_phase(trace: Trace, found: Slips) -> float:
-    """Time of a drop over that of the drop and the rise before it: median, weighted by the squares of the drops."""
-    if found.size == 0:
-        return 0.0
-    drop = trace.t[found.trough] - trace.t[found.peak]
-    rise = trace.t[found.peak] - np.append(trace.t[0], trace.t[found.trough[:-1]])
-    return _weighted_median(drop / (drop + rise), found.drops**2)
+    return _drops_of(trace, force, smallest, criterion, noise, cycles)
 
 
 def speeds(trace: Trace, found: Slips) -> Array | None:
@@ -271,8 +205,8 @@ def speeds(trace: Trace, found: Slips) -> Array | None:
     return np.asarray(fastest, dtype=float) / drive
 
 
-def _fast(trace: Trace, found: Slips) -> Slips:
-    """Leave out slow drops beside fast ones: a slip is what is faster than 3.5 times the drive, where that is known."""
+def fast_ones(trace: Trace, found: Slips) -> Slips:
+    """Leave out slow drops beside fast ones, where the velocity is known and seen."""
     speed = speeds(trace, found)
     if speed is None or float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP:
         return found
@@ -282,79 +216,82 @@ def _fast(trace: Trace, found: Slips) -> Slips:
     return replace(found.only(fast), criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
 
 
-def _joined(
-    trace: Trace,
-    force: Array,
-    smallest: float,
-    criterion: str,
-    noise: float,
-    cycles: Cycles,
-    among: NDArray[np.intp] | None = None,
-) -> Slips:
-    """Drops of at least `smallest`, those of the ringing joined to their slip, those cut off at the ends left out."""
-    t = trace.t
-    peaks, troughs = turns(force, smallest, among)
-    usual, longest = math.inf, math.inf
-    if trace.X is None and peaks:
-        took = t[peaks[1:]] - t[troughs[:-1]]
-        usual = _weighted_median((force[peaks[1:]] - force[troughs[:-1]]) / took, took) if took.size else math.inf
-    if cycles.periodic:
-        longest = WITHIN_A_CYCLE * cycles.period
-    joined: list[list[int]] = []  # peak, trough, trough of the drop last joined
-    for peak, trough in zip(peaks, troughs, strict=True):
-        if joined:
-            first, lowest, last = joined[-1]
-            rebound, drop = force[peak] - force[last], force[first] - force[lowest]
-            if rebound < LARGEST_REBOUND * drop and t[peak] - t[first] < longest:
-                if trace.X is not None:
-                    # Ringing throws the slider back; loading moves the drive on. After a slip that overshot, one rise
-                    # holds both: it is ringing only if the slider gave way by more than the drive took up.
-                    speed = 0.0 if trace.drive is None else abs(float(trace.drive[peak]))
-                    back = trace.X[last] - trace.X[peak] >= speed * (t[peak] - t[last])
-                else:
-                    loaded, took = usual * (t[peak] - t[last]), t[peak] - t[last]
-                    faster, soon, less = SOON
-                    back = rebound > RINGING_SPEED * loaded or (
-                        rebound > faster * loaded and took <= soon * (t[lowest] - t[first]) and rebound < less * drop
-                    )
-                if back:
-                    if force[trough] < force[lowest]:
-                        joined[-1][1] = trough
-                    joined[-1][2] = trough
-                    continue
-        joined.append([peak, trough, trough])
-    gaps = trace.gaps
-    whole = [
-        pair
-        for pair in joined
-        if pair[0] > 0 and pair[1] < force.size - 1 and not np.any((pair[0] <= gaps) & (gaps < pair[1]))
-    ]
-    peak_at = np.array([pair[0] for pair in whole], dtype=np.intp)
-    trough_at = np.array([pair[1] for pair in whole], dtype=np.intp)
-    start, end = _edges(force, peak_at, trough_at, noise if force is trace.force else 0.5 * noise)
-    before, after = trace.force[peak_at], trace.force[trough_at]
-    if trace.velocity is None and whole and noise > CORRECTED * float(np.median(before - after)):
+def turning_points(values: Array, drop: float, rise: float | None = None) -> tuple[Peaks, Peaks]:
+    """Peaks (of a flat one, its end), and the troughs after them, by hysteresis.
+
+    Each drop is at least `drop`, each rise between two at least `rise`, or `drop`. The last drop counts though nothing
+    rises after it; one at the beginning or the end may be cut off.
+    """
+    values = np.append(values, np.inf)
+    peaks, troughs = zigzag(values, drop, drop if rise is None else rise)
+    ends = np.flatnonzero(values[1:] != values[:-1])
+    return ends[np.searchsorted(ends, peaks)], troughs
+
+
+def pick(
+    t: Array, force: Array, drop: float, rise: float | None = None, *, back: Array | None = None
+) -> tuple[Peaks, Peaks]:
+    """Peaks and troughs of the slips of a force: drops that stand out, each joined with the ringing that it sets off.
+
+    A rise is ringing where it is smaller than the drop before, and the slider's swing back makes more of it than the
+    way of the drive: where the motion is known, by `back`, the way of the slider against the drive's direction less
+    that of the drive; else where it is twice as fast as the force usually rises.
+    """
+    peaks, troughs = turning_points(force, drop, rise)
+    if peaks.size < 2:
+        return peaks, troughs
+    rises, took = force[peaks[1:]] - force[troughs[:-1]], t[peaks[1:]] - t[troughs[:-1]]
+    if back is None:
+        swings = rises > RINGING * weighted_median(rises / took, took) * took
+    else:
+        swings = back[peaks[1:]] >= back[troughs[:-1]]
+    joined = [[int(peaks[0]), int(troughs[0])]]
+    last = joined[0][1]
+    for peak, trough, swing in zip(peaks[1:].tolist(), troughs[1:].tolist(), swings.tolist(), strict=True):
+        first, lowest = joined[-1]
+        if swing and force[peak] - force[last] < LARGEST_REBOUND * (force[first] - force[lowest]):
+            if force[trough] < force[lowest]:
+                joined[-1][1] = trough
+        else:
+            joined.append([peak, trough])
+        last = trough
+    whole = np.array(joined, dtype=np.intp)
+    return whole[:, 0], whole[:, 1]
+
+
+def _drops_of(trace: Trace, force: Array, smallest: float, criterion: str, noise: float, cycles: Cycles) -> Slips:
+    """Slips of drops of at least `smallest`, those cut off at the ends or by a gap left out."""
+    t, back = trace.t, None
+    if trace.X is not None:
+        drive = np.zeros(t.size) if trace.drive is None else np.abs(trace.drive)
+        gone = np.concatenate([[0.0], np.cumsum(0.5 * (drive[1:] + drive[:-1]) * np.diff(t))])
+        back = -trace.X - gone
+    peaks, troughs = pick(t, force, smallest, back=back)
+    across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
+    whole = (peaks > 0) & (troughs < force.size - 1) & ~across
+    peak, trough = peaks[whole], troughs[whole]
+    start, end = _edges(force, peak, trough, noise if force is trace.force else 0.5 * noise)
+    before, after = trace.force[peak], trace.force[trough]
+    if trace.velocity is None and peak.size and noise > CORRECTED * float(np.median(before - after)):
         levels, most = _levels(trace, start, end), 3.0 * noise  # an extreme of noise lies no further off
         before, after = (np.clip(new, old - most, old + most) for new, old in zip(levels, (before, after), strict=True))
     return Slips(
-        peak=peak_at,
-        trough=trough_at,
+        peak=peak,
+        trough=trough,
         start=start,
         end=end,
-        times=t[peak_at],
+        times=t[peak],
         before=before,
         after=after,
         smallest=smallest,
         noise=noise,
         criterion=criterion,
         cycles=cycles,
-        cut=len(joined) - len(whole),
+        cut=int(np.count_nonzero(~whole)),
     )
 
 
-def _edges(
-    force: Array, peaks: NDArray[np.intp], troughs: NDArray[np.intp], noise: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _edges(force: Array, peaks: Peaks, troughs: Peaks, noise: float) -> tuple[Peaks, Peaks]:
     """Last sample near each peak and first sample near its trough, to a part of the drop, or within the noise."""
     start, end = peaks.copy(), troughs.copy()
     for i, (peak, trough) in enumerate(zip(peaks, troughs, strict=True)):
@@ -366,7 +303,7 @@ def _edges(
     return start, end
 
 
-def _levels(trace: Trace, start: NDArray[np.intp], end: NDArray[np.intp]) -> tuple[Array, Array]:
+def _levels(trace: Trace, start: Peaks, end: Peaks) -> tuple[Array, Array]:
     """Force before and after each slip, from lines through the loading beside it.
 
     The largest of many noisy samples lies above the force, and the smallest below it: their difference overstates a

@@ -31,6 +31,12 @@ _HEAD = 1000  # lines among which a table must start
 _CHUNK = 250_000  # rows read at a time
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
+_ONE_COMMA = re.compile(r"^\s*[-+]?\d+,\d+\s*(?:[^\W\d].*)?$", re.MULTILINE)
+_OTHER_FILES = {
+    b"\x89HDF": "NetCDF or HDF5 file, not a table in text; open it as a run",
+    b"CDF": "NetCDF or HDF5 file, not a table in text; open it as a run",
+    b"\xd0\xcf\x11\xe0": "spreadsheet of the old kind (.xls); save it as .xlsx, or as CSV",
+}
 _COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
@@ -41,17 +47,7 @@ _NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--
 
 @dataclass(frozen=True, kw_only=True)
 class Rows:
-    """Columns of a table that were asked for.
-
-    Attributes
-    ----------
-    values : dict of int to array
-        Numbers of each column, NaN where a cell holds none.
-    units : dict of int to str
-        Unit of each column.
-    lines : array of int
-        Line of the file in which each row stands.
-    """
+    """Columns that were asked for: numbers (NaN where a cell holds none), units, and the line of each row."""
 
     values: dict[int, Array]
     units: dict[int, str]
@@ -60,19 +56,7 @@ class Rows:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table whose layout is known.
-
-    Attributes
-    ----------
-    place : str
-        The file, for messages.
-    headings : list of Heading
-        Of all columns.
-    numeric : list of int
-        Columns of numbers.
-    step : float or None
-        Time from row to row in s, where the file says so.
-    """
+    """A table whose layout is known: its headings, its columns of numbers, and the step in s where the file says so."""
 
     place: str
     headings: list[Heading]
@@ -118,26 +102,24 @@ def _bytes(place: str) -> bytes:
     """The content of a file, or one clear line on why there is none."""
     path = Path(place)
     try:
-        if path.is_dir():
-            raise InputError(f"{place}: is a folder; name the file with the force trace")
         if path.exists() and not path.is_file():
-            raise InputError(f"{place}: is no regular file; name the file with the force trace")
+            what = "a folder" if path.is_dir() else "no regular file"
+            raise InputError(f"{place}: is {what}; name the file with the force trace")
         size = path.stat().st_size
-        if size == 0:
-            raise InputError(f"{place}: is empty; it should hold a column of forces")
-        if size > LARGEST_FILE:
-            raise InputError(
-                f"{place}: has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:.0f}; keep every n-th row, or a part"
-            )
-        raw = path.read_bytes()
+        raw = path.read_bytes() if size <= LARGEST_FILE else b""
     except FileNotFoundError:
         raise InputError(f"{place}: no such file; check the name and the folder") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{place}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    if raw.startswith((b"\x89HDF", b"CDF")):
-        raise InputError(f"{place}: is a NetCDF or HDF5 file, not a table in text; open it as a run")
-    if raw.startswith(b"\xd0\xcf\x11\xe0"):
-        raise InputError(f"{place}: is a spreadsheet of the old kind (.xls); save it as .xlsx, or as CSV")
+    if size == 0:
+        raise InputError(f"{place}: is empty; it should hold a column of forces")
+    if size > LARGEST_FILE:
+        raise InputError(
+            f"{place}: has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:.0f}; keep every n-th row, or a part"
+        )
+    for start, what in _OTHER_FILES.items():
+        if raw.startswith(start):
+            raise InputError(f"{place}: is a {what}")
     return raw
 
 
@@ -153,20 +135,15 @@ def _as_utf8(place: str, raw: bytes) -> bytes:
     raw = raw.removeprefix(b"\xef\xbb\xbf")
     if raw.rstrip().endswith(b"\x1a"):  # the end of a file of DOS
         raw = raw.rstrip().rstrip(b"\x1a")
-    if not raw.isascii():
-        try:
-            raw.decode()
-        except UnicodeDecodeError:
-            raw = raw.decode("latin-1").encode()  # units such as µ, written by older instruments
-    if raw.translate(None, bytes(range(9, 14)) + bytes(range(32, 127)) + bytes(range(128, 256))):
-        strange = re.search(rb"[\x00-\x08\x0e-\x1f\x7f]", raw)
-        assert strange is not None
+    try:
+        raw.decode()
+    except UnicodeDecodeError:
+        raw = raw.decode("latin-1").encode()  # units such as µ, written by older instruments
+    if strange := re.search(rb"[\x00-\x08\x0e-\x1f\x7f]", raw):
         line = raw.count(b"\n", 0, strange.start()) + 1
         raise InputError(
             f"{place}: line {line} holds the byte {strange.group().decode()!r}: a binary file; export it as text"
         )
-    if b"\r" in raw and b"\n" not in raw:
-        raw = raw.replace(b"\r", b"\n")
     if not raw.strip():
         raise InputError(f"{place}: holds blanks only; it should hold a column of forces")
     return raw
@@ -218,53 +195,68 @@ class _Text:
 
     def rows(self, table: Table, columns: Sequence[int]) -> Rows:
         """Read some columns; blank lines and comments are left out."""
-        # Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number.
-        beside = {i: i + 1 for i in columns if self.parting is None and self._holds_units(i + 1, table)}
-        for i in beside:
-            if self._holds_units(i + 2, table) and unit_named(table.labels[i + 2]):
-                unit = f"{table.labels[i + 1]} {table.labels[i + 2]}"
-                raise InputError(
-                    f"{table.place}: column {i + 1} holds numbers in {unit!r}; write one unit without blanks"
-                )
-        wanted = sorted({*columns, *beside.values()})
-        count = len(self.lines) - self.start
-        cells = {i: _Cells.empty(count) for i in columns}
-        begin = int(self.lines.ends[self.start - 1]) + 1 if self.start else 0
-        filled = 0
-        with io.BytesIO(self.lines.raw) as stream:
-            stream.seek(begin)
-            for chunk in self._chunks(stream, wanted, table.place):
-                part = slice(filled, filled + len(chunk))
-                if part.stop > count:
-                    break
-                for i in columns:
-                    cells[i].put(part, chunk[i].to_numpy(), self.comma)
-                    if i in beside:
-                        cells[i].put_units(part, chunk[beside[i]].to_numpy())
-                filled = part.stop
+        beside = self._unit_columns(table, columns)
+        wanted = sorted({*columns, *beside.values(), self.width})
+        cells: dict[int, list[tuple[Array, NDArray[np.intp]]]] = {i: [] for i in columns}
+        units = [""]
+        for chunk in self._chunks(wanted, table.place):
+            wide = _numbers(chunk[self.width], self.comma, [""])[0]
+            surplus = np.isfinite(wide) | (self.parting is None and chunk[self.width].map(_is_unit).to_numpy(bool))
+            for i in columns:
+                values, unit = _numbers(chunk[i], self.comma, units)
+                if i in beside:
+                    unit = _coded(chunk[beside[i]].map(lambda cell: cell if isinstance(cell, str) else ""), units)
+                values[surplus] = math.nan
+                cells[i].append((values, unit))
+        whole = {
+            i: (np.concatenate([a for a, _ in parts])[1:], np.concatenate([b for _, b in parts])[1:])
+            for i, parts in cells.items()
+        }
+        count, filled = len(self.lines) - self.start, whole[columns[0]][0].size
         if filled != count:
             raise InputError(
                 f"{table.place}: {count} lines from line {self.start + 1} on make {filled} rows: "
                 "a quotation mark is not closed, or a row is cut off"
             )
-        for row in self._too_wide():
-            for i in columns:
-                cells[i].values[row] = math.nan
-        units = {i: cells[i].in_one_unit(table, i, self.start, beside=i in beside) for i in columns}
-        keep = self._no_remark([cells[i].values for i in columns])
-        values = {i: cells[i].values if keep.all() else cells[i].values[keep] for i in columns}
-        return Rows(values=values, units=units, lines=np.flatnonzero(keep) + self.start + 1)
+        names = {i: self._one_unit(table, i, *whole[i], units, label=i in beside) for i in columns}
+        read = {i: numbers for i, (numbers, _) in whole.items()}
+        empty = np.logical_and.reduce([~np.isfinite(numbers) for numbers in read.values()])
+        keep = np.ones(count, dtype=bool)
+        for row in np.flatnonzero(empty).tolist():
+            content = self.lines.text(self.start + row)
+            keep[row] = bool(content.strip()) and not _COMMENT.match(content)
+        if not keep.all():
+            read = {i: numbers[keep] for i, numbers in read.items()}
+        return Rows(values=read, units=names, lines=np.flatnonzero(keep) + self.start + 1)
 
-    def _chunks(self, stream: io.BytesIO, columns: Sequence[int], place: str) -> Iterator[pd.DataFrame]:
+    def _unit_columns(self, table: Table, columns: Sequence[int]) -> dict[int, int]:
+        """Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number."""
+
+        def label(column: int) -> str:
+            return table.labels[column] if column < self.width and column not in table.numeric else ""
+
+        beside = {i: i + 1 for i in columns if self.parting is None and label(i + 1)}
+        for i in beside:
+            if unit_named(label(i + 2)):
+                unit = f"{label(i + 1)} {label(i + 2)}"
+                raise InputError(
+                    f"{table.place}: column {i + 1} holds numbers in {unit!r}; write one unit without blanks"
+                )
+        return beside
+
+    def _chunks(self, columns: Sequence[int], place: str) -> Iterator[pd.DataFrame]:
+        """The rows in parts; a column beyond the last takes what is too much."""
         import pandas as pd
 
+        begin = int(self.lines.ends[self.start - 1]) + 1 if self.start else 0
+        full = (self.parting or " ").join("0" * (self.width + 1)) + "\n"  # a row that has them all
         try:
             yield from pd.read_csv(
-                stream,
+                io.BytesIO(full.encode() + self.lines.raw[begin:]),
                 sep=r"\s+" if self.parting is None else self.parting,
                 decimal="," if self.comma else ".",
                 header=None,
-                names=range(self.width),
+                names=range(self.width + 1),
                 usecols=columns,
                 skip_blank_lines=False,
                 skipinitialspace=True,
@@ -276,37 +268,65 @@ class _Text:
             reason = shortened(" ".join(str(error).split()))
             raise InputError(f"{place}: its rows do not have {self.width} columns ({reason})") from None
 
-    def _holds_units(self, column: int, table: Table) -> bool:
-        return column < self.width and column not in table.numeric and table.labels[column] != ""
+    def _one_unit(
+        self, table: Table, column: int, values: Array, code: NDArray[np.intp], names: list[str], *, label: bool
+    ) -> str:
+        """The one unit of a column of numbers; `InputError` where its cells have several, or leave it open."""
 
-    def _too_wide(self) -> list[int]:
-        """Rows with a number too many, which leaves open which is which, or with a unit too many: N m is not N."""
-        if self.quoted:
-            return []
-        raw = np.frombuffer(self.lines.raw, dtype=np.uint8)
-        if self.parting is None:
-            ends = (raw[:-1] > ord(" ")) & (raw[1:] <= ord(" "))  # of words
-            count = np.diff(np.searchsorted(np.flatnonzero(ends), self.lines.ends), prepend=0) - 1
-        else:
-            marks = np.flatnonzero(raw == ord(self.parting))
-            count = np.diff(np.searchsorted(marks, self.lines.ends), prepend=0)
-        wide = np.flatnonzero(count[self.start :] >= self.width).tolist()
-        cells = ((i, self.lines.text(self.start + i).split(self.parting)) for i in wide)
-        return [
-            i
-            for i, row in cells
-            if _value(row, self.width, self.comma) is not None
-            or (self.parting is None and unit_named(row[self.width] if len(row) > self.width else ""))
-        ]
+        def refuse(unit: int, what: str) -> None:
+            line = self.start + int(np.flatnonzero(code == unit)[0]) + 1
+            raise InputError(
+                f"{table.place}: line {line}, {short(table.line(line))!r}: column {column + 1} holds "
+                f"{names[unit]!r}{what}; write one unit of one kind"
+            )
 
-    def _no_remark(self, columns: Sequence[Array]) -> NDArray[np.bool_]:
-        """Rows that are neither blank nor a comment."""
-        empty = np.logical_and.reduce([~np.isfinite(values) for values in columns])
-        keep = np.ones(empty.size, dtype=bool)
-        for i in np.flatnonzero(empty).tolist():
-            content = self.lines.text(self.start + i)
-            keep[i] = bool(content.strip()) and not _COMMENT.match(content)
-        return keep
+        head = table.headings[column].unit
+        code[~np.isfinite(values)] = 0
+        count = np.bincount(code, minlength=len(names))
+        bare = int(np.count_nonzero(np.isfinite(values))) - int(count[1:].sum())
+        usual = int(np.argmax(count[1:])) + 1 if count[1:].any() else 0
+        if bare > count[usual]:
+            usual = 0
+        among = f" among {names[usual]!r}" if usual else " among numbers without a unit"
+        for unit in (np.flatnonzero(count[1:]) + 1).tolist():
+            known = unit_named(names[unit])
+            if unit != usual and known:
+                refuse(unit, among)
+            elif unit == usual and not known and "/" in names[unit]:
+                refuse(unit, "")
+            elif unit != usual or not (label or known):  # a cell that holds more than a number and its unit is none
+                values[code == unit] = math.nan
+        if not usual or not unit_named(names[usual]):
+            return head
+        if head and not ratio(names[usual], head):
+            refuse(usual, f" below the heading {head!r}")
+        return names[usual]
+
+
+def _is_unit(cell: object) -> bool:
+    return isinstance(cell, str) and unit_named(cell) is not None
+
+
+def _numbers(column: pd.Series[Any], comma: bool, units: list[str]) -> tuple[Array, NDArray[np.intp]]:
+    """The numbers of a column, NaN where a cell holds none, and for each the place of its unit among `units`."""
+    import pandas as pd
+
+    code = np.zeros(column.size, dtype=np.intp)
+    if column.dtype.kind in "fiu":
+        values = column.to_numpy(dtype=float, copy=True)
+    else:
+        which, texts = pd.factorize(column.to_numpy(), use_na_sentinel=False)
+        read = [read_cell(str(text), comma) for text in texts]
+        values = np.array([math.nan if value is None else value for value, _ in read])[which]
+        code = _coded(pd.Series([unit for _, unit in read]), units)[which]
+    values[np.isinf(values)] = math.nan
+    return values, code
+
+
+def _coded(texts: pd.Series[Any], units: list[str]) -> NDArray[np.intp]:
+    """The place of each text among `units`, which takes the new ones."""
+    units += [text for text in texts.unique() if text not in units]
+    return np.asarray(texts.map({text: i for i, text in enumerate(units)}), dtype=np.intp)
 
 
 def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | None) -> Table:
@@ -336,12 +356,7 @@ def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | No
             f"{place}: line {content[0][0] + 1}, {short(content[0][1])!r}: found no column of numbers in {len(lines)} "
             "rows; it should hold a column of forces"
         )
-    usually_empty = [
-        i
-        for i in range(width)
-        if i not in numeric and sum(len(row) > i and bool(row[i].strip()) for row in cells) < 0.5 * len(cells)
-    ]
-    start = next((i for i, text in content if _is_row(split([text], parting)[0], numeric, usually_empty, comma)), None)
+    start = next((i for i, text in content if _is_row(split([text], parting)[0], numeric, comma)), None)
     if start is None:
         raise InputError(
             f"{place}: the numbers start only after line {head[-1][0] + 1}; leave the text before them out"
@@ -387,41 +402,29 @@ def _layout(
     if delimiter is not None:
         if len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal:
             raise InputError(f"delimiter = {delimiter!r}: must be one character, such as ';', and no decimal sign")
-        parting = None if delimiter == " " else delimiter
-        return parting, delimiter != "," and (decimal == "," or (decimal is None and _decimal_commas(sample)))
+        mark = None if delimiter == " " else delimiter
+        return mark, decimal == "," or (decimal is None and _decimal_commas(split(sample, mark)))
 
     def consistent(mark: str | None) -> bool:
-        widths = Counter(len(row) for row in split(sample, mark))
-        width, count = widths.most_common(1)[0]
+        width, count = Counter(len(row) for row in split(sample, mark)).most_common(1)[0]
         return width > 1 and count >= 0.8 * len(sample)
 
-    found: str | None = None
-    for mark in ("\t", ";", "|"):
-        if consistent(mark):
-            found = mark
-            break
-    else:
-        joined = "\n".join(sample)
-        if decimal != "," and consistent(","):
-            whole = re.findall(r"^\s*[-+]?\d+,(\d+)\s*(?:[^\W\d].*)?$", joined, re.MULTILINE)
-            alone = len(whole) >= 0.8 * len(sample)  # every row reads 12,34: two columns, or one with decimal commas
-            named = any(len(cells) == 2 for cells in split(titles, ","))  # "time,force" tells two columns
-            if alone and decimal is None and ("." not in joined) and not named:
-                if any(re.fullmatch(r"0\d+", part) for part in whole):
-                    return None, True  # 0,04: no one writes a whole number with a leading zero
-                raise InputError(
-                    f"{place}: rows such as {short(sample[-1])!r} may hold two columns or one decimal comma; say "
-                    "decimal=',' or delimiter=','"
-                )
-            blanks = consistent(None) and ", " not in joined and "." not in joined and _decimal_commas(sample)
-            if not blanks:
-                quoted = [cell for cells in split(sample, ",") for cell in cells if '"' in joined]
-                return ",", any(re.match(r"\s*[-+]?\d*,\d", cell) for cell in quoted)  # "0,01" in quotation marks
-    return found, decimal == "," or (decimal is None and _decimal_commas(sample))
-
-
-def _decimal_commas(sample: list[str]) -> bool:
     joined = "\n".join(sample)
+    mark = next((mark for mark in "\t;|" if consistent(mark)), None)
+    if mark is None and decimal != "," and consistent(","):
+        points = decimal == "." or "." in joined or ", " in joined
+        named = any(len(cells) == 2 for cells in split(titles, ","))  # "time,force" tells two columns
+        if not points and not named and len(re.findall(_ONE_COMMA, joined)) >= 0.8 * len(sample):
+            raise InputError(
+                f"{place}: rows such as {short(sample[-1])!r} may hold two columns or one decimal comma; say "
+                "decimal=',' or delimiter=','"
+            )
+        mark = "," if points or not consistent(None) else None
+    return mark, decimal == "," or (decimal is None and _decimal_commas(split(sample, mark)))
+
+
+def _decimal_commas(cells: list[list[str]]) -> bool:
+    joined = "\n".join(cell for row in cells for cell in row)
     return bool(re.search(r"\d,\d", joined)) and not re.search(r"\d\.\d", joined)
 
 
@@ -454,12 +457,11 @@ def _mostly_numbers(cells: list[list[str]], column: int, comma: bool) -> bool:
     return count > 0 and (count >= 0.5 * len(filled) or count >= len(filled) - 3)
 
 
-def _is_row(row: list[str], numeric: list[int], empty: list[int], comma: bool) -> bool:
-    """Whether a line is a row of the table: numbers in its columns of numbers, nothing where there never is."""
+def _is_row(row: list[str], numeric: list[int], comma: bool) -> bool:
+    """Whether a line is a row of the table: numbers in its columns of numbers."""
     found = [_value(row, i, comma) is not None for i in numeric]
     missing = [i < len(row) and row[i].strip().lower() in _NO_VALUE for i in numeric]
-    whole = all(a or b for a, b in zip(found, missing, strict=True))
-    return any(found) and whole and not any(i < len(row) and row[i].strip() for i in empty)
+    return any(found) and all(a or b for a, b in zip(found, missing, strict=True))
 
 
 def _unit_in_cells(cells: list[list[str]], column: int, comma: bool) -> str:
@@ -536,107 +538,6 @@ def _labview(
             for i, unit in zip([i for i in numeric if found[i].quantity != "time"], cells[1:], strict=False):
                 found[i] = Heading(name=found[i].name, unit=found[i].unit or unit.strip())
     return found, step
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Cells
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Cells:
-    """The numbers of a column as they come in, and the units that stand with them."""
-
-    values: Array
-    names: dict[str, int]  # units seen, and their numbers; 0 is none
-    codes: list[tuple[int, NDArray[np.uint8]]]  # first row of a part, and the number of the unit of each cell
-
-    @classmethod
-    def empty(cls, count: int) -> _Cells:
-        return cls(values=np.full(count, math.nan), names={"": 0}, codes=[])
-
-    def put(self, part: slice, column: NDArray[Any], comma: bool) -> None:
-        if column.dtype.kind in "fiu":
-            self.values[part] = column
-            self.values[part][np.isinf(self.values[part])] = math.nan
-            return
-        known: dict[object, tuple[float, int]] = {}
-        pairs = []
-        for cell in column.tolist():
-            if cell not in known:
-                value, unit = read_cell(cell, comma) if isinstance(cell, str) else (_finite(cell), "")
-                known[cell] = (math.nan if value is None else value, self._code(unit))
-            pairs.append(known[cell])
-        self.values[part] = [value for value, _ in pairs]
-        if any(code for _, code in pairs):
-            self.codes.append((part.start, np.array([code for _, code in pairs], dtype=np.uint8)))
-
-    def put_units(self, part: slice, column: NDArray[Any]) -> None:
-        """Take the units from the column behind."""
-        codes = {cell: self._code(cell.strip()) if isinstance(cell, str) else 0 for cell in set(column.tolist())}
-        self.codes.append((part.start, np.array([codes[cell] for cell in column.tolist()], dtype=np.uint8)))
-
-    def _code(self, unit: str) -> int:
-        return self.names.setdefault(unit, min(len(self.names), 255))
-
-    def in_one_unit(self, table: Table, column: int, start: int, *, beside: bool) -> str:
-        """Turn all numbers to one unit, and return it; `InputError` where cells leave it open."""
-        head = table.headings[column].unit
-        if not self.codes:
-            return head
-        code = np.zeros(self.values.size, dtype=np.uint8)
-        for begin, part in self.codes:
-            code[begin : begin + part.size] = part
-        code[~np.isfinite(self.values)] = 0
-        units = {number: unit for unit, number in self.names.items() if number}
-        count = {number: int(np.count_nonzero(code == number)) for number in units}
-        count = {number: many for number, many in count.items() if many}
-        if not count:
-            return head
-        usual = max(count, key=lambda number: count[number])
-        if unit_named(units[usual]) is None:  # a label, and no unit: "0.04 N1"
-            if np.count_nonzero((code == 0) & np.isfinite(self.values)) > count[usual]:
-                usual = 0  # most cells have none: what has one is no number
-            for number in count:
-                if number != usual and unit_named(units[number]) is not None:
-                    among = f"{units[number]!r} among {units.get(usual, 'numbers without a unit')!r}"
-                    self._refuse(table, column, start, code == number, among)
-                elif number != usual or not beside:  # a cell that holds more than a number and its unit is none
-                    self.values[code == number] = math.nan
-            if usual and "/" in units[usual]:
-                self._refuse(table, column, start, code == usual, f"{units[usual]!r}")
-            return head
-        unit = head if head and ratio(units[usual], head) else units[usual]
-        if head and not ratio(units[usual], head):
-            self._refuse(table, column, start, code == usual, f"{units[usual]!r} below the heading {head!r}")
-        for number in count:
-            size = ratio(units[number], unit)
-            if size is None and unit_named(units[number]) is None:
-                self.values[code == number] = math.nan
-            elif size is None:
-                self._refuse(table, column, start, code == number, f"{units[number]!r} among {unit!r}")
-            elif size != 1.0:
-                self.values[code == number] *= size
-        bare = (code == 0) & np.isfinite(self.values)
-        if len([number for number in count if unit_named(units[number])]) > 1 and bare.any():
-            self._refuse(table, column, start, bare, "a number without a unit where units change")
-        return unit
-
-    def _refuse(self, table: Table, column: int, start: int, where: NDArray[np.bool_], what: str) -> None:
-        line = start + int(np.flatnonzero(where)[0]) + 1
-        raise InputError(
-            f"{table.place}: line {line}, {short(table.line(line))!r}: column {column + 1} holds {what}; "
-            "write one unit of one kind"
-        )
-
-
-def _finite(cell: object) -> float | None:
-    """A number that is one: no yes or no, not infinite, no integer beyond all floats."""
-    try:
-        value = float(cell) if isinstance(cell, (int, float)) and not isinstance(cell, bool) else math.nan
-    except OverflowError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 def short(text: str) -> str:

@@ -5,50 +5,44 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, slope, without_line
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Trace, in_words, slope, without_line
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
+from stickslip.measure.evidence import ENOUGH, ERRORS, NORMAL, SMALL, STEADY, TINY, Criterion, Evidence, gather
 from stickslip.measure.periods import FEWEST_CYCLES
-from stickslip.measure.slips import (
-    FEWEST_IN_A_DROP,
-    MORE_THAN_NOISE,
-    SLIP_VELOCITY,
-    Slips,
-    contact_noise,
-    find_slips,
-    is_normal,
-    is_white,
-    mean_and_std,
-    speeds,
-)
+from stickslip.measure.slips import FEWEST_IN_A_DROP, Slips, fast_ones, find_slips, is_white, mean_and_std
 from stickslip.simulation import Recording
 from stickslip.words import prefixed
 
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["TINY", "Kind", "Regime", "regime", "regime_of"]
+
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
-# Numbers that decide. Each sits in a gap between the classes it parts, at N from 100 to 10 000: tests/test_measure.py.
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
-SLIP_PHASE = 0.25  # where only the force is known: slips take this part of the time or less
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
-STEADY = 0.05  # change of ln(drop) from the first half of the window to the second, beyond three standard errors
-TINY = 0.02  # an oscillation below this part of static friction is smooth sliding
-SMALL = 0.10  # ... and one that decays, below this
-MOST_NOISE = 0.6  # irregular fluctuation below this part of static friction may be noise, if it is distributed so
 DRIFTS = 0.5  # a straight line through the force that takes more of its range than this is no noise about a mean
 MOST_STROKES = 0.75  # part of the strokes that must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
+_DEEPEST = 3  # how often a part of a record is parted again
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """A part of a record in one regime, from `begin` to `end` in its unit of time."""
+
+    kind: Kind
+    begin: float
+    end: float
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -59,12 +53,13 @@ class Regime(Answer):
     ----------
     kind : {"smooth sliding", "stick-slip", "sustained oscillation", "undecided"}
         *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least
-        3.5 times the velocity of the drive (where only the force is known: slips take at most a quarter of the
-        time). The slips may be irregular; `period_variation` says how much. *Sustained oscillation*: a cycle
-        that persists, in which the slider stays slower than that; the reason says whether it sticks. *Smooth
-        sliding*: no oscillation, or noise of the contacts, or an oscillation below 2 % of the largest force, or
-        one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for the reason given,
-        which says what would decide it.
+        3.5 times the velocity of the drive. Where only the force is known: drops take at most a quarter of the
+        time, or, of an irregular force, it rises at its full rate for most of the time. The slips may be irregular;
+        `period_variation` says how much. *Sustained oscillation*: a cycle that persists, in which the slider stays
+        slower than that; the reason says whether it sticks. *Smooth sliding*: no oscillation, or noise of the
+        contacts, or fluctuation without a period that is distributed as noise, or an oscillation below 2 % of the
+        largest force, or one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for the
+        reason given, which says what would decide it, or the parts of the record differ.
     reason : str
         Why, in plain words.
     window : tuple of float
@@ -75,8 +70,8 @@ class Regime(Answer):
         Largest force in all of the data: what amplitudes are compared with.
     trend : float
         Ratio of the drops in the second half of the window to those in the first, from a straight line
-        through their logarithms (of the standard deviation of the force where there are too few cycles); 1 is
-        steady.
+        through their logarithms (of the standard deviation of the force in parts of the window, where it has
+        neither slips nor a period); 1 is steady.
     trend_error : float
         Standard error of ``ln(trend)``; NaN where it is not known.
     cycles : int
@@ -108,6 +103,11 @@ class Regime(Answer):
         empty where the data do not say.
     notes : tuple of str
         What a reader should know of the data: a saturated or mirrored sensor, strokes that go to and fro.
+    table : tuple of Criterion
+        The tests that kind and reason are read off: each with its statistic, its limit, where that comes from
+        (theory, statistics, or a convention), and whether it was passed.
+    segments : tuple of Segment
+        The parts of a record that is in one regime and then in another; empty where it is in one.
     """
 
     kind: Kind
@@ -137,6 +137,8 @@ class Regime(Answer):
     time_unit: str = ""
     force_unit: str = ""
     notes: tuple[str, ...] = ()
+    table: tuple[Criterion, ...] = ()
+    segments: tuple[Segment, ...] = ()
 
     @property
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
@@ -344,198 +346,260 @@ def _loaded(trace: Trace) -> Trace:
     return loaded if loaded.t.size >= FEWEST_READINGS else trace
 
 
-def _judge(trace: Trace, found: Slips | None = None) -> Regime:
-    """Weigh the evidence in a window, whose slips may have been found before."""
-    t, force = trace.t, trace.force
+def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
+    """Weigh the evidence in a window, whose drops may have been found before."""
     found = find_slips(trace) if found is None else found
-    cycles = found.cycles
-    drop, _, drop_variation = mean_and_std(found.drops)
-    size, at = found.drops, found.times
-    count, (period, _, variation) = found.size, mean_and_std(np.diff(found.times))
-    if cycles.periodic and found.size:
-        count, period, variation = cycles.count, cycles.period, cycles.variation
-        if found.size != count:  # some cycles have several drops: their sizes tell no trend
-            size, at = _of_each_cycle(force, cycles.begins, np.ptp), cycles.times[:-1]
-    trend, trend_error = _trend(trace, at, size)
+    seen = gather(trace, found)
+    table = seen.table()
+    kind, reason, segments = _verdict(trace, seen, table, depth)
+    slips = fast_ones(trace, found) if kind == "stick-slip" else found
+    quiet = kind == "smooth sliding"
+    drop, _, drop_variation = mean_and_std(slips.drops)
+    count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
+    if seen.periodic and not quiet:
+        count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
     drive = None if trace.drive is None else float(trace.drive.mean())
-    peak_velocity = largest = stuck = None
+    largest = stuck = None
     if trace.velocity is not None and drive:
-        peak_velocity = largest = float(trace.velocity.max()) / drive
+        largest = float(trace.velocity.max()) / drive
         stuck = float(np.mean(np.abs(trace.velocity) < STUCK * abs(drive)))
-        fastest = speeds(trace, found)
-        if cycles.periodic:
-            peak_velocity = float(np.median(_of_each_cycle(trace.velocity, cycles.begins, np.max))) / drive
-        elif fastest is not None:
-            peak_velocity = float(np.median(fastest))
-    evidence = Regime(
-        kind="undecided",
-        reason="",
-        window=(float(t[0]), float(t[-1])),
-        peak_to_peak=float(np.ptp(force)),
-        mean_force=trace.sign * float(force.mean()),
-        static_friction=abs(trace.largest),
-        trend=trend,
-        trend_error=trend_error,
+    return Regime(
+        kind=kind,
+        reason=reason,
+        window=(float(trace.t[0]), float(trace.t[-1])),
+        peak_to_peak=seen.peak_to_peak,
+        mean_force=trace.sign * float(trace.force.mean()),
+        static_friction=seen.friction,
+        trend=seen.trend,
+        trend_error=seen.trend_error,
         cycles=count,
         period=period,
         period_variation=variation,
-        correlation=cycles.correlation,
+        correlation=seen.cycles.correlation,
         drop=drop,
         drop_variation=drop_variation,
-        slip_phase=found.slip_phase(trace),
+        slip_phase=slips.slip_phase(trace),
         noise=found.noise,
         drive_velocity=None if drive is None else trace.sign * drive,
-        peak_velocity=peak_velocity,
+        peak_velocity=largest if math.isnan(seen.speed) else seen.speed,
         largest_velocity=largest,
         stuck=stuck,
         attached_peak_to_peak=None if trace.attached is None else float(np.ptp(trace.attached)),
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
+        table=tuple(table.values()),
+        segments=segments,
     )
-    kind, reason = _verdict(trace, found, evidence)
-    return replace(evidence, kind=kind, reason=reason)
 
 
-def _of_each_cycle(values: Array, begins: NDArray[np.intp], measure: Callable[[Array], float]) -> Array:
-    return np.array([measure(values[i : j + 1]) for i, j in itertools.pairwise(begins.tolist())], dtype=float)
+_Verdict = tuple[Kind, str, tuple[Segment, ...]]
 
 
-def _trend(trace: Trace, times: Array, drops: Array) -> tuple[float, float]:
-    """Drops in the second half of the window over those in the first, and the standard error of its logarithm."""
-    span = trace.t[-1] - trace.t[0]
-    if drops.size >= FEWEST_CYCLES and bool(np.all(drops > 0)):
-        at = (times - times.mean()) / span
-        size = np.log(drops)
-        slope = float(at @ size / (at @ at))
-        rest = size - size.mean() - slope * at
-        power = float(rest @ rest)
-        # Slow wandering of the drops (few contacts, or a boundary near by) makes them worth fewer independent ones.
-        memory = min(max(float(rest[1:] @ rest[:-1]) / power, 0.0), 0.9) if power > 0 else 0.0
-        error = math.sqrt(power / (drops.size - 2) / float(at @ at) * (1 + memory) / (1 - memory))
-        return math.exp(0.5 * slope), 0.5 * error
-    return _halves(trace), math.nan
-
-
-def _halves(trace: Trace) -> float:
-    """Standard deviation of the force in the second half of the window over that in the first."""
-    half = trace.force.size // 2
-    first, second = float(trace.force[:half].std()), float(trace.force[half:].std())
-    return second / first if first > 0 else math.nan
-
-
-def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
-    """Kind and reason; `seen` is the evidence."""
-    objection = _about_the_drive(trace)
-    if objection:
-        return "undecided", objection
-    if trace.drive is None and is_mirrored(trace, found):
-        return "undecided", (
-            "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on "
-            "the command line, flip=True in read_trace)"
-        )
-    if found.size == 0:
-        return _without_drops(trace, found, seen)
-    oscillation = f"{100 * seen.peak_to_peak / seen.static_friction:.3g} % of the largest force"
-    # Samples that step over a slip miss its velocity; the time that drops take is then a safer witness.
-    coarse = float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP
-    if seen.peak_velocity is not None and (seen.peak_velocity >= SLIP_VELOCITY or not coarse):
-        slips = seen.peak_velocity >= SLIP_VELOCITY
-        how = f"the slider reaches {seen.peak_velocity:.3g} times the velocity of the drive in a typical cycle"
+def _verdict(trace: Trace, seen: Evidence, table: dict[str, Criterion], depth: int) -> _Verdict:
+    """Kind, reason and parts, off the tests: the first rule that holds decides."""
+    yes = {key for key, row in table.items() if row.passed}
+    for reason in (_about_the_drive(trace), _about_the_sign(trace, seen.found)):
+        if reason:
+            return "undecided", reason, ()
+    if "drops" not in yes:
+        return *_without_drops(trace, seen), ()
+    part = f"{100 * seen.peak_to_peak / seen.friction:.3g} % of the largest force"
+    tiny = f"the force oscillates by {100 * seen.swing / seen.friction:.3g} % of the largest force, peak to peak"
+    if "cycles" not in yes:
+        if not seen.slips and "size" not in yes:
+            return "smooth sliding", tiny, ()
+        return "undecided", _still_loading(trace, seen) or _too_few(trace, seen), ()
+    if "contacts" in table and "contacts" not in yes and ("normal" in yes or not seen.periodic):
+        return *_noise_of_contacts(trace, seen, yes, part), ()
+    if "contacts" in table and not yes & {"contacts", "enough"}:
+        return "undecided", _noise_or_not(trace, seen, part), ()
+    if depth < _DEEPEST and (seen.slips or seen.periodic) and (told := _in_parts(trace, seen, yes, depth)):
+        return told
+    if "shrinks" in yes:
+        return *_decaying(trace, seen), ()
+    manner = "periodic" if seen.periodic else "irregular"
+    if seen.slips:
+        growth = "; the slips still grow" if "grows" in yes else ""
+        return "stick-slip", f"{manner} slips that persist: {_how(seen, table)}{growth}", ()
+    if "grows" in yes:
+        return "undecided", _growing(trace, seen), ()
+    if "size" not in yes:
+        return "smooth sliding", tiny, ()
+    if "resolved" not in yes:
+        return "undecided", f"drops of {part} last fewer than {FEWEST_IN_A_DROP} samples: record more often", ()
+    unsure = "sizes" in yes or ("contacts" in table and not seen.periodic)
+    if trace.velocity is None and "normal" in yes and unsure:
+        return "undecided", _noise_or_not(trace, seen, part), ()
+    if seen.periodic and "persists" in table and "persists" not in yes:
+        more = trace.time_in_words(2.0 * float(np.ptp(trace.t)))
+        return "undecided", f"the oscillation of {part} may decay to less than half; about {more} more would tell", ()
+    if seen.periodic or "contacts" in table:
+        told_of = f"{manner}, {part}, peak to peak; {_whether_it_sticks(trace)}: {_how(seen, table)}"
+        return "sustained oscillation", told_of, ()
+    if {"normal", "slight"} <= yes and ("uneven" in yes or "uneven" not in table):
+        return "smooth sliding", f"the force fluctuates by {part}, without a period, as slow noise does", ()
+    more = trace.time_in_words(4.0 * float(np.ptp(trace.t)))
+    if "slight" not in yes:
+        why = f"the force fluctuates by {part}, without a period: too much for noise, and no slips that stand out"
     else:
-        slips = seen.slip_phase <= SLIP_PHASE
-        how = f"slip phase: {100 * seen.slip_phase:.0f} % of the cycle"
-    if seen.cycles < FEWEST_CYCLES:
-        return _too_few(trace, found, seen, slips, oscillation)
-    change, allowed = math.log(seen.trend), STEADY + 3.0 * seen.trend_error
-    if found.periodic:  # regular cycles tell their trend at once; a large error is no leave to drift
-        allowed = min(allowed, 2.0 * STEADY)
-    if change < -allowed:
-        return _decaying(trace, seen, slips)
-    if seen.peak_to_peak >= TINY * seen.static_friction and (stopped := _stopped(trace, found)):
-        return "undecided", stopped
-    if slips and (found.periodic or seen.slip_phase <= SLIP_PHASE):
-        manner = "periodic" if found.periodic else "irregular"
-        growth = "; the slips still grow" if change > allowed else ""
-        return "stick-slip", f"{manner} slips that persist: {how}{growth}"
-    if change > allowed:
-        span = trace.t[-1] - trace.t[0]
-        return "undecided", (
-            f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window; about "
-            f"{trace.time_in_words(2.0 * span)} more would tell"
+        why = f"irregular oscillation of {part} that is neither slips nor noise: {_how(seen, table)}"
+    or_else = ", or the velocity of the slider," if trace.velocity is None else ""
+    return "undecided", f"{why}; about {more} more{or_else} would tell", ()
+
+
+def _how(seen: Evidence, table: dict[str, Criterion]) -> str:
+    """The test that parts slips from an oscillation, in words."""
+    if "fast" in table and (table["fast"].passed or table["resolved"].passed):
+        return f"the slider reaches {seen.speed:.3g} times the velocity of the drive in a typical cycle"
+    if table["phase"].passed or seen.periodic or "held" not in table:
+        return f"slip phase: {100 * seen.phase:.0f} % of the cycle"
+    return f"the force rises at its full rate for {100 * seen.held:.0f} % of the time"
+
+
+def _in_parts(trace: Trace, seen: Evidence, yes: set[str], depth: int) -> _Verdict | None:
+    """Judge a record with a pause, or with a step of its drops, part by part; None if it is of one kind, and even."""
+    found, ratio, pause = seen.found, 1.0, -1
+    if "paused" in yes:
+        limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
+        longest = int(np.argmax(np.diff(limits)))
+        begin = float(trace.t[found.end[longest - 1]]) if longest else float(trace.t[0])
+        end, usual = limits[longest + 1], (limits[longest + 1] - limits[longest]) / seen.pause[0]
+        edges, pause = [begin, float(end - usual if longest < found.size else end)], 1  # before the force rises again
+    elif "shrinks" in yes and (step := _step(found)):
+        edges = [float(found.times[step])]
+        ratio = float(np.median(found.drops[step:]) / np.median(found.drops[:step]))
+    else:
+        return None
+    parts = [trace.part(*ends) for ends in itertools.pairwise([float(trace.t[0]), *edges, math.inf])]
+    judged = [
+        (_judge(part, depth=depth + 1), i == pause) for i, part in enumerate(parts) if part.t.size >= FEWEST_READINGS
+    ]
+    segments: list[Segment] = []
+    for each, is_pause in judged:
+        if each.kind == "undecided" and not each.segments and not is_pause:
+            if pause < 0:
+                return None
+            continue
+        for new in each.segments or (Segment(kind=each.kind, begin=each.window[0], end=each.window[1]),):
+            same = bool(segments) and segments[-1].kind == new.kind
+            segments.append(replace(new, begin=segments.pop().begin) if same else new)
+    kinds = {segment.kind for segment in segments}
+    if not kinds & {"stick-slip", "sustained oscillation"}:
+        return None
+    if len(kinds) == 1:
+        last = judged[-1][0]
+        when = trace.time_in_words(edges[0])
+        more = f"{last.reason}; from t = {when} on, the drops are {ratio:.2g} times as large"
+        return None if pause > 0 else (last.kind, more, ())
+    if len(segments) > FEWEST_CYCLES:
+        return (
+            "undecided",
+            f"slips and pauses take turns, in {len(segments)} parts: judge each by itself",
+            tuple(segments),
         )
-    # Of a sine with noise of a sensor on top, peak to peak is more than the sine's.
-    swing = 2.0 * math.sqrt(2.0 * max(float(np.var(without_line(trace.force, trace.t))) - found.noise**2, 0.0))
-    if seen.peak_to_peak < TINY * seen.static_friction or (found.periodic and swing < TINY * seen.static_friction):
-        size = min(swing, seen.peak_to_peak) / seen.static_friction
-        return "smooth sliding", f"the force oscillates by {100 * size:.3g} % of the largest force, peak to peak"
-    if coarse:
-        return "undecided", f"drops of {oscillation} last fewer than {FEWEST_IN_A_DROP} samples: record more often"
-    if not found.periodic and _halves(trace) < 1.0 - 3.0 * STEADY:
-        return _decaying(trace, replace(seen, trend=_halves(trace)), slips)
-    if found.periodic or contact_noise(trace) < math.inf:
-        manner = "periodic" if found.periodic else "irregular"
-        return "sustained oscillation", f"{manner}, {oscillation}, peak to peak; {_whether_it_sticks(seen)}: {how}"
-    if seen.peak_to_peak < MOST_NOISE * seen.static_friction and is_normal(trace.force):
-        return "smooth sliding", f"the force fluctuates by {oscillation}, without a period, as noise does"
-    or_else = ", or the velocity of the slider," if seen.peak_velocity is None else ""
-    return "undecided", (
-        f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
-        f"{trace.time_in_words(4.0 * (trace.t[-1] - trace.t[0]))} more{or_else} would tell"
-    )
+    names = ["nothing" if segment.kind == "undecided" else segment.kind for segment in segments]
+    told = [f"{name} up to t = {trace.time_in_words(each.end)}" for name, each in zip(names, segments, strict=True)]
+    told[-1] = names[-1]
+    return "undecided", f"{', then '.join(told)}: judge each part by itself", tuple(segments)
 
 
-def _stopped(trace: Trace, found: Slips) -> str:
-    """Say when the slips stopped, if they did: time enough has passed since the last for one, at three standard errors.
-
-    Times between slips are taken to follow a gamma distribution: even ones at a small variation, random ones at 1.
-    """
-    from scipy.special import gammainccinv
-
-    mean, _, variation = mean_and_std(np.diff(found.times))
-    shape = 1.0 / max(variation, 0.01) ** 2
-    last = float(trace.t[found.end[-1]])
-    if not trace.t[-1] - found.times[-1] > mean * max(2.0, float(gammainccinv(shape, 0.00135)) / shape):
-        return ""
-    rest = trace.part(last)
-    then = _judge(rest).kind if rest.t.size >= FEWEST_READINGS else "undecided"
-    return (
-        f"slips every {trace.time_in_words(mean)} up to t = {trace.time_in_words(last)}, then "
-        f"{'none' if then == 'undecided' else then}: judge each part by itself"
-    )
+def _step(found: Slips) -> int:
+    """The slip at which the drops change at once, if a step fits them better than a line, by three errors; else 0."""
+    size = np.log(found.drops)
+    count = np.arange(1, size.size)
+    total = np.cumsum(size - size.mean())[:-1]
+    gain = total**2 * size.size / (count * (size.size - count))
+    gain[: FEWEST_CYCLES - 1] = gain[size.size - FEWEST_CYCLES :] = 0.0
+    at = found.times - found.times.mean()
+    line = float(at @ size) ** 2 / float(at @ at)
+    best = int(np.argmax(gain))
+    power = max(float(np.sum((size - size.mean()) ** 2)) - float(gain[best]), 0.0) / max(size.size - 2, 1)
+    return best + 1 if gain[best] - line > ERRORS**2 * power else 0
 
 
-def _whether_it_sticks(seen: Regime) -> str:
-    if seen.stuck is None:
+def _noise_of_contacts(trace: Trace, seen: Evidence, yes: set[str], part: str) -> tuple[Kind, str]:
+    """Verdict on a fluctuation that so few contacts make as noise."""
+    relative = f"the force fluctuates by {part}, without a period"
+    if seen.slips and seen.relative > ERRORS * STEADY:  # of so few contacts that each slip is seen
+        return "stick-slip", f"irregular slips that persist, of few contacts ({trace.contacts}): {part}"
+    if "slight" not in yes and "shrinks" in yes:
+        return _decaying(trace, seen)
+    if "slight" not in yes:
+        return "sustained oscillation", (
+            f"irregular, {part}, peak to peak, as expected from the noise of {trace.contacts} contacts; "
+            f"{_whether_it_sticks(trace)}"
+        )
+    return "smooth sliding", f"{relative}: no more than the noise of {trace.contacts} contacts"
+
+
+def _whether_it_sticks(trace: Trace) -> str:
+    if trace.velocity is None or trace.drive is None:
         return "whether the slider sticks, the force alone does not tell"
-    if seen.stuck < STICKS:
-        return "the slider never sticks"
-    return f"the slider sticks for {100 * seen.stuck:.0f} % of the time"
+    stuck = float(np.mean(np.abs(trace.velocity) < STUCK * abs(float(trace.drive.mean()))))
+    return "the slider never sticks" if stuck < STICKS else f"the slider sticks for {100 * stuck:.0f} % of the time"
 
 
-def _too_few(trace: Trace, found: Slips, seen: Regime, slips: bool, oscillation: str) -> tuple[Kind, str]:
-    """Verdict on fewer cycles than make one."""
-    if not slips and seen.peak_to_peak < TINY * seen.static_friction:
-        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
-    span = float(trace.t[-1] - trace.t[0])
-    each = seen.period if math.isfinite(seen.period) else span / max(found.size, 1)
-    few = f"{seen.cycles} complete drop{'s' if seen.cycles > 1 else ''} of the force"
-    return "undecided", (
-        f"too short: {few} in the window; a verdict needs {FEWEST_CYCLES}: about "
-        f"{trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each))} more"
+def _too_few(trace: Trace, seen: Evidence) -> str:
+    """What to say of fewer cycles than make a verdict."""
+    count, span = seen.count, float(np.ptp(trace.t))
+    each = span / max(count, 1)
+    return (
+        f"too short: {count} complete drop{'s' * (count != 1)} of the force in the window; a verdict needs "
+        f"{FEWEST_CYCLES}: about {trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each))} more"
     )
 
 
-def _decaying(trace: Trace, seen: Regime, slips: bool) -> tuple[Kind, str]:
+def _noise_or_not(trace: Trace, seen: Evidence, part: str) -> str:
+    """What to say of cycles that the noise of a mode which hardly decays makes as well."""
+    more = trace.time_in_words(max(ENOUGH / seen.count, 2.0) * float(np.ptp(trace.t)))
+    return f"{seen.count} cycles of {part}, peak to peak, that noise may make as well; about {more} more would tell"
+
+
+def _growing(trace: Trace, seen: Evidence) -> str:
+    """What to say of an oscillation that grows."""
+    change = f"by a factor {seen.trend:.2g} between the halves of the window; about "
+    more = f"{trace.time_in_words(2.0 * float(np.ptp(trace.t)))} more would tell"
+    if seen.periodic or not seen.kurtosis >= NORMAL:
+        return f"the oscillation still grows, {change}{more}"
+    part = 100 * seen.peak_to_peak / seen.friction
+    return f"the force fluctuates by {part:.3g} % of the largest force, without a period, and changes {change}{more}"
+
+
+def _decaying(trace: Trace, seen: Evidence) -> tuple[Kind, str]:
     """Verdict on an oscillation that shrinks."""
-    second = float(np.ptp(trace.force[trace.force.size // 2 :]))
-    shrinks = f"the oscillation decays, by a factor {seen.trend:.2g} from one half of the window to the other"
-    part = second / seen.static_friction
-    if not slips and part < SMALL:
-        return "smooth sliding", f"{shrinks}, and is down to {100 * part:.3g} % of the largest force"
-    halves = math.log(SMALL / max(part, 1.1 * SMALL)) / math.log(seen.trend)
-    more = 0.5 * max(halves, 1.0) * float(trace.t[-1] - trace.t[0])
+    half = trace.force[trace.force.size // 2 :]
+    left = float(np.ptp(half)) / seen.friction
+    name = "oscillation" if seen.periodic or seen.slips or not seen.kurtosis >= NORMAL else "fluctuation"
+    shrinks = f"the {name} decays, by a factor {seen.trend:.2g} from one half of the window to the other"
+    if not seen.slips and left < SMALL:
+        return "smooth sliding", f"{shrinks}, and is down to {100 * left:.3g} % of the largest force"
+    halves = math.log(SMALL / max(left, 1.1 * SMALL)) / seen.ln_trend
+    more = 0.5 * max(halves, 1.0) * float(np.ptp(trace.t))
     return "undecided", f"{shrinks}; about {trace.time_in_words(more)} more would tell whether it persists"
+
+
+def _still_loading(trace: Trace, seen: Evidence) -> str:
+    """What to say of a force that a straight line makes most of, or nothing."""
+    span = float(np.ptp(trace.t))
+    drift = slope(trace.force, trace.t) * span
+    if abs(drift) <= DRIFTS * seen.peak_to_peak or abs(drift) <= 2.0 * seen.found.smallest:
+        return ""
+    way = "rises" if drift > 0 else "falls"
+    return (
+        f"the force still {way}, by {trace.force_in_words(abs(drift))} in the window, and shows no complete slip; "
+        f"about {trace.time_in_words(4.0 * span)} more would tell"
+    )
+
+
+def _about_the_sign(trace: Trace, found: Slips) -> str:
+    """What to say of a force that is turned, or nothing."""
+    if trace.drive is not None or not is_mirrored(trace, found):
+        return ""
+    return (
+        "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on "
+        "the command line, flip=True in read_trace)"
+    )
 
 
 def _about_the_drive(trace: Trace) -> str:
@@ -553,44 +617,17 @@ def _about_the_drive(trace: Trace) -> str:
     return ""
 
 
-def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
+def _without_drops(trace: Trace, seen: Evidence) -> tuple[Kind, str]:
     """Verdict where no drop of the force stands out."""
-    friction, oscillation = seen.static_friction, seen.peak_to_peak
-    span = float(trace.t[-1] - trace.t[0])
+    friction, oscillation, found = seen.friction, seen.peak_to_peak, seen.found
+    span = float(np.ptp(trace.t))
     if oscillation == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
     part = f"{100 * oscillation / friction:.3g} % of the largest force" if friction else "a force of 0"
     if oscillation < TINY * friction:
         return "smooth sliding", f"the force fluctuates by {part}"
-    drift = slope(trace.force, trace.t) * span
-    if abs(drift) > DRIFTS * oscillation and abs(drift) > 2.0 * found.smallest:
-        way = "rises" if drift > 0 else "falls"
-        return "undecided", (
-            f"the force still {way}, by {trace.force_in_words(abs(drift))} in the window, and shows no complete slip; "
-            f"about {trace.time_in_words(4.0 * span)} more would tell"
-        )
-    if found.dismissed:
-        relative = f"the force fluctuates by {part}, without a period"
-        second = float(np.ptp(trace.force[trace.force.size // 2 :]))
-        of_contacts = contact_noise(trace) < MORE_THAN_NOISE
-        if not of_contacts and (oscillation > MOST_NOISE * friction or not is_normal(trace.force)):
-            return "undecided", (
-                f"{relative}: too much for noise, and no slips that stand out; "
-                f"about {trace.time_in_words(4.0 * span)} more would tell"
-            )
-        if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * friction):
-            return "undecided", (
-                f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
-                f"{trace.time_in_words(2.0 * span)} more would tell"
-            )
-        if not of_contacts:
-            return "smooth sliding", f"{relative}, as slow noise does"
-        if oscillation > MOST_NOISE * friction:
-            return "sustained oscillation", (
-                f"irregular, {part}, peak to peak, as expected from the noise of {trace.contacts} contacts; "
-                f"{_whether_it_sticks(seen)}"
-            )
-        return "smooth sliding", f"{relative}: no more than the noise of {trace.contacts} contacts"
+    if loading := _still_loading(trace, seen):
+        return "undecided", loading
     if oscillation > max(2.0 * found.smallest, SMALL * friction) and not is_white(trace, found.noise, found.cycles):
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "

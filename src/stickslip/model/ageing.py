@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeGuard
+from typing import Annotated, Any
 
 from stickslip.errors import InputError
 from stickslip.model.delays import DelayModel
@@ -43,7 +43,7 @@ class AgeingModel:
         )
 
     def response(self, thresholds: Distribution, delay: DelayModel) -> Any:
-        """Return the linear response of steady sliding, a `stickslip.stability.response.Response`."""
+        """Return the linear response of steady sliding, a `stickslip.sliding.Response`."""
         del thresholds, delay
         raise InputError(
             f"Interface.ageing = {self}: the stability of smooth sliding is not known; simulate, or give "
@@ -116,8 +116,3 @@ class LogarithmicGrowth(AgeingModel):
 
 FixedGrowth = ExponentialGrowth | LogarithmicGrowth
 """Thresholds that are known from the birth of a contact on."""
-
-
-def is_own(ageing: AgeingModel | None) -> TypeGuard[AgeingModel]:
-    """Whether a model of ageing is the user's own."""
-    return ageing is not None and not isinstance(ageing, Langevin | FixedGrowth)

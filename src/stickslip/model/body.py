@@ -9,23 +9,84 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, shown
 from stickslip.model.records import Number, check
+from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
 Links = tuple[NDArray[np.int64], Array]
 """Pairs of coupled blocks, shape (links, 2), and the stiffness of each spring, shape (links,)."""
 
-Ends = Literal["free", "periodic"]
+
+BODIES: dict[str, type] = {}
+"""The elastic bodies that rig files can describe, by the name of their table."""
+
+register = registrar(BODIES, "body")
+"""Class decorator: ``@register("chain")`` gives a body the name of the table that describes it in rig files."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chain:
+class ElasticBody:
+    """Equal blocks, each on contacts of its own; all numbers are per contact of a block. What every body has.
+
+    A body of the user's own derives from this class, is registered under the name of its table in rig files, and says
+    its `size`, the springs that pull its blocks (`pulled`) and those that couple them (`links`).
+    """
+
+    coupling: Annotated[float, Number("k", above=0, hint="k_b, between neighbours along the drive, per contact")]
+    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N of a block")]
+    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
+    viscosity: Annotated[float, Number("f_s time/x_s", at_least=0, hint="c_b, beside the coupling")] = 0.0
+    leaf: Annotated[float, Number("k", at_least=0, hint="spring from every block to the drive")] = 0.0
+    side: Annotated[float, Number("k", at_least=0, hint="spring from the first block of a row to the drive")] = 0.0
+    ends: Literal["free", "periodic"] = "free"
+    spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def size(self) -> int:
+        """Number of blocks."""
+        raise NotImplementedError
+
+    @property
+    def rows(self) -> int:
+        """Number of rows beside each other; blocks are counted along the drive first."""
+        return 1
+
+    @property
+    def links(self) -> Links:
+        """The springs between blocks."""
+        raise NotImplementedError
+
+    @property
+    def pulled(self) -> Array:
+        """Stiffness of the spring from each block to the drive, shape (size,)."""
+        springs = np.full((self.rows, self.size // self.rows), self.leaf)
+        springs[:, 0] += self.side
+        return springs.ravel()
+
+    @property
+    def sound_speed(self) -> float:
+        """Speed ``sqrt(k_b/M)`` of long waves along the free body, in blocks per time."""
+        return math.sqrt(self.coupling / self.mass)
+
+    def _row(self, blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Pairs of neighbours in a row; a ring of two would couple them twice, and is none."""
+        pairs = np.column_stack([blocks[:-1], blocks[1:]])
+        if self.ends == "periodic" and len(blocks) > 2:
+            pairs = np.concatenate([pairs, [[blocks[-1], blocks[0]]]])
+        return pairs
+
+
+@register("chain")
+@dataclass(frozen=True, kw_only=True)
+class Chain(ElasticBody):
     """A bar of equal blocks in a row, each on contacts of its own; all numbers are per contact of a block.
 
     Each block moves by
@@ -70,18 +131,6 @@ class Chain:
     """
 
     blocks: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of blocks")]
-    coupling: Annotated[float, Number("k", above=0, hint="k_b, the bar between neighbouring blocks, per contact")]
-    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N of a block")]
-    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
-    viscosity: Annotated[float, Number("f_s time/x_s", at_least=0, hint="c_b, beside the coupling")] = 0.0
-    leaf: Annotated[float, Number("k", at_least=0, hint="spring from every block to the drive")] = 0.0
-    side: Annotated[float, Number("k", at_least=0, hint="spring from block 0 to the drive")] = 0.0
-    ends: Ends = "free"
-    spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
-
-    def __post_init__(self) -> None:
-        check(self)
-        _check_ends("Chain.ends", self.ends)
 
     @property
     def size(self) -> int:
@@ -89,29 +138,20 @@ class Chain:
         return self.blocks
 
     @property
-    def sound_speed(self) -> float:
-        """Speed ``sqrt(k_b/M)`` of long waves along the free bar, in blocks per time."""
-        return math.sqrt(self.coupling / self.mass)
-
-    @property
-    def pulled(self) -> Array:
-        """Stiffness of the spring from each block to the drive, shape (size,)."""
-        springs = np.full(self.blocks, self.leaf)
-        springs[0] += self.side
-        return springs
-
-    @property
     def links(self) -> Links:
         """The springs between blocks."""
-        pairs = _row(np.arange(self.blocks), self.ends)
+        pairs = self._row(np.arange(self.blocks))
         return pairs, np.full(len(pairs), self.coupling)
 
 
+@register("sheet")
 @dataclass(frozen=True, kw_only=True)
-class Sheet:
+class Sheet(ElasticBody):
     """A sheet of equal blocks on contacts, seen from above; displacements along the drive only, per contact.
 
-    Blocks are counted along the drive first: block ``i + along * j`` is the ``i``-th in row ``j``.
+    Blocks are counted along the drive first: block ``i + along * j`` is the ``i``-th in row ``j``. All numbers but
+    these three are those of a `Chain`, with `coupling` between neighbours in a row, `side` for the first block of every
+    row, and `viscosity` between rows in proportion to their stiffness.
 
     Parameters
     ----------
@@ -119,24 +159,8 @@ class Sheet:
         Number of blocks along the drive.
     across : int
         Number of rows beside each other.
-    coupling : float
-        Stiffness between neighbours in a row, in units of ``k``.
     shear : float
         Stiffness between neighbouring rows, in units of ``k``.
-    mass : float
-        ``M/N`` of a block, in units of ``f_s * time**2 / x_s``.
-    damping : float
-        ``eta`` of a block against the ground, in 1/time.
-    viscosity : float
-        Dashpot beside the coupling, in units of ``k`` times time; beside the shear in proportion to its stiffness.
-    leaf : float
-        Stiffness of a spring from every block to the drive, in units of ``k``.
-    side : float
-        Stiffness of a spring from the first block of every row to the drive, in units of ``k``.
-    ends : {"free", "periodic"}
-        Whether opposite edges are coupled.
-    spacing : float, optional
-        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then told as velocities.
 
     Raises
     ------
@@ -146,25 +170,13 @@ class Sheet:
     Examples
     --------
     >>> import stickslip as ss
-    >>> ss.Sheet(along=64, across=16, coupling=25.0, shear=8.0, mass=25.0, damping=0.2, leaf=0.25).size
+    >>> ss.model.Sheet(along=64, across=16, coupling=25.0, shear=8.0, mass=25.0, damping=0.2, leaf=0.25).size
     1024
     """
 
     along: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of blocks along the drive")]
     across: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of rows")]
-    coupling: Annotated[float, Number("k", above=0, hint="between neighbours in a row, per contact")]
     shear: Annotated[float, Number("k", above=0, hint="between neighbouring rows, per contact")]
-    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N of a block")]
-    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
-    viscosity: Annotated[float, Number("f_s time/x_s", at_least=0, hint="beside the coupling")] = 0.0
-    leaf: Annotated[float, Number("k", at_least=0, hint="spring from every block to the drive")] = 0.0
-    side: Annotated[float, Number("k", at_least=0, hint="spring from the first block of a row to the drive")] = 0.0
-    ends: Ends = "free"
-    spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
-
-    def __post_init__(self) -> None:
-        check(self)
-        _check_ends("Sheet.ends", self.ends)
 
     @property
     def size(self) -> int:
@@ -172,39 +184,15 @@ class Sheet:
         return self.along * self.across
 
     @property
-    def sound_speed(self) -> float:
-        """Speed of long waves along the rows of the free sheet, in blocks per time."""
-        return math.sqrt(self.coupling / self.mass)
-
-    @property
-    def pulled(self) -> Array:
-        """Stiffness of the spring from each block to the drive, shape (size,)."""
-        springs = np.full((self.across, self.along), self.leaf)
-        springs[:, 0] += self.side
-        return springs.ravel()
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.across
 
     @property
     def links(self) -> Links:
         """The springs between blocks."""
         block = np.arange(self.size).reshape(self.across, self.along)
-        rows = np.concatenate([_row(line, self.ends) for line in block])
-        columns = np.concatenate([_row(line, self.ends) for line in block.T])
+        rows = np.concatenate([self._row(line) for line in block])
+        columns = np.concatenate([self._row(line) for line in block.T])
         stiffness = np.concatenate([np.full(len(rows), self.coupling), np.full(len(columns), self.shear)])
         return np.concatenate([rows, columns]), stiffness
-
-
-ElasticBody = Chain | Sheet
-"""Bodies made of blocks."""
-
-
-def _row(blocks: NDArray[np.int64], ends: Ends) -> NDArray[np.int64]:
-    """Pairs of neighbours in a row; a ring of two would couple them twice, and is none."""
-    pairs = np.column_stack([blocks[:-1], blocks[1:]])
-    if ends == "periodic" and len(blocks) > 2:
-        pairs = np.concatenate([pairs, [[blocks[-1], blocks[0]]]])
-    return pairs
-
-
-def _check_ends(place: str, ends: object) -> None:
-    if ends not in get_args(Ends):
-        raise InputError(f"{place} = {shown(ends)}: must be one of {', '.join(get_args(Ends))}", place)

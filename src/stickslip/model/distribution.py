@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
-from stickslip.model.quadrature import inverse_survival_of, laplace_of, partial_moment_of
+from stickslip.model.quadrature import inverse_survival_of, partial_moment_of, transforms_of
 from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
@@ -49,16 +49,15 @@ class Distribution(Protocol):
         """Stretching exceeded with the given probability."""
         return inverse_survival_of(self, probability)
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)`` at complex `q`: minus the slope of the transform for order 1."""
-        return np.asarray(laplace_of(self, q, (order,))[0])
-
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """`laplace` of orders 0 and 1 at many points with ``Re q`` not far below 0, as fast as may be."""
-        if type(self).laplace is Distribution.laplace:
-            mean, slope = laplace_of(self, q, (0, 1))
-            return mean, slope
-        return self.laplace(q), self.laplace(q, 1)
+        """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not far below 0."""
+        return transforms_of(self, q)
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)`` at complex `q`, for order 0 or 1."""
+        if order not in (0, 1):
+            raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
+        return np.asarray(self.transform(np.asarray(q, dtype=complex))[order])
 
     @property
     def leftmost(self) -> float:
@@ -133,10 +132,6 @@ class Positive(Distribution):
         """Probability density at `x`."""
         x = np.asarray(x, dtype=float)
         return np.where(x > 0, self.whole.density(x) / self.whole.survival(0.0), 0.0)
-
-    def positive(self) -> Positive:
-        """Return the distribution itself: it is positive."""
-        return self
 
     @property
     def knots(self) -> tuple[float, ...]:

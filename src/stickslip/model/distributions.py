@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
-from typing import Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,8 @@ from scipy import special
 
 from stickslip.errors import InputError, number, numbers, sequence, whole
 from stickslip.model.distribution import DISTRIBUTIONS, NEGLIGIBLE, Distribution, excess, register
-from stickslip.model.quadrature import laplace_of_bins, laplace_on_a_ray, panels, transforms_on_a_path
+from stickslip.model.quadrature import panels, transforms_of_bins, transforms_on_a_path
+from stickslip.model.records import Number, check
 from stickslip.model.steady_state import SteadyState
 
 __all__ = [
@@ -48,11 +49,10 @@ LARGEST_STRETCHING = 1e12
 """In ``x_s``: beyond any distribution of contacts."""
 
 
-def _stretching(place: str, value: object, *, above: float | None = None, at_least: float | None = None) -> float:
-    """Check a stretching; the twentieth power of the largest is still a number."""
-    if above is None and at_least is None:
-        at_least = -LARGEST_STRETCHING
-    return number(place, value, above=above, at_least=at_least, at_most=LARGEST_STRETCHING, hint="in x_s")
+# The twentieth power of the largest stretching is still a number.
+Stretching = Annotated[float, Number(at_least=-LARGEST_STRETCHING, at_most=LARGEST_STRETCHING, hint="in x_s")]
+Width = Annotated[float, Number(at_least=0, at_most=LARGEST_STRETCHING, hint="in x_s")]
+Above0 = Annotated[float, Number(above=0, at_most=LARGEST_STRETCHING, hint="in x_s")]
 
 
 @register("gaussian")
@@ -69,15 +69,13 @@ class Gaussian(Distribution):
         Values at or below it are drawn again.
     """
 
-    mean: float
-    std: float
+    mean: Stretching
+    std: Width
     _: KW_ONLY
-    lower: float = -math.inf
+    lower: Annotated[float, Number(infinite=True)] = -math.inf
 
     def __post_init__(self) -> None:
-        _set(self, "mean", _stretching("Gaussian.mean", self.mean))
-        _set(self, "std", _stretching("Gaussian.std", self.std, at_least=0))
-        _set(self, "lower", number("Gaussian.lower", self.lower, infinite=True))
+        check(self)
         if self._beyond_lower() < 1e-6:
             raise InputError(
                 f"Gaussian.lower = {self.lower:g}: less than one value in a million lies above it; "
@@ -92,17 +90,7 @@ class Gaussian(Distribution):
             return float(self.mean > self.lower)
         return float(special.ndtr(-self._z(self.lower)))
 
-    @property
-    def own_std(self) -> float:
-        """The parameter ``std``, which `with_std` sets."""
-        return self.std
-
-    def with_std(self, value: float) -> Gaussian:
-        """Return the distribution with another standard deviation, at the same mean."""
-        return replace(self, std=value)
-
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         if self.std == 0:
             raise InputError(
                 "Gaussian.std = 0: a distribution with all its values at one point has no density; "
@@ -113,7 +101,6 @@ class Gaussian(Distribution):
         return np.where(x >= self.lower, bell / self._beyond_lower(), 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``, by recursion in the order."""
         low = np.maximum(np.asarray(x, dtype=float), self.lower)
         if self.std == 0:
             return np.where(low < self.mean, self.mean**order, 0.0)
@@ -128,12 +115,10 @@ class Gaussian(Distribution):
         return np.asarray(moments[order] / self._beyond_lower())
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         tail = np.asarray(probability, dtype=float) * self._beyond_lower()
         return np.asarray(self.mean - self.std * special.ndtri(tail))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` values; those at or below `lower` are drawn again, unless that would be most of them."""
         if self._beyond_lower() < 0.5:
             return self.inverse_survival(1.0 - rng.random(size))
         values = rng.normal(self.mean, self.std, size)
@@ -141,58 +126,39 @@ class Gaussian(Distribution):
             values[again] = rng.normal(self.mean, self.std, again.size)
         return values
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``, through the scaled error function so that nothing overflows early."""
-        q = np.asarray(q, dtype=complex)
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         if self.std == 0:
-            return np.asarray(self.mean**order * np.exp(-q * self.mean))
+            mean = np.exp(-q * self.mean)
+            return mean, np.asarray(self.mean * mean)
         variance = self.std**2
         if math.isinf(self.lower):
-            kept = np.exp(-q * self.mean + 0.5 * q * q * variance)
-            edge = np.zeros_like(kept)
-        else:
-            # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
-            z = (self.lower - self.mean + q * variance) / (self.std * math.sqrt(2))
-            at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
-            right = z.real >= 0
-            part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
-            left = np.where(right, 0.0, q)
-            kept = np.where(right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part)
-            edge = at_cut / math.sqrt(2 * math.pi) * self.std
-        if order == 1:
-            kept = (self.mean - q * self.std**2) * kept + edge
-        elif order != 0:
-            raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
-        return np.asarray(kept / self._beyond_lower())
-
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """`laplace` of orders 0 and 1: by parts, one transform instead of two."""
-        mean = self.laplace(q)
-        if self.std == 0:
-            return mean, self.laplace(q, 1)
-        variance = self.std**2
-        cut = self.density(self.lower) * np.exp(-q * self.lower) if math.isfinite(self.lower) else 0.0
-        return mean, np.asarray((self.mean - q * variance) * mean + variance * cut)
+            mean = np.exp(-q * self.mean + 0.5 * q * q * variance)
+            return mean, np.asarray((self.mean - q * variance) * mean)
+        # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
+        z = (self.lower - self.mean + q * variance) / (self.std * math.sqrt(2))
+        at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
+        right = z.real >= 0
+        part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
+        left = np.where(right, 0.0, q)
+        kept = np.where(right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part)
+        slope = (self.mean - q * variance) * kept + at_cut / math.sqrt(2 * math.pi) * self.std
+        return np.asarray(kept / self._beyond_lower()), np.asarray(slope / self._beyond_lower())
 
     @property
     def leftmost(self) -> float:
-        """Minus infinity: the transform exists everywhere."""
         return -math.inf
 
     def positive(self) -> Gaussian:
-        """Return the distribution cut off at zero."""
         return replace(self, lower=max(self.lower, 0.0))
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """The cut, where there is one, or the single value of a distribution without standard deviation."""
         if self.std == 0:
             return (self.mean,)
         return () if math.isinf(self.lower) else (self.lower,)
 
     @property
     def support(self) -> tuple[float, float]:
-        """Interval that holds all but a negligible part of the probability on each side."""
         low, high = special.ndtri(NEGLIGIBLE / 2), special.ndtri(NEGLIGIBLE / 2 * self._beyond_lower())
         return max(self.lower, self.mean + low * self.std), self.mean - high * self.std
 
@@ -202,15 +168,15 @@ class Gaussian(Distribution):
 class Uniform(Distribution):
     """Rectangular distribution on ``[low, high]``."""
 
-    low: float
-    high: float
+    low: Stretching
+    high: Stretching
 
     def __post_init__(self) -> None:
-        _set(self, "low", _stretching("Uniform.low", self.low))
-        _set(self, "high", _stretching("Uniform.high", self.high, above=self.low))
+        check(self)
+        number("Uniform.high", self.high, above=self.low, hint="in x_s")
 
     @property
-    def own_std(self) -> float:
+    def std(self) -> float:
         """The standard deviation, which `with_std` sets."""
         return self.standard_deviation()
 
@@ -220,106 +186,84 @@ class Uniform(Distribution):
         return Uniform(low=middle - math.sqrt(3) * value, high=middle + math.sqrt(3) * value)
 
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         x = np.asarray(x, dtype=float)
         return np.where((x >= self.low) & (x <= self.high), 1.0 / (self.high - self.low), 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         low = np.clip(np.asarray(x, dtype=float), self.low, self.high)
         return np.asarray((self.high ** (order + 1) - low ** (order + 1)) / ((order + 1) * (self.high - self.low)))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         return np.asarray(self.high - np.asarray(probability, dtype=float) * (self.high - self.low))
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``."""
-        return laplace_of_bins(q, np.array([self.low, self.high]), np.array([1.0]), order)
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        return transforms_of_bins(q, np.array([self.low, self.high]), np.array([1.0]))
 
     @property
     def leftmost(self) -> float:
-        """Minus infinity: the transform exists everywhere."""
         return -math.inf
 
     def positive(self) -> Uniform:
-        """Return the distribution on the positive part of its interval."""
         if self.high <= 0:
             raise InputError(f"Uniform.high = {self.high:g}: must be above 0 for a distribution of thresholds")
         return replace(self, low=max(self.low, 0.0))
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """The two ends."""
         return (self.low, self.high)
 
     @property
     def support(self) -> tuple[float, float]:
-        """The interval itself."""
         return self.low, self.high
 
 
 @register("exponential")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Exponential(Distribution):
     """Exponential distribution: a contact that has no memory of its stretching."""
 
-    mean: float
+    mean: Above0
 
     def __post_init__(self) -> None:
-        _set(self, "mean", _stretching("Exponential.mean", self.mean, above=0))
+        check(self)
 
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         x = np.asarray(x, dtype=float)
         return np.where(x >= 0, np.exp(-np.maximum(x, 0.0) / self.mean) / self.mean, 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         u = np.maximum(np.asarray(x, dtype=float), 0.0) / self.mean
         scale = self.mean**order * math.factorial(order)
         return np.asarray(scale * special.gammaincc(order + 1.0, u))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         return np.asarray(-self.mean * np.log(np.asarray(probability, dtype=float)))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` values."""
         return rng.exponential(self.mean, size)
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``."""
-        return np.asarray(
-            math.factorial(order) * self.mean**order / (1 + self.mean * np.asarray(q, dtype=complex)) ** (order + 1)
-        )
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        return 1.0 / (1.0 + self.mean * q), self.mean / (1.0 + self.mean * q) ** 2
 
     @property
     def leftmost(self) -> float:
-        """The rate of the tail: ``-1/mean``."""
         return -1.0 / self.mean
-
-    def positive(self) -> Exponential:
-        """Return the distribution itself: it is positive."""
-        return self
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Zero, where the density starts."""
         return (0.0,)
 
 
 @register("gamma")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Gamma(Distribution):
     """Gamma distribution with the given mean and standard deviation."""
 
-    mean: float
-    std: float
+    mean: Above0
+    std: Above0
 
     def __post_init__(self) -> None:
-        _set(self, "mean", _stretching("Gamma.mean", self.mean, above=0))
-        _set(self, "std", _stretching("Gamma.std", self.std, above=0))
+        check(self)
 
     @property
     def shape(self) -> float:
@@ -331,67 +275,47 @@ class Gamma(Distribution):
         """Scale parameter ``std**2/mean``."""
         return self.std**2 / self.mean
 
-    @property
-    def own_std(self) -> float:
-        """The parameter ``std``, which `with_std` sets."""
-        return self.std
-
-    def with_std(self, value: float) -> Gamma:
-        """Return the distribution with another standard deviation, at the same mean."""
-        return replace(self, std=value)
-
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         u = np.asarray(x, dtype=float) / self.scale
         inside = np.maximum(u, np.finfo(float).tiny)
         bell = np.exp((self.shape - 1) * np.log(inside) - inside - special.gammaln(self.shape)) / self.scale
         return np.where(u >= 0, bell, 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         u = np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale
         scale = self.scale**order * float(special.poch(self.shape, order))
         return np.asarray(scale * special.gammaincc(self.shape + order, u))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         return np.asarray(self.scale * special.gammainccinv(self.shape, np.asarray(probability, dtype=float)))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` values; an underflow to zero is lifted to the smallest number."""
+        # An underflow to zero is lifted to the smallest number.
         return np.maximum(rng.gamma(self.shape, self.scale, size), np.finfo(float).tiny)
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``."""
-        factor = self.scale**order * float(special.poch(self.shape, order))
-        return np.asarray(factor * (1 + self.scale * np.asarray(q, dtype=complex)) ** (-self.shape - order))
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        base = 1.0 + self.scale * q
+        return base**-self.shape, np.asarray(self.mean * base ** (-self.shape - 1.0))
 
     @property
     def leftmost(self) -> float:
-        """The rate of the tail: ``-1/scale``."""
         return -1.0 / self.scale
-
-    def positive(self) -> Gamma:
-        """Return the distribution itself: it is positive."""
-        return self
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Zero, where the density may start with a jump."""
         return (0.0,)
 
 
 @register("lognormal")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class LogNormal(Distribution):
     """Log-normal distribution with the given mean and standard deviation (of the stretching, not of its logarithm)."""
 
-    mean: float
-    std: float
+    mean: Above0
+    std: Above0
 
     def __post_init__(self) -> None:
-        _set(self, "mean", _stretching("LogNormal.mean", self.mean, above=0))
-        _set(self, "std", _stretching("LogNormal.std", self.std, above=0))
+        check(self)
 
     @property
     def log_std(self) -> float:
@@ -407,53 +331,25 @@ class LogNormal(Distribution):
         logarithm = np.log(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
         return np.asarray((logarithm - self.log_mean) / self.log_std)
 
-    @property
-    def own_std(self) -> float:
-        """The parameter ``std``, which `with_std` sets."""
-        return self.std
-
-    def with_std(self, value: float) -> LogNormal:
-        """Return the distribution with another standard deviation, at the same mean."""
-        return replace(self, std=value)
-
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         x = np.asarray(x, dtype=float)
         bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.log_std)
         return np.where(x > 0, bell / np.maximum(x, np.finfo(float).tiny), 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         with np.errstate(over="ignore"):  # a wide distribution has high moments beyond any number
             scale = float(np.exp(order * self.log_mean + 0.5 * (order * self.log_std) ** 2))
         x = np.asarray(x, dtype=float)
         return np.where(x > 0, scale * special.ndtr(order * self.log_std - self._z(x)), scale)
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         z = -special.ndtri(np.asarray(probability, dtype=float))
         return np.asarray(np.exp(self.log_mean + self.log_std * z))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` values."""
         return rng.lognormal(self.log_mean, self.log_std, size)
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm (there is no closed form)."""
-        # The phase q x turns fastest where the density is still felt, about five deviations up.
-        per_turn = 17 * float(self.inverse_survival(1e-7)) * self.log_std / 6
-        return laplace_on_a_ray(q, order, self._on_a_ray, 2.0 * self.log_std, 12, per_turn)
-
-    def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
-        del growing  # the transform has no value there
-        # Turning x by an angle shifts z by an imaginary number; beyond two standard deviations the density would grow.
-        node, weight = panels(-8.5, 8.5, count)
-        z = node - 1j * angle / self.log_std
-        x = np.asarray(np.exp(self.log_mean + self.log_std * z))
-        return x, np.asarray(np.log(weight) - 0.5 * z * z - 0.5 * math.log(2 * math.pi))
-
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """`laplace` of orders 0 and 1, with nodes on one path for all `q`."""
         # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2), at most 90.
         z = np.arange(-9.0, 9.0, 0.04) - 1j * min(3.0, 0.7 / self.log_std)
         x, weight = np.exp(self.log_mean + self.log_std * z), np.exp(-0.5 * z * z)
@@ -461,84 +357,56 @@ class LogNormal(Distribution):
 
     @property
     def leftmost(self) -> float:
-        """Zero: the tail is heavier than any exponential."""
         return 0.0
-
-    def positive(self) -> LogNormal:
-        """Return the distribution itself: it is positive."""
-        return self
 
 
 @register("weibull")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Weibull(Distribution):
     """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
 
-    scale: float
-    shape: float
+    scale: Above0
+    shape: Annotated[float, Number(at_least=0.1)]
 
     def __post_init__(self) -> None:
-        _set(self, "scale", _stretching("Weibull.scale", self.scale, above=0))
-        _set(self, "shape", number("Weibull.shape", self.shape, at_least=0.1))
+        check(self)
 
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         u = np.asarray(x, dtype=float) / self.scale
         inside = np.maximum(u, np.finfo(float).tiny)
         bell = self.shape / self.scale * inside ** (self.shape - 1) * np.exp(-(inside**self.shape))
         return np.where(u >= 0, bell, 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         with np.errstate(over="ignore"):  # beyond all numbers nothing is left
             u = (np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale) ** self.shape
         a = 1.0 + order / self.shape
         return np.asarray(self.scale**order * special.gamma(a) * special.gammaincc(a, u))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         return np.asarray(self.scale * (-np.log(np.asarray(probability, dtype=float))) ** (1 / self.shape))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` values; an underflow to zero is lifted to the smallest number."""
+        # An underflow to zero is lifted to the smallest number.
         return np.maximum(self.scale * rng.weibull(self.shape, size), np.finfo(float).tiny)
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm of the hazard (no closed form)."""
-        per_turn = 4 * float(self.inverse_survival(1e-9)) / self.shape
-        return laplace_on_a_ray(q, order, self._on_a_ray, 1.2 / self.shape, 24, per_turn)
-
-    def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
-        # Turning x by an angle turns (x/scale)**shape by `shape` times as much, which must stay below a right angle.
-        turn = np.exp(-1j * angle * self.shape)
-        y, weight = panels(-40.0, 6.6 if growing else 3.7 - math.log(turn.real), count)
-        x = np.asarray(self.scale * np.exp(y / self.shape - 1j * angle))
-        return x, np.asarray(np.log(weight) + y - 1j * angle * self.shape - np.exp(y) * turn)
-
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """`laplace` of orders 0 and 1, with nodes on one path for all `q`."""
         # x = scale t^(1/shape), with t = exp(y) turned
-        t = np.exp(np.arange(-40.0, 4.2, 0.05) - 0.7j * min(1.0, self.shape))
+        t = np.exp(np.arange(-40.0, 4.8, 0.05) - 0.7j * min(1.0, self.shape))
         weight = t * np.exp(-t)
         return transforms_on_a_path(q, self.scale * t ** (1 / self.shape), weight / weight.sum())
 
     @property
     def leftmost(self) -> float:
-        """Zero where the tail is heavier than an exponential, ``-1/scale`` where it is one."""
         return 0.0 if self.shape < 1 else -1.0 / self.scale if self.shape == 1 else -math.inf
-
-    def positive(self) -> Weibull:
-        """Return the distribution itself: it is positive."""
-        return self
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Zero, where the density may start with a jump."""
         return (0.0,)
 
 
 @register("empirical")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Empirical(Distribution):
     """A measured distribution: a histogram, its density constant within each bin.
 
@@ -561,7 +429,8 @@ class Empirical(Distribution):
         edges, weights = (
             sequence(f"Empirical.{name}", getattr(self, name), "a list of numbers") for name in ("edges", "weights")
         )
-        edges = tuple(_stretching(f"Empirical.edges[{i}]", edge) for i, edge in enumerate(edges))
+        bounds: Any = {"at_least": -LARGEST_STRETCHING, "at_most": LARGEST_STRETCHING, "hint": "in x_s"}
+        edges = tuple(number(f"Empirical.edges[{i}]", edge, **bounds) for i, edge in enumerate(edges))
         weights = tuple(number(f"Empirical.weights[{i}]", weight, at_least=0) for i, weight in enumerate(weights))
         if len(edges) != len(weights) + 1 or len(weights) == 0:
             raise InputError(
@@ -574,8 +443,8 @@ class Empirical(Distribution):
             raise InputError("Empirical.weights: must have a positive sum")
         if abs(total - 1.0) <= 4e-16:
             total = 1.0  # normalised already: a distribution made again from its fields is the same distribution
-        _set(self, "edges", edges)
-        _set(self, "weights", tuple(w / total for w in weights))
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "weights", tuple(w / total for w in weights))
 
     @classmethod
     def from_samples(cls, samples: ArrayLike, bins: int | None = None) -> Self:
@@ -602,7 +471,7 @@ class Empirical(Distribution):
         return cls(edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist()))
 
     @property
-    def own_std(self) -> float:
+    def std(self) -> float:
         """The standard deviation, which `with_std` sets."""
         return self.standard_deviation()
 
@@ -612,7 +481,6 @@ class Empirical(Distribution):
         return replace(self, edges=tuple(mean + ratio * (edge - mean) for edge in self.edges))
 
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         x = np.asarray(x, dtype=float)
         edges, weights = np.array(self.edges), np.array(self.weights)
         bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
@@ -620,7 +488,6 @@ class Empirical(Distribution):
         return np.where(inside, (weights / np.diff(edges))[bin_], 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         edges, weights = np.array(self.edges), np.array(self.weights)
         heights = weights / np.diff(edges)
         low = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
@@ -631,21 +498,17 @@ class Empirical(Distribution):
         return np.asarray(rest + beyond[bin_ + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
         survival = np.append(np.cumsum(np.array(self.weights)[::-1])[::-1], 0.0)
         return np.asarray(np.interp(np.asarray(probability, dtype=float), survival[::-1], np.array(self.edges)[::-1]))
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``."""
-        return laplace_of_bins(q, np.array(self.edges), np.array(self.weights), order)
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        return transforms_of_bins(q, np.array(self.edges), np.array(self.weights))
 
     @property
     def leftmost(self) -> float:
-        """Minus infinity: the transform exists everywhere."""
         return -math.inf
 
     def positive(self) -> Empirical:
-        """Return the part of the histogram above zero."""
         if self.edges[0] >= 0:
             return self
         if self.edges[-1] <= 0:
@@ -659,14 +522,8 @@ class Empirical(Distribution):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """All edges."""
         return self.edges
 
     @property
     def support(self) -> tuple[float, float]:
-        """The first and the last edge."""
         return self.edges[0], self.edges[-1]
-
-
-def _set(record: object, field: str, value: object) -> None:
-    object.__setattr__(record, field, value)

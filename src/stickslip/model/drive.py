@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number
-from stickslip.model.records import Number, check, rescaled
+from stickslip.model.records import Number, Part, check, rescaled
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,10 @@ class Piece:
     start: Annotated[float, Number("x_s/time", place="drive velocity")]
     end: Annotated[float, Number("x_s/time", place="drive velocity")]
     duration: Annotated[float, Number("time", above=0, place="drive duration")]
-    until: Condition | None = None
+    until: Annotated[Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")] = None
 
     def __post_init__(self) -> None:
         check(self)
-        if self.until is not None:
-            instance("drive until", self.until, Condition, "Travel, ForceAbove or ForceBelow")
 
     @property
     def acceleration(self) -> float:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
 
-from stickslip.errors import InputError, instance, shown
+from stickslip.errors import InputError
 from stickslip.model.activation import Activation, Barrier
-from stickslip.model.ageing import AgeingModel
+from stickslip.model.ageing import AgeingModel, FixedGrowth
 from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Part, check
 
 _SIZES = 1e-3, 1e3
 """In ``x_s``, between which the median of the thresholds must lie."""
@@ -58,47 +58,27 @@ class Interface:
         threshold force and stiffness are 1. The threshold force goes with the area and the stiffness with its root,
         ``f_s = a`` and ``k = sqrt(a)``, so that a contact breaks at the stretching ``sqrt(a)``. With "fresh" a contact
         draws a new area whenever it re-attaches, with "site" it keeps its own: of exponential areas the one force is
-        half as large again as the other. Their steady sliding is known in closed form, their runs with `Contacts`. By
-        default all contacts are equally stiff.
+        half as large again as the other. Threshold forces grow with age by the rule of `ageing`; `sliding_force` is
+        that of a detached contact of any area. Their steady sliding is known in closed form, their runs with
+        `Contacts`. By default all contacts are equally stiff.
     """
 
-    thresholds: Distribution
-    initial: Distribution = Gaussian(mean=0.0, std=0.01)
-    delay: DelayModel = Delay(0.0)
-    ageing: AgeingModel | None = None
-    temperature: Activation | None = None
+    thresholds: Annotated[Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")]
+    initial: Annotated[Distribution, Part("a distribution, such as Gaussian(mean=0.0, std=0.01)")] = Gaussian(0.0, 0.01)
+    delay: Annotated[DelayModel, Part("a delay, such as Delay(0.2)")] = Delay(0.0)
+    ageing: Annotated[AgeingModel | None, Part("an ageing model, such as Langevin(rate=1.5), or None")] = None
+    temperature: Annotated[
+        Activation | None, Part("a kind of thermal activation, such as Bell(width=0.01, attempts=1e6), or None")
+    ] = None
     sliding_force: Annotated[float, Number("f_s", at_least=0, hint="force of a detached contact while it slides")] = 0.0
-    newborn: Distribution | None = None
+    newborn: Annotated[
+        Distribution | None, Part("a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None")
+    ] = None
     track_scatter: Annotated[float, Number(at_least=0, at_most=1, hint="standard deviation of a common factor")] = 0.0
     areas: Literal["fresh", "site"] | None = None
 
     def __post_init__(self) -> None:
         check(self)
-        instance(
-            "Interface.thresholds", self.thresholds, Distribution, "a distribution, such as Gaussian(mean=1.0, std=0.1)"
-        )
-        instance(
-            "Interface.initial", self.initial, Distribution, "a distribution, such as Gaussian(mean=0.0, std=0.01)"
-        )
-        instance("Interface.delay", self.delay, DelayModel, "a delay, such as Delay(0.2)")
-        instance(
-            "Interface.ageing",
-            self.ageing,
-            AgeingModel | None,
-            "an ageing model, such as Langevin(rate=1.5), or None",
-        )
-        instance(
-            "Interface.temperature",
-            self.temperature,
-            Activation | None,
-            "a kind of thermal activation, such as Bell(width=0.01, attempts=1e6), or None",
-        )
-        instance(
-            "Interface.newborn",
-            self.newborn,
-            Distribution | None,
-            "a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None",
-        )
         self._check_size()
         self._check_areas()
         for name, born in (("initial", self.initial), ("newborn", self.newborn)):
@@ -121,11 +101,9 @@ class Interface:
             )
 
     def _check_areas(self) -> None:
-        if self.areas not in ("fresh", "site", None):
-            raise InputError(f"Interface.areas = {shown(self.areas)}: must be 'fresh', 'site' or None")
         if self.areas is None:
             return
-        if self.ageing is not None:
+        if not isinstance(self.ageing, FixedGrowth | None):
             raise InputError(
                 f"Interface.areas = {self.areas!r}: not available with ageing = {self.ageing}; leave one of them out"
             )
@@ -161,11 +139,6 @@ class Interface:
     def threshold_distribution(self) -> Distribution:
         """The distribution of thresholds conditioned on positive values, as every solver uses it."""
         return self.thresholds.positive()
-
-    @property
-    def initial_loss(self) -> float:
-        """Fraction of the initial distribution that lies beyond the largest threshold on either side."""
-        return self._beyond_thresholds(self.initial)
 
     def _beyond_thresholds(self, stretchings: Distribution) -> float:
         high = self.threshold_distribution.support[1]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from stickslip.errors import instance, number, sequence
+from stickslip.errors import number, sequence
 from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
@@ -63,7 +63,6 @@ class MasterEquation:
 
     def __post_init__(self) -> None:
         check(self)
-        instance("MasterEquation.memoryless", self.memoryless, bool, "True or False")
 
 
 @register("population")
@@ -146,6 +145,22 @@ class QuasiStatic:
 
     count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block")] = 100
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """Method of `rigid_slide`: the master equation as a renewal equation, solved by fast convolution.
+
+    Parameters
+    ----------
+    points : int
+        Intervals of the grid of positions; the error falls as ``points**-6`` for smooth distributions.
+    """
+
+    points: Annotated[int, Number(at_least=8, at_most=10_000_000)] = 4096
 
     def __post_init__(self) -> None:
         check(self)

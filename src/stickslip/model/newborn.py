@@ -64,10 +64,7 @@ def mean_life(interface: Interface) -> Life:
 def half_distance(interface: Interface) -> float:
     """Return the distance slid within the mean delay at the speed at which the friction of slow sliding has halved.
 
-    Raises
-    ------
-    InputError
-        If it never halves.
+    Raises `InputError` if it never halves.
     """
     life, force = mean_life(interface), interface.sliding_force
     slow = life.work / life.path
@@ -91,13 +88,11 @@ class Margin(Distribution):
         return float(self.thresholds.survival(abs(self.stretching)))
 
     def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
         y = np.asarray(x, dtype=float) + self.stretching
         beyond = y > abs(self.stretching)
         return np.where(beyond, self.thresholds.density(np.where(beyond, y, 1.0)) / self._held, 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
         low = np.maximum(np.asarray(x, dtype=float) + self.stretching, abs(self.stretching))
         parts = (
             math.comb(order, n) * (-self.stretching) ** (order - n) * self.thresholds.partial_moment(low, n)
@@ -106,22 +101,15 @@ class Margin(Distribution):
         return np.asarray(sum(parts) / self._held)
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Distance exceeded with the given probability."""
         at = self.thresholds.inverse_survival(np.asarray(probability, dtype=float) * self._held)
         return np.asarray(at - self.stretching)
 
-    def positive(self) -> Margin:
-        """Return the distribution itself: it is positive."""
-        return self
-
     @property
     def leftmost(self) -> float:
-        """That of the thresholds: the tails are alike."""
         return self.thresholds.leftmost
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Where it begins, and the jumps of the thresholds beyond."""
         begin = abs(self.stretching)
         return (begin - self.stretching, *(knot - self.stretching for knot in self.thresholds.knots if knot > begin))
 
@@ -129,10 +117,7 @@ class Margin(Distribution):
 def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
     """Return thresholds and sliding force of unstretched newborns that answer perturbations of steady sliding alike.
 
-    Raises
-    ------
-    InputError
-        If newborn contacts are not all stretched alike.
+    Raises `InputError` if newborn contacts are not all stretched alike.
     """
     thresholds, newborn = interface.threshold_distribution, interface.newborn
     if newborn is None:
@@ -163,11 +148,9 @@ def thresholds_beyond(
     return np.asarray(np.maximum(drawn, reach))
 
 
-def stretchings_within(
-    distribution: Distribution, rng: np.random.Generator, size: int, thresholds: Distribution
-) -> Array:
+def stretchings_within(distribution: Distribution, rng: np.random.Generator, size: int, largest: float) -> Array:
     """Draw stretchings; those beyond the largest threshold are drawn again."""
-    x, largest = distribution.sample(rng, size), thresholds.support[1]
+    x = distribution.sample(rng, size)
     while (again := np.flatnonzero(np.abs(x) >= largest)).size:
         x[again] = distribution.sample(rng, again.size)
     return x

@@ -72,11 +72,11 @@ def _of_slider(attribute: str, unit: str, title: str, *, zero: bool = False) -> 
 
 
 def _of_interface(name: str, unit: str, title: str, part: str, read: str, write: str) -> Parameter:
-    """Parameter of a part of the interface, which itself knows how to read and set it."""
+    """Parameter of a part of the interface: a field of that name, or what it knows to read and set itself."""
 
     def value(rig: Rig) -> Any:
         held = getattr(rig.interface, part)
-        if not hasattr(held, write):
+        if not (hasattr(held, write) or name in getattr(held, "__dataclass_fields__", ())):
             raise InputError(f"Interface.{part} = {held!r}: has no {name} to vary; give a Parameter of your own")
         return held
 
@@ -85,7 +85,8 @@ def _of_interface(name: str, unit: str, title: str, part: str, read: str, write:
         return float(held() if callable(held) else held)
 
     def set_(rig: Rig, new: float) -> Rig:
-        changed = getattr(value(rig), write)(new)
+        held = value(rig)
+        changed = getattr(held, write)(new) if hasattr(held, write) else replace(held, **{name: new})
         return replace(rig, interface=replace(rig.interface, **{part: changed}))
 
     return Parameter(name=name, unit=unit, title=title, zero=part == "delay", get=get, set=set_)
@@ -117,7 +118,7 @@ VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_v
 """Velocity of the drive at its beginning; the path of the drive stays."""
 DELAY = _of_interface("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean")
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
-STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresholds", "own_std", "with_std")
+STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresholds", "std", "with_std")
 """Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else as it is."""
 AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
@@ -198,10 +199,7 @@ def register(parameter: Parameter) -> Parameter:
 def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Parameter:
     """Return the parameter itself, or the one registered by that name.
 
-    Raises
-    ------
-    InputError
-        If there is none; `place` begins the message.
+    Raises `InputError` if there is none; `place` begins the message.
     """
     if isinstance(parameter, Parameter):
         return parameter

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,11 +79,8 @@ _FIRST = np.unique(np.concatenate([_OCTAVES[:-1, None] * np.linspace(1, 2, 9), [
 def table_of(distribution: HasDensity) -> Table:
     """Return the table of a distribution, its panels halved until halving changes nothing.
 
-    Raises
-    ------
-    InputError
-        If the density is negative or no number somewhere, or its integral is not 1: peaks narrower than a hundredth of
-        their place may be missed unless they are among the `knots`.
+    Raises `InputError` if the density is negative or no number somewhere, or its integral is not 1: peaks narrower than
+    a hundredth of their place may be missed unless they are among the `knots`.
     """
     knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
     edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
@@ -183,10 +178,9 @@ _NODES = 1 << 20
 """Most nodes of a transform."""
 
 
-def laplace_of(distribution: HasDensity, q: ArrayLike, orders: Sequence[int]) -> ComplexArray:
-    """Mean of ``x**order * exp(-q x)`` for each order, shape (orders, *q), on panels as fine as `q` needs them."""
-    q = np.asarray(q, dtype=complex)
-    flat, result = q.ravel(), np.empty((len(orders), q.size), dtype=complex)
+def transforms_of(distribution: HasDensity, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Means of ``exp(-q x)`` and of ``x exp(-q x)``, on panels as fine as `q` needs them."""
+    flat, result = q.ravel(), np.empty((2, q.size), dtype=complex)
     scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
     for power in np.unique(scale).tolist():
         own = np.flatnonzero(scale == power)
@@ -194,12 +188,13 @@ def laplace_of(distribution: HasDensity, q: ArrayLike, orders: Sequence[int]) ->
         if least >= 0:  # few different ones: the nodes are kept
             least = 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
         x, weight = _fine_nodes(hashable(distribution), power, least)
-        kernel = np.stack([weight * x**order for order in orders], axis=1)
+        kernel = np.stack([weight, weight * x], axis=1)
         for start in range(0, own.size, 128):
             some = own[start : start + 128]
             with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
                 result[:, some] = (np.exp(-np.multiply.outer(flat[some], x)) @ kernel).T
-    return result.reshape(len(orders), *q.shape)
+    mean, slope = result.reshape(2, *q.shape)
+    return mean, slope
 
 
 @lru_cache(maxsize=64)
@@ -217,7 +212,7 @@ def _fine_nodes(distribution: HasDensity, power: float, least: float) -> tuple[A
     if pieces.sum() * 16 > _NODES:
         raise InputError(
             f"{distribution}: its transform at |q| of {2.0**power:.3g} takes more than {_NODES} nodes; give the "
-            "distribution a method laplace(q, order) of its own"
+            "distribution a method transform(q) of its own"
         )
     count = pieces.astype(int)
     step = np.repeat((right - left) / pieces, count)
@@ -229,49 +224,11 @@ def _fine_nodes(distribution: HasDensity, power: float, least: float) -> tuple[A
 # ---------------------------------------------------------------- transforms of densities in closed form
 
 
-def laplace_of_nodes(q: ArrayLike, x: Array, weight: Array, order: int) -> ComplexArray:
-    """Mean of ``x**order * exp(-q x)`` over given nodes."""
-    q = np.asarray(q, dtype=complex)
-    weighted = weight * x**order
-    flat = np.array([np.exp(-value * x) @ weighted for value in q.ravel()], dtype=complex)
-    return flat.reshape(q.shape)
-
-
-def laplace_on_a_ray(
-    q: ArrayLike,
-    order: int,
-    nodes: Callable[[float, int, bool], tuple[ComplexArray, ComplexArray]],
-    largest_angle: float,
-    fewest: int,
-    per_turn: float,
-) -> ComplexArray:
-    """Transform of an analytic density, on a ray turned towards the direction in which ``exp(-q x)`` decays.
-
-    On the real axis ``exp(-q x)`` turns ever faster with `q`, and so many more nodes would be needed. ``nodes(angle,
-    count, growing)`` gives places, and the logarithms of their weights, on `count` panels of the ray ``x exp(-i
-    angle)``, further out where ``exp(-q x)`` is `growing`; on the real axis `fewest` panels and `per_turn` for each
-    unit of ``|q|`` are enough.
-    """
-    q = np.asarray(q, dtype=complex)
-    result = np.empty(q.size, dtype=complex)
-    for i, value in enumerate(q.ravel().tolist()):
-        count, angle = fewest + int(per_turn * abs(value)), 0.0
-        if count > _MOST and value.real >= 0:
-            angle = math.copysign(min(abs(cmath.phase(value)), largest_angle), value.imag)
-            count = _MOST
-        x, log_weight = nodes(angle, 32 * math.ceil(count / 32), value.real < 0)  # few counts: the panels are kept
-        result[i] = np.sum(x**order * np.exp(log_weight - value * x))
-    return result.reshape(q.shape)
-
-
-_MOST = 256  # panels: enough on a ray, whatever q
-
-
 def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Transforms of orders 0 and 1 on a path turned off the real axis, for densities without a closed form.
 
     There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do for all `q` with
-    ``Im q >= 0``. (`laplace_on_a_ray` turns its path for each `q`.) The trapezoidal rule converges exponentially.
+    ``Im q >= 0``. The trapezoidal rule converges exponentially.
     """
     # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
     below = q.imag < 0
@@ -285,9 +242,9 @@ def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray)
     return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)
 
 
-def laplace_of_bins(q: ArrayLike, edges: Array, weights: Array, order: int) -> ComplexArray:
-    """Transform of a histogram, bin by bin about its middle: ``exp(-q c) sinh(q w)/(q w)`` and its slope."""
-    q = np.asarray(q, dtype=complex)[..., None]
+def transforms_of_bins(q: ComplexArray, edges: Array, weights: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Transforms of orders 0 and 1 of a histogram, bin by bin about its middle: ``exp(-q c) sinh(q w)/(q w)``."""
+    q = q[..., None]
     centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
     z = q * half
     small = np.abs(z) < 1e-2
@@ -295,11 +252,7 @@ def laplace_of_bins(q: ArrayLike, edges: Array, weights: Array, order: int) -> C
     # The shift by exp(-q left) keeps sinh of a large argument from overflowing.
     ratio = np.where(small, 0.0, -np.expm1(-2 * safe) / (2 * safe))
     even = np.where(small, (1 + z * z / 6 + z**4 / 120) * np.exp(-z), ratio)
-    start = np.exp(-q * (centre - half))
-    if order == 0:
-        return cast(ComplexArray, np.sum(weights * start * even, axis=-1))
-    if order != 1:
-        raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
     cosh = 0.5 * (1 + np.exp(-2 * safe))
     odd = np.where(small, (z / 3 + z**3 / 30) * np.exp(-z), (cosh - even) / safe)
-    return cast(ComplexArray, np.sum(weights * start * (centre * even - half * odd), axis=-1))
+    start = weights * np.exp(-q * (centre - half))
+    return np.sum(start * even, axis=-1), np.sum(start * (centre * even - half * odd), axis=-1)

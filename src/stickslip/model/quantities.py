@@ -14,7 +14,8 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import product
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, number, shown
+from stickslip.words import PREFIXES
 
 LONGEST_QUANTITY = 64
 """Characters of a quantity; longer texts are refused unread."""
@@ -35,7 +36,7 @@ _RAISED = str.maketrans("⁻¹²³", "-123")
 _STANDARD_GRAVITY, _POUND = Fraction("9.80665"), Fraction("0.45359237")
 _FOOT, _YEAR = Fraction("0.3048"), Fraction("365.25") * 86400
 _LENGTH, _MASS, _TIME = {"m": 1}, {"kg": 1}, {"s": 1}
-_SPEED, _FORCE, _PRESSURE = {"m": 1, "s": -1}, {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+_FORCE, _PRESSURE = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
 _ENERGY = {"kg": 1, "m": 2, "s": -2}
 _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("m", "meter metre", 1, _LENGTH),
@@ -55,35 +56,20 @@ _WITHOUT_PREFIX: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("min mins", "minute", 60, _TIME),
     ("h hr hrs", "hour", 3600, _TIME),
     ("d", "day", 86400, _TIME),
-    ("", "week", 604800, _TIME),
     ("Å \u212b", "angstrom", Fraction(1, 10**10), _LENGTH),
     ("µ μ", "micron", Fraction(1, 10**6), _LENGTH),
     ("in inches", "inch", _FOOT / 12, _LENGTH),
-    ("thou", "", _FOOT / 12000, _LENGTH),
     ("ft feet", "foot", _FOOT, _LENGTH),
-    ("yd", "yard", 3 * _FOOT, _LENGTH),
-    ("mi", "mile", 5280 * _FOOT, _LENGTH),
-    ("mph", "", 5280 * _FOOT / 3600, _SPEED),
-    ("kph", "", Fraction(1000, 3600), _SPEED),
     ("lb lbs", "", _POUND, _MASS),
-    ("", "slug", _POUND * _STANDARD_GRAVITY / _FOOT, _MASS),
     ("gf", "", _STANDARD_GRAVITY / 1000, _FORCE),
     ("kgf kp", "kilopond", _STANDARD_GRAVITY, _FORCE),
     ("lbf", "", _POUND * _STANDARD_GRAVITY, _FORCE),
-    ("", "kip", 1000 * _POUND * _STANDARD_GRAVITY, _FORCE),
-    ("", "erg", Fraction(1, 10**7), _ENERGY),
-    ("atm", "atmosphere", 101325, _PRESSURE),
     ("psi", "", _POUND * _STANDARD_GRAVITY / (_FOOT / 12) ** 2, _PRESSURE),
-)
-_PREFIXES = (
-    *(("da", "deca", 1), ("h", "hecto", 2), ("k", "kilo", 3), ("M", "mega", 6), ("G", "giga", 9), ("T", "tera", 12)),
-    *(("d", "deci", -1), ("c", "centi", -2), ("m", "milli", -3), ("n", "nano", -9), ("p", "pico", -12)),
-    *(("µ", "micro", -6), ("μ", "micro", -6), ("u", "micro", -6), ("f", "femto", -15)),
 )
 _UNCLEAR = {
     **dict.fromkeys(("ton", "tons"), "differs between countries; write 't' for 1000 kg"),
     **dict.fromkeys(("pound", "pounds"), "is a mass or a force; write 'lb' or 'lbf'"),
-    **dict.fromkeys(("mil", "mils"), "has several meanings; write 'thou' for 1/1000 inch"),
+    **dict.fromkeys(("mil", "mils"), "has several meanings; write it in 'um'"),
     "kt": "may be knots or kilotonnes; write 'm/s' or 'Gg'",
     "Hz": "counts cycles, and may mean 2 pi times as much; write '1/s'",
 }
@@ -148,15 +134,22 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
 def read_number(text: str) -> float:
     """Read a plain number with a decimal point, as it stands on a command line or in a link.
 
-    Raises
-    ------
-    InputError
-        If the text is anything else, or the number is not finite; the message does not name the place.
+    Raises `InputError` if the text is anything else, or the number is not finite; the message does not name the place.
     """
     found = _PLAIN_NUMBER.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
     if found is None:
         raise InputError(_remedy(text, _PLAIN_NUMBER) or "must be a number, such as 0.5")
     return _nearest(Fraction(found[1]))
+
+
+def read_value(place: str, value: object, unit: str, example: str) -> float:
+    """Return a value above 0, given as a number in `unit` or as a text with a unit; errors name the place."""
+    if isinstance(value, str):
+        try:
+            value = read_quantity(value, unit, example)
+        except InputError as error:
+            raise InputError(f"{place} = {shown(value)}: {error}", place) from None
+    return number(place, value, above=0, hint=f"in {unit}")
 
 
 def _nearest(value: Fraction) -> float:
@@ -191,7 +184,7 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
 def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
     """Every way to write one unit, with its size and the exponents of the SI base units."""
     ways: dict[str, tuple[Fraction, dict[str, int]]] = {}
-    for (symbol, name, power), (symbols, names, size, parts) in product(_PREFIXES, _UNITS):
+    for (symbol, (name, power)), (symbols, names, size, parts) in product(PREFIXES.items(), _UNITS):
         for way in (*(symbol + own for own in symbols.split()), *_with_plurals(name + own for own in names.split())):
             ways[way] = Fraction(10) ** power * size, parts
     for symbols, names, size, parts in (*_UNITS, *_WITHOUT_PREFIX):  # "ft" is a foot, and no femtotonne

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from stickslip.errors import number, whole
+from stickslip.errors import InputError, instance, number, shown, whole
 
 Record = TypeVar("Record")
 
@@ -39,6 +39,26 @@ class Number:
     place: str = ""
 
 
+@dataclass(frozen=True)
+class Part:
+    """A record within a record, ``Annotated[Delay, Part("a delay, such as Delay(0.2)")]``; `place` as above."""
+
+    hint: str
+    place: str = ""
+
+
+@lru_cache(maxsize=256)
+def _parts(record: type) -> list[tuple[str, Any, Part]]:
+    """The fields of a record that hold others, each with what it may be, as a type and in words."""
+    hints = get_type_hints(record, include_extras=True)
+    return [
+        (field.name, get_args(hints[field.name])[0], mark)
+        for field in fields(record)
+        for mark in getattr(hints[field.name], "__metadata__", ())
+        if isinstance(mark, Part)
+    ]
+
+
 @lru_cache(maxsize=256)
 def declared(record: type) -> Mapping[str, tuple[Any, Number | None]]:
     """Each field of a record, with its type and what is declared of its number; None if nothing is."""
@@ -53,7 +73,7 @@ def declared(record: type) -> Mapping[str, tuple[Any, Number | None]]:
 
 
 def check(record: Any) -> None:
-    """Check every number of a record on construction, and keep it as a Python number.
+    """Check every number, choice and part of a record on construction, and keep numbers as Python numbers.
 
     Raises
     ------
@@ -61,11 +81,19 @@ def check(record: Any) -> None:
         If one is out of its bounds; the message names record and field.
     """
     record_type: Any = type(record)
+    for name, kind, part in _parts(record_type):
+        instance(part.place or f"{record_type.__name__}.{name}", getattr(record, name), kind, part.hint)
     for name, (kind, mark) in declared(record_type).items():
-        value = getattr(record, name)
-        if mark is None or get_origin(kind) is tuple or (value is None and type(None) in get_args(kind)):
+        value, place = getattr(record, name), f"{type(record).__name__}.{name}"
+        optional = value is None and type(None) in get_args(kind)
+        if choices := _choices(kind):
+            if not optional and value not in choices:
+                raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
+        elif kind is bool and not isinstance(value, bool):
+            raise InputError(f"{place} = {shown(value)}: must be True or False", place)
+        if mark is None or optional or get_origin(kind) is tuple:
             continue
-        place = mark.place or f"{type(record).__name__}.{name}"
+        place = mark.place or place
         hint = mark.hint
         if isinstance(value, str) and value[:1].isdigit() and value[-1].isalpha() and not hint.startswith("in "):
             hint = f"{hint or 'in natural units'}; give SI to read_rig or Rig.replace"
@@ -84,6 +112,11 @@ def check(record: Any) -> None:
                 hint=hint,
             )
         object.__setattr__(record, name, checked)
+
+
+def _choices(kind: Any) -> tuple[str, ...]:
+    """All that a field may be, if its type says so."""
+    return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
 def _whole_or_none(bound: float | None) -> int | None:

@@ -12,30 +12,9 @@ Kind = TypeVar("Kind", bound=type)
 
 
 def registrar(table: dict[str, type], what: str) -> Callable[[str], Callable[[Kind], Kind]]:
-    """Return the decorator that enters a class into `table` by name.
+    """Return the decorator that enters a frozen dataclass into a table by name; `what` the table holds, in words.
 
-    Parameters
-    ----------
-    table : dict of str to type
-        Names, as a rig file has them, and the frozen dataclasses they stand for.
-    what : str
-        What the table holds, for messages: ``"distribution"``.
-
-    Raises
-    ------
-    InputError
-        By the decorator: if the class is no frozen dataclass, or another class has the name.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass
-    >>> table = {}
-    >>> @registrar(table, "shape")("round")
-    ... @dataclass(frozen=True)
-    ... class Round:
-    ...     radius: float
-    >>> table["round"](2.0)
-    Round(radius=2.0)
+    The decorator raises `InputError` if the class is none, or if another class has the name.
     """
 
     def register(name: str) -> Callable[[Kind], Kind]:

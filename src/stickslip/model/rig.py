@@ -5,28 +5,26 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, sequence, shown
-from stickslip.model.body import Chain, Sheet
+from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import (
     METHODS,
     FromRest,
-    FromSliding,
     MasterEquation,
     Method,
     Output,
     PaperClosure,
-    Prestressed,
     Start,
 )
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
-from stickslip.model.records import Record, rescaled
+from stickslip.model.records import Part, Record, check, rescaled
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
 if TYPE_CHECKING:
@@ -140,15 +138,15 @@ class Rig(Answer):
     5.0
     """
 
-    interface: Interface
+    interface: Annotated[Interface, Part("an Interface")]
     slider: Any
-    drive: Drive
+    drive: Annotated[Drive, Part("a drive, made with constant() or ramp()")]
     _: KW_ONLY
     method: Method = MasterEquation()
-    start: Start = FromRest()
-    output: Output = Output()
-    scales: Scales | None = None
-    operation: Operation = Operation()
+    start: Annotated[Start, Part("FromRest(), FromSliding() or Prestressed(...)")] = FromRest()
+    output: Annotated[Output, Part("an Output")] = Output()
+    scales: Annotated[Scales | None, Part("Scales(...), or None for natural units")] = None
+    operation: Annotated[Operation, Part("an Operation(...)")] = Operation()
     name: str = "rig"
     assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
     fitted: Mapping[str, Fitted] = field(default_factory=dict, compare=False)
@@ -156,24 +154,13 @@ class Rig(Answer):
 
     def __post_init__(self) -> None:
         instance("Rig.name", self.name, str, "a text")
-        instance("Rig.interface", self.interface, Interface, "an Interface")
-        known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, Chain | Sheet)
+        check(self)
+        known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, ElasticBody)
         if isinstance(self.slider, type) or not known:
             raise InputError(
                 f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
             )
-        instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
         instance("Rig.method", self.method, (*METHODS.values(), PaperClosure), "Contacts(...) or MasterEquation(...)")
-        instance(
-            "Rig.start",
-            self.start,
-            (FromRest, FromSliding, Prestressed),
-            "FromRest(), FromSliding() or Prestressed(...)",
-        )
-        instance("Rig.output", self.output, Output, "an Output")
-        instance("Rig.operation", self.operation, Operation, "an Operation(...)")
-        if self.scales is not None:
-            instance("Rig.scales", self.scales, Scales, "Scales(...), or None for natural units")
 
     @property
     def natural(self) -> Rig:

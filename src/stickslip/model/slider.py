@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.model.records import Number, check
 
@@ -12,6 +15,8 @@ from stickslip.model.records import Number, check
 @dataclass(frozen=True, kw_only=True)
 class Slider:
     """The slider and its driving spring, Eq. (11), per contact.
+
+    As a function it is their mechanical impedance ``Z(s) = M s^2 + M eta s + K``, force over displacement.
 
     Parameters
     ----------
@@ -29,6 +34,10 @@ class Slider:
 
     def __post_init__(self) -> None:
         check(self)
+
+    def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
+        """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time."""
+        return np.asarray(self.stiffness + self.mass * s * (s + self.damping), dtype=complex)
 
     @property
     def frequency(self) -> float:

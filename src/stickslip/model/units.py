@@ -101,10 +101,7 @@ SI: dict[Quantity, str] = {kind: UNITS[unit][-1] for kind, unit in QUANTITIES.it
 def natural_unit(name: object) -> str:
     """Return a natural unit that is given as such, or by the quantity that it measures.
 
-    Raises
-    ------
-    InputError
-        If there is none of that name.
+    Raises `InputError` if there is none of that name.
     """
     unit = QUANTITIES.get(cast("Quantity", name), name) if isinstance(name, str) else ""
     if unit not in UNITS:
@@ -120,10 +117,7 @@ def si_unit(name: str) -> str:
 def quantity(unit: str) -> Quantity:
     """Return what a natural unit, as results carry it, measures.
 
-    Raises
-    ------
-    InputError
-        If no quantity is measured in it.
+    Raises `InputError` if no quantity is measured in it.
     """
     for kind, natural in QUANTITIES.items():
         if natural == unit:

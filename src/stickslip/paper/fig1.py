@@ -60,12 +60,12 @@ def _interface(initial: float, threshold: float) -> ss.Interface:
 def _started(start: str, threshold: float) -> ss.Interface:
     thresholds = ss.Gaussian(mean=1.0, std=threshold)
     if start == "steady":
-        return ss.Interface(thresholds=thresholds, initial=ss.SteadyState(thresholds=thresholds))
+        return ss.Interface(thresholds=thresholds, initial=ss.model.SteadyState(thresholds=thresholds))
     return _interface(0.0 if start == "delta" else float(start), threshold)
 
 
 def _force(interface: ss.Interface) -> Array:
-    return ss.rigid_slide(interface, DISTANCE, method=ss.Renewal(_POINTS))["friction_force"].to_numpy()
+    return ss.rigid_slide(interface, DISTANCE, method=ss.model.Renewal(_POINTS))["friction_force"].to_numpy()
 
 
 def _sampled(interface: ss.Interface, method: ss.Contacts | ss.MasterEquation) -> Array:
@@ -76,7 +76,7 @@ def _sampled(interface: ss.Interface, method: ss.Contacts | ss.MasterEquation) -
 def _late_deviation(distribution: Distribution) -> tuple[float, float]:
     """Largest distance of the force from the kinetic friction within 1 x_s about half way, and at the end."""
     interface = ss.Interface(thresholds=distribution, initial=ss.Gaussian(mean=0.0, std=0.01))
-    run = ss.rigid_slide(interface, _LATE, method=ss.Renewal(12_000))
+    run = ss.rigid_slide(interface, _LATE, method=ss.model.Renewal(12_000))
     far = abs(run["friction_force"] / ss.kinetic_friction(interface) - 1.0)
     middle, end = slice(0.5 * _LATE - 0.5, 0.5 * _LATE + 0.5), slice(_LATE - 1.0, None)
     return float(far.sel(displacement=middle).max()), float(far.sel(displacement=end).max())

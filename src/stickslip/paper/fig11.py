@@ -14,7 +14,7 @@ import xarray as xr
 from scipy import optimize
 
 import stickslip as ss
-from stickslip import plot
+from stickslip import plot, theory
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
 from stickslip.kernels.langevin_steady import pull_newborns
@@ -38,12 +38,12 @@ _LEVEL = 0.6
 
 def _pulled(velocity: float) -> tuple[Array, Array]:
     """Force of contacts that are all newborn at ``X = 0``, on positions of a slider of constant velocity."""
-    return pull_newborns(velocity, ss.theory.ageing_constants(FIG11.interface), _DISTANCE, round(_DISTANCE / _SPACING))
+    return pull_newborns(velocity, theory.ageing_constants(FIG11.interface), _DISTANCE, round(_DISTANCE / _SPACING))
 
 
 def _pulled_contacts(velocity: float, count: int, positions: Array) -> Array:
     """Return the same from so many contacts."""
-    ageing = ss.theory.ageing_constants(FIG11.interface)
+    ageing = theory.ageing_constants(FIG11.interface)
     contacts = Contacts(np.zeros(count), np.zeros(count), np.full(count, -np.inf))
     drive = Quadratic(0.0, 0.0, velocity, 0.0)
     course = Course(drive, RIGID, positions / velocity, 0.02 / ageing.rate**2, np.inf)

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from scipy.optimize import brentq
 
 import stickslip as ss
-from stickslip import plot
+from stickslip import plot, theory
 from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2
 from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, verdict
 from stickslip.paper.kit import Array, Picture, dataset, panel
@@ -54,13 +54,13 @@ def first_instability(interface: ss.Interface, stiffness: float) -> Instability:
         return float(effective_stiffness(interface, [x])[0]) - stiffness
 
     X_star = float(brentq(surplus, X[i - 1], X[i], xtol=1e-12)) if i else 0.0
-    force = ss.rigid_slide(interface, max(X_star, 1e-6), method=ss.Renewal(2048))["friction_force"].to_numpy()[-1]
+    force = ss.rigid_slide(interface, max(X_star, 1e-6), method=ss.model.Renewal(2048))["friction_force"].to_numpy()[-1]
     return Instability(X=X_star, drive=X_star + float(force) / stiffness)
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     interface, slider = FIG2.interface, FIG2.slider
-    run = ss.rigid_slide(interface, _DISTANCE, method=ss.Renewal(1000 if quick else 4000))
+    run = ss.rigid_slide(interface, _DISTANCE, method=ss.model.Renewal(1000 if quick else 4000))
     progress(0.5)
     X, force, rate = (run[name].to_numpy() for name in ("displacement", "friction_force", "breaking_rate"))
     found = first_instability(interface, slider.stiffness)
@@ -69,7 +69,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     onset = float(np.interp(_ONSET, broken, X))
     begin = float(np.interp(onset, X, force)) / slider.stiffness
     drives = np.array([onset + begin, found.drive, 2.0 * found.drive - onset - begin])
-    potential = [ss.theory.effective_potential(slider, X, force, d) for d in drives]
+    potential = [theory.effective_potential(slider, X, force, d) for d in drives]
     instability = "slider and drive at the elastic instability"
     points = [onset, found.X, _landing(X, force, found, slider)]
     return dataset(

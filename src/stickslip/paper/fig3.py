@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip import plot
+from stickslip import plot, theory
 from stickslip.model import Start
 from stickslip.paper.cases import CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER, FIG3, FIG4
 from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, near, verdict
@@ -51,7 +51,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         return {
             "at once": ss.critical_stiffness(interface),
             "never": ss.critical_stiffness(interface, reattachment=False),
-            "estimate": ss.theory.critical_stiffness_estimate(interface),
+            "estimate": theory.critical_stiffness_estimate(interface),
         }
 
     def run(name: str, progress: Progress) -> dict[str, Any]:
@@ -63,7 +63,9 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
     def from_steady(std: float) -> float:
         thresholds = ss.Gaussian(mean=1.0, std=std)
-        return ss.critical_stiffness(ss.Interface(thresholds=thresholds, initial=ss.SteadyState(thresholds=thresholds)))
+        return ss.critical_stiffness(
+            ss.Interface(thresholds=thresholds, initial=ss.model.SteadyState(thresholds=thresholds))
+        )
 
     def critical_delay(std: float) -> float:
         rig = FIG4.rig.replace(interface=_interface(0.01, std))

@@ -14,7 +14,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 import stickslip as ss
-from stickslip import plot
+from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG4, PERIOD
 from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, near, verdict
@@ -67,7 +67,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     seen = grid(first, run, _SOLVERS, STIFFNESSES, _DELAYS)
     shown = [_DELAYS.index(delay) for delay in _SHOWN_DELAYS]
     rigs = [[FIG4.rig.replace(stiffness=K, delay=tau) for tau in _DELAYS] for K in STIFFNESSES]
-    smooth = [[ss.theory.driving_force(rig.interface, rig.slider, FIG4.velocity) for rig in row] for row in rigs]
+    smooth = [[theory.driving_force(rig.interface, rig.slider, FIG4.velocity) for rig in row] for row in rigs]
     of_smooth = "mean spring force in smooth sliding, closed form, per contact [f_s]"
     of_period = "coefficient of variation of the period, K = 2 k, delay .2 [1]"
     return dataset(

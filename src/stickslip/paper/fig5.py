@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip import plot
+from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
@@ -42,7 +42,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     elapsed = phase / FIG5.slider.frequency
 
     def expected(velocity: float) -> Array:
-        return ss.theory.slip_displacement(FIG5.slider, velocity, elapsed)
+        return theory.slip_displacement(FIG5.slider, velocity, elapsed)
 
     slips, actual, passed, velocities = [], [], [], []
     for one in (own, *(run(master, damping) for damping in list(_DAMPINGS.values())[1:])):

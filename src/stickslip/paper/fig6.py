@@ -17,7 +17,6 @@ from matplotlib.axes import Axes
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.cycles import sustained_onset
 from stickslip.paper.cases import FIG4, FIG6
 from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, between, near, verdict
 from stickslip.paper.kit import Array, Picture, dataset, panel
@@ -39,8 +38,9 @@ def _delays(slider: ss.Slider, velocity: float, tolerance: float) -> tuple[float
     """Sustained (nonlinear) and linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(slider.mass * velocity**2)) / velocity
     rig = ss.Rig(FIG6.interface, slider, ss.constant(velocity))
-    sustained = sustained_onset(rig, "delay", between=(0.7 * guess, 4 * guess), tolerance=tolerance)
-    return sustained.value, ss.stability.onset(rig, "delay", between=(1e-3 / velocity, 1e2 / velocity))
+    linear = ss.stability.onset(rig, "delay", between=(1e-3 / velocity, 1e2 / velocity))
+    (window,) = ss.sustained(rig, "delay", between=(0.7 * guess, min(4 * guess, 1.01 * linear)), tolerance=tolerance)
+    return window.low.value, linear
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:

@@ -58,7 +58,7 @@ def _ranges(case: _Case, points: int) -> dict[str, list[float]]:
     edges = ss.critical(rig, "velocity", between=(0.05, 100.0)).edges
     looked = _ON.get(case[0], ()) + _OFF.get(case[0], ())
     oscillation = [
-        ss.is_sustained(rig.replace(velocity=v)).peak_to_peak if v in looked else math.nan for v in _VELOCITIES
+        ss.cycles.is_sustained(rig.replace(velocity=v)).peak_to_peak if v in looked else math.nan for v in _VELOCITIES
     ]
     return {
         "sustained": [windows[0].low.value, windows[-1].high.value] if windows else nowhere,
@@ -82,7 +82,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     sweeps = [run, *(loop(_random(case), _TOP, 1)[0] for case in _SWEPT)]
     (band,) = ss.bistable_range(FIG7.rig, "velocity", between=(0.3, _FAST))
     next(parts)(1.0)
-    branch = ss.cycle_branch(
+    branch = ss.cycles.cycle_branch(
         FIG7.rig.replace(velocity=1.5), "velocity", step=0.2 if quick else 0.05, between=(0.3, _FAST)
     )
     next(parts)(1.0)

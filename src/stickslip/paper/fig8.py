@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip import plot
+from stickslip import plot, theory
 from stickslip.model import Method, Start
 from stickslip.paper.cases import FIG8
 from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, verdict
@@ -80,7 +80,7 @@ def _at_rest(count: int = 100_000) -> tuple[Array, Array, Array]:
     from stickslip.kernels.oscillator import RIGID
     from stickslip.kernels.stepping import Course
 
-    ageing = ss.theory.ageing_constants(FIG8.interface)._replace(newborn=0.0)
+    ageing = theory.ageing_constants(FIG8.interface)._replace(newborn=0.0)
     contacts = Contacts(np.zeros(count), np.zeros(count), np.full(count, -math.inf))
     time = 1.0 / ageing.rate**2
     course = Course(Quadratic(0.0, 0.0, 0.0, 0.0), RIGID, np.array([10.0 * time]), 0.1 * time, math.inf)

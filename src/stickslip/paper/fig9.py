@@ -23,7 +23,7 @@ _SYMBOLS = {"v1": "v_1", "v2": "v_2", "v2_down": "v_2'", "v1_down": "v_1'"}
 _BANDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down": (0.03, 0.09)}
 
 
-def _loop() -> ss.Drive:
+def _loop() -> ss.model.Drive:
     """Up through v1 and v2, and down through both; slowly where the transitions are."""
     up = ss.ramp(0.3, 1.3, 400.0).then(ss.ramp(1.3, 4.0, 150.0))
     down = ss.ramp(4.0, 0.3, 200.0).then(ss.ramp(0.3, 0.1, 100.0)).then(ss.ramp(0.1, 0.012, 1500.0))

@@ -24,7 +24,6 @@ from matplotlib.figure import Figure
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError
-from stickslip.plot.answers import chart, prediction, waves
 from stickslip.plot.elastic import (
     elastic_overview,
     front_curve,
@@ -34,19 +33,19 @@ from stickslip.plot.elastic import (
     slip_profiles,
     spacetime,
 )
-from stickslip.plot.fits import fitted, slips
+from stickslip.plot.fits import fitted, peaks_after_holds, slips, velocity_step
+from stickslip.plot.maps import chart, sweep_picture
+from stickslip.plot.prediction import prediction, waves
 from stickslip.plot.runs import (
     attached,
     energy,
     force_trace,
     overview,
     phase_portrait,
-    rigid_curve,
     side_by_side,
     stretchings,
     velocity,
 )
-from stickslip.plot.steps import peaks_after_holds, velocity_step
 from stickslip.plot.style import (
     BLACK,
     BLUE,
@@ -70,7 +69,6 @@ from stickslip.plot.style import (
     save,
     unit_text,
 )
-from stickslip.plot.sweeps import sweep_picture
 
 __all__ = [
     "BLACK",
@@ -106,7 +104,6 @@ __all__ = [
     "precursor_lengths",
     "precursors",
     "prediction",
-    "rigid_curve",
     "save",
     "side_by_side",
     "slip_profiles",

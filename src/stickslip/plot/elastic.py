@@ -23,12 +23,13 @@ from stickslip.plot.style import (
     BLACK,
     BLUE,
     COLUMN,
+    DASHED,
     GREY,
     ORANGE,
     PAGE,
     VERMILLION,
+    along_time,
     dress,
-    envelope,
     house_style,
     label,
     legend_above,
@@ -139,7 +140,7 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     seen = np.isfinite(speed.values) & (speed.values > 0)
     ax.semilogy(speed["block"].values[seen], speed.values[seen], ".", color=BLUE, markersize=3, label="first breaks")
     sound = _chain(rig).sound_speed * rig.unit("1/time")
-    ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=DASHED, label="sound")
     low, high = ax.get_ylim()
     if high < 10.0 * low:
         ax.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)))
@@ -190,7 +191,7 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         ax.plot(local[inside], found["speed"].values[inside], ".", color=BLUE, markersize=3, label="along the run")
     there = speed > 0
     ax.plot(prestress[there], speed[there], color=BLACK, label=f"theory ({theory[0].blocks})")
-    ax.axhline(chain.sound_speed * rig.unit("1/time"), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    ax.axhline(chain.sound_speed * rig.unit("1/time"), color=GREY, linewidth=0.9, linestyle=DASHED, label="sound")
     ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
     ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None), ylabel=_speed_label(rig))
     legend_above(ax, columns=2)
@@ -209,12 +210,9 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
     fewest : int
         Blocks of the shortest precursor that is marked.
     """
-    force = variable(run, "spring_force", "time")
+    ax, _ = along_time(run, "spring_force", ax, 2.6, color=GREY, linewidth=0.9)
     found = _events(run, fewest)
-    ax = new_axes(PAGE, 2.6) if ax is None else ax
-    ax.plot(*envelope(run["time"].to_numpy(), force.to_numpy()), color=GREY, linewidth=0.9)
-    reach = found["reach"].values
-    at = np.interp(found["start"].values, run["time"].values, force.values)
+    reach, at = found["reach"].values, found["force_before"].values
     whole = found["blocks"].values >= run.sizes["block"]
     for kind, colour, text in ((~whole, BLUE, "precursor, with its length"), (whole, VERMILLION, "slip of all blocks")):
         if kind.any():
@@ -225,9 +223,6 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
         if not whole[i] and all(abs(x - other) > _APART * float(run["time"][-1]) for other in told):
             ax.annotate(f"{reach[i]}", (x, at[i]), (0, 4), textcoords="offset points", ha="center", fontsize=7)
             told.append(x)
-    dress(ax.xaxis, run["time"])
-    dress(ax.yaxis, force)
-    ax.margins(x=0.01)
     legend_above(ax)
     return ax
 
@@ -246,18 +241,18 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 
     fewest : int
         Blocks of the shortest precursor that is drawn.
     """
-    force = variable(run, "spring_force", "time")
     found = _events(run, fewest)
     rig = rig_of(run)
-    at = np.interp(found["start"].values, run["time"].values, force.values)
     ax = new_axes() if ax is None else ax
-    ax.plot(at, found["reach"].values, "o", color=BLUE, markersize=3.5, label="events of the run")
+    ax.plot(
+        found["force_before"].values, found["reach"].values, "o", color=BLUE, markersize=3.5, label="events of the run"
+    )
     thresholds = rig.interface.threshold_distribution
     alike = replace(rig.interface, thresholds=Gaussian(mean=thresholds.moment(1), std=0.0), delay=Delay(float("inf")))
     exact = precursor_force(replace(rig, interface=alike))
     rising = slice(0, int(exact.values.argmax()) + 1)
     ax.plot(exact.values[rising], exact["tip"].values[rising], color=BLACK, label="theory")
-    dress(ax.xaxis, force)
+    dress(ax.xaxis, run["spring_force"])
     ax.set(ylabel="blocks that slip", ylim=(0, run.sizes["block"] * 1.03))
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     legend_above(ax)
@@ -292,14 +287,16 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -
 
 
 def _events(run: xr.Dataset, fewest: int) -> xr.Dataset:
-    """Events of at least so many blocks, with `reach`: up to which block, counted from 1, contacts broke in each."""
+    """Events of at least so many blocks; `reach`: up to which block, from 1, contacts broke; `force_before` it."""
+    force = variable(run, "spring_force", "time")
     found = measure.events(run)
     found = found.isel(event=np.flatnonzero(found["blocks"].values >= fewest))
     broken, reach = on_blocks(run, "broken", "plot"), []
     for start, end in zip(found["start"].values, found["end"].values, strict=True):
         gone = broken.sel(time=end, method="nearest").values - broken.sel(time=start, method="nearest").values
         reach.append(int(np.flatnonzero(gone >= 0.5).max(initial=-1)) + 1)
-    return found.assign(reach=("event", np.array(reach, dtype=int)))
+    before = np.interp(found["start"].values, run["time"].values, force.values)
+    return found.assign(reach=("event", np.array(reach, dtype=int)), force_before=("event", before))
 
 
 def _speed_label(rig: Rig) -> str:

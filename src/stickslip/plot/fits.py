@@ -1,7 +1,8 @@
-"""Pictures of fits: the slips of a trace, and what series of the draws make of its statistics."""
+"""Pictures of fits: the slips of a trace and its statistics among those of the draws; velocity steps and holds."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from matplotlib.figure import Figure
 from stickslip.plot.style import (
     BLACK,
     BLUE,
+    COLUMN,
+    DASHED,
     GREY,
     PAGE,
     SKY,
@@ -20,10 +23,13 @@ from stickslip.plot.style import (
     envelope,
     house_style,
     legend_above,
+    letter,
     new_figure,
 )
 
-Fit = Any  # `stickslip.fitting.Fit`: fits stand above pictures, which take them by their attributes alone
+Fit = Any  # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures, which take attributes
+Step = Any  # `stickslip.rate_state.Step`
+_WIDEST, _LOW, _SHOWN = 4.0, 0.02, 12
 
 
 @house_style()
@@ -38,33 +44,28 @@ def slips(data: xr.Dataset) -> Figure:
     figure = new_figure(PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
     trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=GREY, linewidth=0.6)
-    trace.plot(data["peak_time"], data["peak"], ".", color=VERMILLION, markersize=3, label="before a slip")
-    trace.plot(data["trough_time"], data["trough"], ".", color=BLUE, markersize=3, label="after it")
+    for name, colour, text in (("peak", VERMILLION, "before a slip"), ("trough", BLUE, "after it")):
+        trace.plot(data[f"{name}_time"], data[name], ".", color=colour, markersize=3, label=text)
     legend_above(trace)
-    dress(trace.xaxis, data["time"])
-    dress(trace.yaxis, data["spring_force"])
 
     size = np.sort(data["drop"].values)
     drops.step(size, np.arange(1, size.size + 1) / size.size, where="post", color=BLACK)
-    drops.axvline(data.attrs["smallest"], color=GREY, linestyle=(0, (4, 2)), linewidth=0.9)
+    drops.axvline(data.attrs["smallest"], color=GREY, linestyle=DASHED, linewidth=0.9)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
-    dress(drops.xaxis, data["drop"])
 
     pairs.plot(data["peak"], data["trough"], ".", color=BLACK, markersize=3)
-    dress(pairs.xaxis, data["peak"])
-    dress(pairs.yaxis, data["trough"])
-
     rate.plot(data["peak_time"], data["loading_rate"], ".", color=BLACK, markersize=3)
-    known = data["loading_rate"].values[1:]
+    known, when = data["loading_rate"].values[1:], data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
-    when = data["peak_time"].values[1:]
     for part in (slice(0, third), slice(known.size - third, None)):
         rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=VERMILLION)
     rate.set_ylim(0, 2.0 * float(np.median(known)))
-    dress(rate.xaxis, data["peak_time"])
-    dress(rate.yaxis, data["loading_rate"])
-    for ax, title in zip((trace, drops, pairs, rate), "abcd", strict=True):
-        ax.set_title(f"({title})", loc="left")
+    named = (("time", "spring_force"), ("drop", ""), ("peak", "trough"), ("peak_time", "loading_rate"))
+    for ax, panel, (across, up) in zip((trace, drops, pairs, rate), "abcd", named, strict=True):
+        dress(ax.xaxis, data[across])
+        if up:
+            dress(ax.yaxis, data[up])
+        letter(ax, f"({panel})")
     return figure
 
 
@@ -83,61 +84,108 @@ def fitted(found: Fit) -> Figure:
     simulated = figure.add_subplot(grid[1, :], sharex=measured, sharey=measured)
     test, parameters = (figure.add_subplot(grid[2, i]) for i in range(2))
     _beside(measured, simulated, found)
-    low, middle, high = np.quantile(found.predicted, (0.025, 0.5, 0.975), axis=0)
-    scale = np.maximum(high - low, 1e-12) / 4.0
-    for row, (name, p) in enumerate(found.p_values.items()):
-        at = -row - (0.6 if row >= _FITTED else 0.0)
-        colour = VERMILLION if p < _LOW else BLACK
-        ends = [(low[row] - middle[row]) / scale[row], (high[row] - middle[row]) / scale[row]]
-        here = (found.events.statistics[row] - middle[row]) / scale[row]
-        test.plot(ends, [at, at], color=SKY, linewidth=4)
-        test.plot(np.clip(here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
-        test.annotate(name, (-_WIDEST - 0.2, at), ha="right", va="center", fontsize=7, annotation_clip=False)
-        test.annotate(f"{p:.2g}", (_WIDEST + 0.2, at), va="center", fontsize=7, color=colour, annotation_clip=False)
-    test.set(xlim=(-_WIDEST, _WIDEST), yticks=[], xlabel="(value - median) / (range of 95 % / 4)")
-    test.set_title("trace (dot), draws (bar), p", loc="left")
-    test.spines["left"].set_visible(False)
-
-    parts = found.prior.parts(found.values)
-    for row, one in enumerate(found.parameters):
-        low_part, middle_part, high_part = np.quantile(parts[:, row], (0.05, 0.5, 0.95))
-        parameters.plot([0, 1], [-row, -row], color="#DDDDDD", linewidth=7, solid_capstyle="butt")
-        parameters.plot([low_part, high_part], [-row, -row], color=BLUE, linewidth=7, solid_capstyle="butt")
-        parameters.plot(middle_part, -row, "|", color="white", markersize=7)
-        parameters.annotate(
-            f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}",
-            (0, -row + 0.22),
-            fontsize=7,
-            annotation_clip=False,
-        )
-    parameters.set(xlim=(0, 1), ylim=(-len(found.parameters) + 0.4, 0.7), xticks=[], yticks=[])
-    parameters.set_title("90 % intervals within the prior", loc="left")
-    for side in ("left", "bottom"):
-        parameters.spines[side].set_visible(False)
+    _draw_test(test, found)
+    _draw_intervals(parameters, found)
     return figure
+
+
+def _draw_test(ax: Axes, found: Fit) -> None:
+    """The statistics of the trace among those of series of the draws, in standard deviations of the latter."""
+    for row, one in enumerate(found.test):
+        at = -row - (0.0 if one.fitted else 0.6)
+        colour = VERMILLION if one.p < _LOW else BLACK
+        ax.plot([one.low, one.high], [at, at], color=SKY, linewidth=4)
+        ax.plot(np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
+        text: Any = {"va": "center", "fontsize": 7, "annotation_clip": False}
+        ax.annotate(one.name, (-_WIDEST - 0.2, at), ha="right", **text)
+        ax.annotate(f"{one.p:.2g}", (_WIDEST + 0.2, at), color=colour, **text)
+    ax.set(xlim=(-_WIDEST, _WIDEST), yticks=[], xlabel="(value - median) / (range of 95 % / 4)")
+    letter(ax, "trace (dot), draws (bar), p")
+    ax.spines["left"].set_visible(False)
+
+
+def _draw_intervals(ax: Axes, found: Fit) -> None:
+    """Where the interval of each parameter lies within its prior."""
+    for row, (one, parts) in enumerate(zip(found.parameters, found.prior.parts(found.values).T, strict=True)):
+        low, middle, high = np.quantile(parts, (0.05, 0.5, 0.95))
+        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), BLUE)):
+            ax.plot(ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt")
+        ax.plot(middle, -row, "|", color="white", markersize=7)
+        text = f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}"
+        ax.annotate(text, (0, -row + 0.22), fontsize=7, annotation_clip=False)
+    ax.set(xlim=(0, 1), ylim=(-len(found.parameters) + 0.4, 0.7), xticks=[], yticks=[])
+    letter(ax, "90 % intervals within the prior")
+    ax.spines[["left", "bottom"]].set_visible(False)
 
 
 def _beside(measured: Axes, simulated: Axes, found: Fit) -> None:
     """A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales."""
     events, made = found.events, found.simulated()
     begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
-    middle = 0.4 * float(made["time"][-1])
-    for ax, t, force, colour, title in (
-        (measured, events.time - begin, events.force, BLACK, "measured"),
-        (
-            simulated,
-            made["time"].values - middle,
-            made["spring_force"].values,
-            BLUE,
-            "simulated, the draw nearest to the medians",
-        ),
-    ):
+    time = made["time"].values - 0.4 * float(made["time"][-1])
+    closest = "simulated, the draw nearest to the medians"
+    shown = (measured, events.time - begin, events.force, BLACK, "measured")
+    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, BLUE, closest)):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
-        ax.set_title(title, loc="left")
+        letter(ax, title)
         ax.set_ylabel(f"force ({events.force_unit})" if events.force_unit not in ("", "1") else "force")
     measured.tick_params(labelbottom=False)
     simulated.set_xlabel(f"time ({events.time_unit})" if events.time_unit else "time")
 
 
-_FITTED, _WIDEST, _LOW, _SHOWN = 9, 4.0, 0.02, 12
+@house_style()
+def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *, length: str = "um") -> Figure:
+    """Draw a velocity step and the fits to it, and their residuals below.
+
+    Parameters
+    ----------
+    step : Step
+        What `stickslip.rate_state.velocity_step_in` cuts out.
+    fits : sequence of StepFit or ContactsFit
+    names : sequence of str
+        Of the fits, for the legend.
+    length : str
+        Unit of the displacement.
+    """
+    figure = new_figure(PAGE, 3.6)
+    upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
+    x = np.asarray(step.displacement)
+    upper.plot(x, step.friction, ".", color=GREY, markersize=2.5, label="data")
+    for k, (fit, colour) in enumerate(zip(fits, (BLUE, VERMILLION, "black"), strict=False)):
+        name = names[k] if k < len(names) else f"{fit.law} law"
+        curve = fit.friction(x)
+        upper.plot(x, curve, color=colour, label=name)
+        lower.plot(x, step.friction - curve, color=colour, linewidth=0.7)
+    upper.set_ylabel("friction")
+    lower.set_ylabel("residual")
+    lower.set_xlabel(f"displacement after the step ({length})")
+    legend_above(upper)
+    return figure
+
+
+@house_style()
+def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figure:
+    """Draw how far the force peaks after holds, and how far it relaxes in them, over the time of the hold.
+
+    Parameters
+    ----------
+    run : Dataset
+        Of `slide_hold_slide`.
+    per_decade : float, optional
+        Growth of the peaks by rate and state, ``b ln 10``: a line through the last peak.
+    """
+    figure = new_figure(COLUMN, 3.6)
+    upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
+    run = run.sortby("hold")
+    hold, peak = run["hold"].to_numpy(), run["peak"].to_numpy()
+    upper.semilogx(hold, peak, "o-", color=BLUE, markersize=3.5, label="contacts")
+    if per_decade is not None:
+        line = peak[-1] + per_decade * np.log10(hold / hold[-1])
+        upper.semilogx(hold, line, "--", color=VERMILLION, label="slope by rate and state")
+    lower.semilogx(hold, run["relaxation"], "o-", color=BLUE, markersize=3.5)
+    dress(upper.yaxis, run["peak"].assign_attrs(long_name="peak above sliding"))
+    dress(lower.yaxis, run["relaxation"].assign_attrs(long_name="relaxation"))
+    dress(lower.xaxis, run["hold"].assign_attrs(spacing="log"))
+    legend_above(upper)
+    return figure

@@ -23,6 +23,7 @@ from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.style import (
     BLACK,
     BLUE,
+    DASHED,
     GREEN,
     GREY,
     MOST_POINTS,
@@ -32,10 +33,12 @@ from stickslip.plot.style import (
     PURPLE,
     SKY,
     VERMILLION,
+    along_time,
     dress,
     envelope,
     house_style,
     legend_above,
+    minus,
     new_axes,
     new_figure,
     unit_text,
@@ -57,7 +60,7 @@ def force_trace(
     Parameters
     ----------
     run : Dataset
-        A run or a measured trace: `F_d` along `t`.
+        A run or a measured trace: ``spring_force`` along ``time``.
     ax : Axes, optional
         Where to draw; by default a new figure.
     events : Dataset, optional
@@ -69,19 +72,13 @@ def force_trace(
     InputError
         If the Dataset has no such variable.
     """
-    force = variable(run, "spring_force", "time")
-    ax = new_axes(PAGE, 2.2) if ax is None else ax
-    time = run["time"]
-    ax.plot(*envelope(time.to_numpy(), force.to_numpy()), color=color)
+    ax, force = along_time(run, "spring_force", ax, color=color)
     if events is not None:
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
         gap = run["filled"].to_numpy().astype(bool)
         text = f"{np.count_nonzero(gap)} filled in"
-        ax.plot(time.to_numpy()[gap], force.to_numpy()[gap], "x", color=BLACK, markersize=4, label=text)
-    dress(ax.xaxis, time)
-    dress(ax.yaxis, force)
-    ax.margins(x=0.01)
+        ax.plot(run["time"].to_numpy()[gap], force.to_numpy()[gap], "x", color=BLACK, markersize=4, label=text)
     if "mu" in run and "load" in run:
         _coefficient_on_the_right(ax, run)
     if ax.get_legend_handles_labels()[0]:
@@ -96,50 +93,36 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
     Parameters
     ----------
     run : Dataset
-        A run: `velocity` along `t`.
+        A run: ``velocity`` along ``time``.
     ax : Axes, optional
     scale : {"linear", "log"}, optional
         Logarithmic from the drive's velocity on, linear below it, as the slider may move back. By default
         logarithmic where the slider gets more than 25 times as fast as the drive.
     """
-    speed = variable(run, "velocity", "time")
-    ax = new_axes(PAGE, 2.2) if ax is None else ax
-    ax.plot(*envelope(run["time"].to_numpy(), speed.to_numpy()), color=GREEN, label="slider")
+    ax, speed = along_time(run, "velocity", ax, color=GREEN, label="slider")
     usual = 0.0
     if "drive_velocity" in run:
         drive = variable(run, "drive_velocity", "time").to_numpy()
         usual = float(np.max(np.abs(drive)))
-        ax.plot(
-            *envelope(run["time"].to_numpy(), drive), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="drive"
-        )
+        line = envelope(run["time"].to_numpy(), drive)
+        ax.plot(*line, color=GREY, linewidth=0.9, linestyle=DASHED, label="drive")
         legend_above(ax)
     if scale is None:
         scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
     if scale == "log":
         linear = usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0
         ax.set_yscale("symlog", linthresh=linear)
-
-        def tick(value: float, _: int | None) -> str:
-            # Decades within the linear part crowd around 0.
-            return "" if 0 < abs(value) < linear else f"{value:g}".replace("-", "\N{MINUS SIGN}")
-
-        ax.yaxis.set_major_formatter(FuncFormatter(tick))
-    dress(ax.xaxis, run["time"])
-    dress(ax.yaxis, speed)
-    ax.margins(x=0.01)
+        # Decades within the linear part crowd around 0.
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "" if 0 < abs(value) < linear else minus(value)))
+        dress(ax.yaxis, speed)
     return ax
 
 
 @house_style()
 def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the fraction of attached contacts against time."""
-    fraction = variable(run, "attached", "time")
-    ax = new_axes(PAGE, 2.2) if ax is None else ax
-    ax.plot(*envelope(run["time"].to_numpy(), fraction.to_numpy()), color=PURPLE)
-    dress(ax.xaxis, run["time"])
-    dress(ax.yaxis, fraction)
+    ax, fraction = along_time(run, "attached", ax, color=PURPLE)
     ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
-    ax.margins(x=0.01)
     return ax
 
 
@@ -150,10 +133,10 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | No
     Parameters
     ----------
     run : Dataset
-        A run: `F_d` and `velocity` along `t`.
+        A run: ``spring_force`` and ``velocity`` along ``time``.
     ax : Axes, optional
     after : float, optional
-        Draw what comes after this time, in the unit of `t`: the cycle without the transient.
+        Draw what comes after this time, in the unit of ``time``: the cycle without the transient.
     """
     variable(run, "spring_force", "time")
     variable(run, "velocity", "time")
@@ -195,19 +178,6 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     return ax
 
 
-@house_style()
-def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, *, color: str = BLUE) -> Axes:
-    """Draw the friction force against the displacement of a rigid slider, from `stickslip.slide`."""
-    force = variable(curve, "friction_force", "displacement")
-    ax = new_axes() if ax is None else ax
-    ax.plot(*envelope(curve["displacement"].to_numpy(), force.to_numpy()), color=color)
-    dress(ax.xaxis, curve["displacement"])
-    dress(ax.yaxis, force)
-    ax.margins(x=0.01)
-    ax.set_ylim(bottom=min(0.0, float(force.min())))
-    return ax
-
-
 _ENERGIES = {
     "broken_energy": ("lost by the contacts", VERMILLION),
     "damped_energy": ("lost to damping", ORANGE),
@@ -230,7 +200,7 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     names, colours = zip(*_ENERGIES.values(), strict=True)
     ax.stackplot(t[kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
     start = sum(float(part[0]) for part in parts.values())
-    ax.plot(t[kept], work.to_numpy()[kept] + start, color=BLACK, linestyle=(0, (4, 2)), label="work of the drive")
+    ax.plot(t[kept], work.to_numpy()[kept] + start, color=BLACK, linestyle=DASHED, label="work of the drive")
     dress(ax.xaxis, run["time"])
     units = str(work.attrs.get("units", ""))
     per_contact = ", per contact" if "per contact" in str(work.attrs.get("long_name", "")) else ""

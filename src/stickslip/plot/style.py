@@ -34,6 +34,9 @@ GREY = "#7F7F7F"
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 """Colours of Okabe and Ito, which colour-blind readers can tell apart; yellow is too pale for a line."""
 
+DASHED = (0, (4, 2))
+"""The dashes of a line that is compared with."""
+
 COLUMN, PAGE = 3.5, 7.0
 """Widths of a printed column and page, in inches."""
 
@@ -139,6 +142,11 @@ def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) 
     return " ".join(word for word, _ in words)
 
 
+def minus(value: float) -> str:
+    """A number on an axis, with a proper minus sign."""
+    return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
+
+
 def dress(axis: Axis, variable: xr.DataArray) -> None:
     """Label an axis with the name and unit of a variable; SI units get the prefix that suits the values."""
     units = str(variable.attrs.get("units", ""))
@@ -150,7 +158,7 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     most = 24 if isinstance(axis, YAxis) else 200
     axis.set_label_text(label(variable, units=units, most=most))
     if factor != 1.0:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
 
 
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
@@ -177,6 +185,19 @@ def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
     check_numbers("plot", data[name])
     check_numbers("plot", data[along])
     return data[name]
+
+
+def along_time(
+    run: xr.Dataset, name: str, ax: Axes | None, height: float = 2.2, **style: Any
+) -> tuple[Axes, xr.DataArray]:
+    """Draw a variable against time, thinned to its envelope, on new axes unless given; also return the variable."""
+    drawn = variable(run, name, "time")
+    ax = new_axes(PAGE, height) if ax is None else ax
+    ax.plot(*envelope(run["time"].to_numpy(), drawn.to_numpy()), **style)
+    dress(ax.xaxis, run["time"])
+    dress(ax.yaxis, drawn)
+    ax.margins(x=0.01)
+    return ax, drawn
 
 
 def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:

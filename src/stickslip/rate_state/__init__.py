@@ -8,14 +8,8 @@ from stickslip.rate_state.contacts import finite_step, small_step
 from stickslip.rate_state.exports import export_rate_and_state
 from stickslip.rate_state.holds import Healing, healing
 from stickslip.rate_state.laws import RateAndState
-from stickslip.rate_state.measured import (
-    ContactsFit,
-    Step,
-    StepFit,
-    fit_contacts,
-    fit_rate_and_state,
-    velocity_step_in,
-)
+from stickslip.rate_state.measured import ContactsFit, StepFit, fit_contacts, fit_rate_and_state
+from stickslip.rate_state.steps import Step, velocity_step_in
 from stickslip.rate_state.verdict import RateAndStateFit, rate_and_state
 
 __all__ = [

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, special
 
 from stickslip.errors import UndecidedError
-from stickslip.lives import blurred_survival, growth_of, has_lives, lives_of, reached_on
-from stickslip.model import Barrier, Bell, Interface, Langevin, LogarithmicGrowth, Parabolic
+from stickslip.model import Barrier, Bell, Delay, Interface, Langevin, LogarithmicGrowth, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
-from stickslip.stability.modes import respond
-from stickslip.theory import kinetic_friction
+from stickslip.sliding import kinetic_friction, respond
+from stickslip.sliding.lives import blurred_survival, growth_of, lives_of, reached_on
 
 Array = NDArray[np.float64]
 
 
-def small_step(interface: Interface, velocity: float, slip: Array) -> Array:
-    """Force over ``ln`` of the ratio after a small step of the velocity of a rigid slider.
+def small_step(
+    interface: Interface, velocity: float, slip: Array, *, stiffness: float = math.inf, coarse: float = 1.0
+) -> Array:
+    """Force over ``ln`` of the ratio after a small step of the velocity of a load point: ``kappa`` behind a spring.
 
     The inverse transform of ``kappa(q)/q^2``: the sine transform of ``Im kappa/y^2``, its factor linear between
     frequencies.
@@ -29,30 +31,16 @@ def small_step(interface: Interface, velocity: float, slip: Array) -> Array:
     interface : Interface
     velocity : float
     slip : ndarray, shape (n,)
-        Above 0, in ``x_s``.
+        Displacement of the load point, above 0, in ``x_s``.
+    stiffness : float
+        Of a spring between load point and slider, per contact; infinite for a rigid slider.
+    coarse : float
+        Coarsening of the frequency grid; 1 gives an error of 1e-4.
 
     Returns
     -------
     ndarray, shape (n,)
         Per contact, in ``f_s``.
-    """
-    return step_on_spring(interface, velocity, slip, math.inf)
-
-
-def step_on_spring(
-    interface: Interface, velocity: float, slip: Array, stiffness: float, *, coarse: float = 1.0
-) -> Array:
-    """Force over ``ln`` of the ratio after a small step of the load point of a spring: ``kappa`` in series with it.
-
-    Parameters
-    ----------
-    interface, velocity
-    slip : ndarray, shape (n,)
-        Displacement of the load point, above 0, in ``x_s``.
-    stiffness : float
-        Of the spring, per contact; infinite for a rigid slider.
-    coarse : float
-        How much coarser the frequencies are than 1e-4 takes.
     """
     response, mean = respond(interface), interface.threshold_distribution.moment(1)
 
@@ -159,23 +147,11 @@ def finite_step(
 
 
 def contact_stiffness(interface: Interface, velocity: float) -> float:
-    """Stiffness of the contacts that are attached in steady sliding, per contact: what a sudden step finds."""
-    if interface.temperature is None and interface.ageing is None:
-        from stickslip.theory import attached_fraction
+    """Stiffness of the contacts that are attached in steady sliding, per contact: what a sudden step finds.
 
-        return attached_fraction(interface, velocity)
-    away = velocity * interface.delay.moment(1)
-    if away == 0:
+    Contacts live alike with a delay and without one, so the force that they carry falls with the fraction attached.
+    """
+    if velocity * interface.delay.moment(1) == 0:
         return 1.0
-    if not has_lives(interface):
-        # The same lives with and without the time they are away.
-        from dataclasses import replace
-
-        from stickslip.model import Delay
-
-        without = replace(interface, delay=Delay(0.0))
-        return kinetic_friction(interface, velocity) / kinetic_friction(without, velocity)
-    from stickslip.lives import held
-
-    rest = held(lives_of(interface, velocity))[0]
-    return rest / (rest + away)
+    bare = replace(interface, sliding_force=0.0)
+    return kinetic_friction(bare, velocity) / kinetic_friction(replace(bare, delay=Delay(0.0)), velocity)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
+from importlib import resources
+from string import Template
 from typing import Literal, get_args
 
-from stickslip.errors import InputError, instance, number, shown
+from stickslip.errors import InputError, instance, shown
 from stickslip.io import files
-from stickslip.model.quantities import read_quantity
+from stickslip.model.quantities import read_value
 from stickslip.model.units import Scales, engineering
 from stickslip.rate_state.verdict import RateAndStateFit
 
@@ -67,129 +70,40 @@ def export_rate_and_state(
             f"program = {program!r}: knows the ageing law only, and the interface follows the slip law; use 'qdyn' or "
             "'rsfmodel', or fit law='ageing'"
         )
-    weight = positive("load", load, "N", "2 kN")
-    stress = weight / positive("area", area, "m^2", "1 cm^2") if area is not None else None
-    if stress is None and program in ("qdyn", "tandem"):
+    weight = read_value("load", load, "N", "2 kN")
+    stress = weight / read_value("area", area, "m^2", "1 cm^2") if area is not None else math.nan
+    if math.isnan(stress) and program in ("qdyn", "tandem"):
         raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
-    per_load = scales.force / weight
-    distance, velocity = fit.distance * scales.stretching, fit.velocity * scales.unit("velocity")
-    spring = fit.contact_stiffness * per_load / scales.stretching  # between load point and surface: the contacts
+    si = fit.in_scales(scales)
+    speed = engineering(si.velocity, "m/s")
+    step = "a small step" if si.step is None else f"a step from {speed} to {engineering(si.velocity * si.step, 'm/s')}"
+    notes = (
+        f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
+        f"Fit of the {si.law} law to {step} over six breaking displacements; forces are those of all contacts.",
+        *str(si).splitlines(),
+    )
     mark = "--" if program == "tandem" else "#"
-    text = "".join(f"{mark} {line}\n" for line in _notes(fit, program, scales)) + _TEMPLATES[program].format(
-        a=fit.a * per_load,
-        b=fit.b * per_load,
-        mu=fit.kinetic_friction * per_load,
-        distance=distance,
-        distance_in_um=distance * 1e6,
-        velocity=velocity,
-        velocity_in_um=velocity * 1e6,
-        state=distance / velocity,
+    spring = si.contact_stiffness / weight  # between load point and surface: the contacts
+    text = "".join(f"{mark} {line}\n" for line in notes) + _template(program).substitute(
+        a=float(si.a) / weight,
+        b=float(si.b) / weight,
+        mu=si.kinetic_friction / weight,
+        distance=float(si.distance),
+        distance_in_um=float(si.distance) * 1e6,
+        velocity=si.velocity,
+        velocity_in_um=si.velocity * 1e6,
+        state=si.distance / si.velocity,
         spring=spring,
         spring_per_um=spring * 1e-6,
         stress=stress,
-        stress_in_mpa=(stress or 0.0) / 1e6,
-        theta_law=1 if fit.law == "ageing" else 2,
-        relation="DieterichState" if fit.law == "ageing" else "RuinaState",
+        stress_in_mpa=stress / 1e6,
+        theta_law=1 if si.law == "ageing" else 2,
+        relation="DieterichState" if si.law == "ageing" else "RuinaState",
     )
     if path is not None:
         files.write(path, text.encode())
     return text
 
 
-def positive(name: str, value: str | float, unit: str, example: str) -> float:
-    """Read a quantity above 0, in words or in SI units."""
-    if isinstance(value, str):
-        try:
-            value = read_quantity(value, unit, example)
-        except InputError as error:
-            raise InputError(f"{name} = {shown(value)}: {error}") from None
-    return number(name, value, above=0, hint=f"in {unit}")
-
-
-def _notes(fit: RateAndStateFit, program: str, scales: Scales) -> list[str]:
-    def speed(value: float) -> str:
-        return engineering(scales.si(value, "velocity"), "m/s")
-
-    step = (
-        "a small step" if fit.step is None else f"a step from {speed(fit.velocity)} to {speed(fit.velocity * fit.step)}"
-    )
-    return [
-        f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
-        f"Fit of the {fit.law} law to {step} over six breaking displacements; forces are those of all contacts.",
-        *str(fit.in_scales(scales)).splitlines(),
-    ]
-
-
-_QDYN = """\
-set_dict = {{
-    "SIGMA": {stress!r},  # Pa
-    "V_PL": {velocity!r},  # m/s
-    "SET_DICT_RSF": {{
-        "RNS_LAW": 0,
-        "THETA_LAW": {theta_law},  # 1 ageing, 2 slip
-        "A": {a!r},
-        "B": {b!r},
-        "DC": {distance!r},  # m
-        "MU_SS": {mu!r},
-        "V_SS": {velocity!r},  # m/s
-        "V_0": {velocity!r},
-        "TH_0": {state!r},  # s
-    }},
-}}
-"""
-
-_TANDEM = """\
--- A scenario in 2D, antiplane: type = "poisson", scenario = "fault" in the parameter file (TOML), which tandem takes
--- besides, as it does a mesh in km.
--- MPa, GPa, m, m/s. Friction is that of the contacts, the rock around them was not told to stickslip: replace
--- shear_modulus and density by yours (granite stands there, as in SEAS BP1).
-local Fault = {{}}
-Fault.__index = Fault
-
-Fault.b = {b!r}
-Fault.V0 = {velocity!r}
-Fault.f0 = {mu!r}
-Fault.shear_modulus = 32.04  -- GPa, assumed
-Fault.density = 2.67  -- g/cm^3, assumed
-
-function Fault:new(o) return setmetatable(o or {{}}, Fault) end
-function Fault:boundary(x, y, t)
-    if x > 1.0 then return self.V0 / 2.0 * t elseif x < -1.0 then return -self.V0 / 2.0 * t end
-    return self.V0 * t
-end
-function Fault:mu(x, y) return self.shear_modulus end
-function Fault:eta(x, y) return math.sqrt(self:mu(x, y) * self.density) / 2.0 end  -- MPa s/m: radiation damping
-function Fault:a(x, y) return {a!r} end
-function Fault:L(x, y) return {distance!r} end
-function Fault:sn_pre(x, y) return {stress_in_mpa!r} end
-function Fault:Vinit(x, y) return self.V0 end
--- Steady sliding at V0; the traction opposes slip, which tandem counts as negative.
-function Fault:tau_pre(x, y) return -(self.f0 * self:sn_pre(x, y) + self:eta(x, y) * self.V0) end
-
-fault = Fault:new()
-"""
-
-_DIABAYES = """\
-from diabayes.typedefs import RSFConstants, RSFParams, SpringBlockConstants
-
-params = RSFParams(a={a!r}, b={b!r}, Dc={distance!r})  # m
-constants = RSFConstants(v0={velocity!r}, mu0={mu!r})  # m/s
-block_constants = SpringBlockConstants(k={spring!r}, v_lp={velocity!r})  # 1/m, m/s
-"""
-
-_RSFMODEL = """\
-from rsfmodel import rsf, staterelations
-
-model = rsf.Model()  # um and s
-model.mu0 = {mu!r}
-model.a = {a!r}
-model.k = {spring_per_um!r}  # 1/um
-model.v = {velocity_in_um!r}
-model.vref = {velocity_in_um!r}
-state = staterelations.{relation}()
-state.b = {b!r}
-state.Dc = {distance_in_um!r}
-model.state_relations = [state]
-"""
-
-_TEMPLATES = {"qdyn": _QDYN, "tandem": _TANDEM, "diabayes": _DIABAYES, "rsfmodel": _RSFMODEL}
+def _template(program: Program) -> Template:
+    return Template((resources.files(__package__) / "templates" / f"{program}.txt").read_text(encoding="utf-8"))

@@ -43,21 +43,21 @@ class Healing(Answer):
     length_unit: str
 
     def __str__(self) -> str:
-        units = f"{self.time_unit:>12}" + f"{self.force_unit:>12}" * 2 + f"{self.length_unit:>14}{self.force_unit:>14}"
-        lines = [f"{'hold':>12}{'relaxation':>12}{'peak':>12}{'slip to peak':>14}{'per decade':>14}", units]
-        rows = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, ("", *self.per_decade), strict=True)
+        F, t, x = self.force_unit, self.time_unit, self.length_unit
+        rows = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, (None, *self.per_decade), strict=True)
+        table: list[tuple[str, ...]] = [("hold", "relaxation", "peak", "slip to peak", "per decade"), (t, F, F, x, F)]
         for hold, relaxation, peak, slip, growth in rows:
-            grown = f"{growth:.4g}" if growth != "" else ""
-            lines.append(f"{hold:>12.4g}{relaxation:>12.4g}{peak:>12.4g}{slip:>14.3g}{grown:>14}")
-        expected = f"b ln 10 = {self.by_rate_and_state:.4g} {self.force_unit}"
-        if self.per_decade:
-            last = self.per_decade[-1]
-            lines.append(
-                f"healing over the last two holds: {last:.4g} {self.force_unit} per decade of hold time, "
-                f"{last / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
-            )
-        else:
+            said = "" if growth is None else f"{growth:.4g}"
+            table.append((f"{hold:.4g}", f"{relaxation:.4g}", f"{peak:.4g}", f"{slip:.3g}", said))
+        lines = [f"{row[0]:>12}{row[1]:>12}{row[2]:>12}{row[3]:>14}{row[4]:>14}" for row in table]
+        expected = f"b ln 10 = {self.by_rate_and_state:.4g} {F}"
+        if not self.per_decade:
             lines.append(f"rate and state says {expected} per decade of hold time; give two holds to compare")
+        else:
+            lines.append(
+                f"healing over the last two holds: {self.per_decade[-1]:.4g} {F} per decade of hold time, "
+                f"{self.per_decade[-1] / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
+            )
         return "\n".join(lines)
 
 
@@ -77,18 +77,16 @@ def healing(run: xr.Dataset, b: float) -> Healing:
         If two holds are the same.
     """
     run = run.sortby("hold")
-    hold, peak = run["hold"].to_numpy(), run["peak"].to_numpy()
-    if np.any(np.diff(hold) <= 0):
+    found = {name: run[name].to_numpy() for name in ("hold", "relaxation", "peak", "slip_to_peak")}
+    if np.any(np.diff(found["hold"]) <= 0):
         raise InputError("holds: two are the same; give each once")
-    growth = np.diff(peak) / np.diff(np.log10(hold))
+    growth = np.diff(found["peak"]) / np.diff(np.log10(found["hold"]))
+    time, force, length = (str(run[name].attrs["units"]) for name in ("hold", "peak", "slip_to_peak"))
     return Healing(
-        hold=tuple(hold.tolist()),
-        relaxation=tuple(run["relaxation"].to_numpy().tolist()),
-        peak=tuple(peak.tolist()),
-        slip_to_peak=tuple(run["slip_to_peak"].to_numpy().tolist()),
+        **{name: tuple(values.tolist()) for name, values in found.items()},
         per_decade=tuple(growth.tolist()),
         by_rate_and_state=b * math.log(10.0),
-        time_unit=str(run["hold"].attrs["units"]),
-        force_unit=str(run["peak"].attrs["units"]),
-        length_unit=str(run["slip_to_peak"].attrs["units"]),
+        time_unit=time,
+        force_unit=force,
+        length_unit=length,
     )

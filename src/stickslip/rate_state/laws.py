@@ -104,40 +104,36 @@ class RateAndState:
         return np.array([friction, start * np.exp(speed), self.distance / start * np.exp(state)])
 
     def step(self, slip: ArrayLike, ratio: float, *, stiffness: float) -> Array:
-        """Friction after a step of the velocity by a factor, over the displacement of the load point."""
+        """Friction after a step of the velocity by a factor, over the displacement of the load point; 0 before it."""
         x = np.asarray(slip, dtype=float)
-        time = np.concatenate([[0.0], x[x > 0]]) / ratio
-        # In units of the first velocity.
-        friction = self.slide(
-            np.concatenate([[-1.0], time]), np.append(1.0, np.full(time.size, ratio)), stiffness=stiffness
-        )[0]
-        found = np.zeros_like(x)
-        found[x > 0] = friction[2:]
+        found, (later, place) = np.zeros_like(x), np.unique(x[x > 0], return_inverse=True)
+        if later.size:  # in units of the first velocity
+            time = np.concatenate([[-1.0, 0.0], later / ratio])
+            pull = np.where(time < 0, 1.0, ratio)
+            found[x > 0] = self.slide(time, pull, stiffness=stiffness)[0, 2:][place]
         return found
 
     def small_step(self, slip: ArrayLike, *, stiffness: float) -> Array:
-        """Friction over ``ln`` of the ratio after a small step of the velocity: the same for both laws."""
-        return small_step(self.a, self.b, self.distance, stiffness, np.asarray(slip, dtype=float))
+        """Friction over ``ln`` of the ratio after a small step of the velocity: the same for both laws.
+
+        The inverse transform of ``k G/(q (k + q G))`` with ``G = a - b/(1 + q D)``.
+        """
+        x, k, level, damped = np.asarray(slip, dtype=float), stiffness, self.a - self.b, self.a * self.distance
+        poles = np.roots([damped, k * self.distance + level, k]).astype(complex)
+        if abs(poles[0] - poles[1]) < 1e-9 * abs(poles[0]):
+            poles[0] *= 1.0 + 1e-6
+        found = np.full(x.shape, complex(level))
+        for pole, other in (poles, poles[::-1]):
+            with np.errstate(over="ignore"):
+                found += k * (level + damped * pole) / (damped * pole * (pole - other)) * np.exp(pole * x)
+        return np.asarray(found.real)
 
     def __str__(self) -> str:
         return f"{self.law} law, a = {self.a:.4g}, b = {self.b:.4g}, D = {self.distance:.4g}"
 
 
-def small_step(a: float, b: float, distance: float, stiffness: float, slip: Array) -> Array:
-    """Inverse transform of ``k G/(q (k + q G))`` with ``G = a - b/(1 + q D)``: the linear step of both laws."""
-    k = stiffness
-    # Poles of (k + q (a - b)) + q D (k + q a) = 0
-    if a * distance < 1e-12 * k * distance**2:
-        root = np.array([-k / (k * distance + a - b)], dtype=complex)
-        leading = complex(k * distance + a - b)
-    else:
-        root = np.roots([a * distance, k * distance + a - b, k]).astype(complex)
-        leading = complex(a * distance)
-        if abs(root[0] - root[1]) < 1e-9 * abs(root[0]):
-            root[0] *= 1.0 + 1e-6
-    found = np.full(slip.shape, complex(a - b))
-    for i, one in enumerate(root):
-        others = np.prod(one - np.delete(root, i)) if root.size > 1 else 1.0
-        with np.errstate(over="ignore"):
-            found = found + k * (a - b + a * distance * one) / (leading * one * others) * np.exp(one * slip)
-    return np.asarray(found.real)
+def laws_to_fit(law: Literal["best"] | Law) -> tuple[Law, ...]:
+    """The laws that are tried where one of them, or the best, is asked for."""
+    if law not in ("best", *LAWS):
+        raise InputError(f"law = {shown(law)}: must be 'best', 'ageing' or 'slip'")
+    return LAWS if law == "best" else (law,)

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.answers import Answer, plain
-from stickslip.errors import InputError, UndecidedError, instance, number, shown
+from stickslip.answers import plain
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
-from stickslip.model.units import SI, Quantity, engineering
+from stickslip.model.records import Number, rescaled
+from stickslip.model.units import si_unit
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
-from stickslip.rate_state.fitting import Estimate, Fit, errors, fit_small_step, fit_step
-from stickslip.rate_state.laws import LAWS, Law, RateAndState
+from stickslip.rate_state.fitting import Estimate, Fit, WithErrors, least_squares
+from stickslip.rate_state.laws import Law, RateAndState, laws_to_fit
+from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
-from stickslip.stability.modes import respond
-from stickslip.theory import kinetic_friction
+from stickslip.words import engineering
 
 Array = NDArray[np.float64]
 
@@ -28,18 +30,18 @@ _POINTS = 600
 
 MISFIT = 0.05
 """Largest misfit of a small step, rms over the range of the force, that counts as rate and state."""
-DRIFT = 0.10
-"""Largest change of a and b over a decade of velocity that does."""
-DRIFT_OF_DISTANCE = 0.20
-"""... and of D."""
+DRIFTS = {"a": 0.10, "b": 0.10, "D": 0.20}
+"""Largest change of each parameter over a decade of velocity that does."""
 _RESOLVED = 0.3
 """Least direct effect at high frequency, in the fitted a, that counts as one."""
 _FAST = 200.0
 """Wave number of a perturbation that is too fast for the memory of the contacts, over the mean threshold."""
+_LEAST, _MOST = 1e-7, 1e3
+"""Range of a and b over the largest change of the force; the least is 0, for a logarithm."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class RateAndStateFit(Answer):
+class RateAndStateFit(WithErrors):
     """Rate-and-state parameters of an interface, and what they are worth.
 
     Per contact and in natural units; `in_units` gives those of a rig.
@@ -80,20 +82,20 @@ class RateAndStateFit(Answer):
     """
 
     law: Law
-    a: Estimate
-    b: Estimate
-    distance: Estimate
+    a: Annotated[Estimate, Number("f_s")]
+    b: Annotated[Estimate, Number("f_s")]
+    distance: Annotated[Estimate, Number("x_s")]
     misfit: float
     step_misfit: float | None
     drift: tuple[float, float, float]
     asymmetry: float | None
-    healing: float | None
-    velocity: float
+    healing: Annotated[float | None, Number("f_s")]
+    velocity: Annotated[float, Number("x_s/time")]
     step: float | None
-    kinetic_friction: float
-    contact_stiffness: float
-    critical_stiffness: float
-    exact_critical_stiffness: float
+    kinetic_friction: Annotated[float, Number("f_s")]
+    contact_stiffness: Annotated[float, Number("k")]
+    critical_stiffness: Annotated[float, Number("k")]
+    exact_critical_stiffness: Annotated[float, Number("k")]
     holds: bool
     reason: str
     scales: Scales | None = None
@@ -104,15 +106,7 @@ class RateAndStateFit(Answer):
 
     def in_scales(self, scales: Scales) -> RateAndStateFit:
         """Return parameters found in natural units in SI units."""
-        if self.scales is not None:
-            return self
-        scaled: dict[str, Any] = {}
-        for quantity, names in _QUANTITIES.items():
-            size = scales.unit(quantity)
-            for name in names:
-                value = getattr(self, name)
-                scaled[name] = value.scaled(size) if isinstance(value, Estimate) else value and value * size
-        return replace(self, scales=scales, **scaled)
+        return self if self.scales is not None else replace(rescaled(self, scales.unit), scales=scales)
 
     @property
     def parameters(self) -> RateAndState:
@@ -142,50 +136,37 @@ class RateAndStateFit(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
         derived = {"healing_over_b": self.healing_over_b, "ratio": self.ratio, "danger": self.danger}
-        found: dict[str, Any] = super().to_dict() | errors(self) | plain(derived)
-        return found
+        return {**super().to_dict(), **plain(derived)}
+
+    def _unit(self, natural: str) -> str:
+        return "" if self.scales is None else si_unit(natural)
 
     def __str__(self) -> str:
         if not self.holds:
             return f"not rate-and-state: {self.reason}"
-        force, length = ("N", "m") if self.scales is not None else ("", "")
+        force = self._unit("f_s")
         lines = [
             f"rate-and-state-like: {self.reason}",
-            f"{self.law} law, a = {self.a.words(force)}, b = {self.b.words(force)}, D = {self.distance.words(length)}, "
-            f"a - b = {_said(self, self.a - self.b, 'force', 3)}",
-            _of_stiffness(self),
+            f"{self.law} law, a = {self.a.words(force)}, b = {self.b.words(force)}, "
+            f"D = {self.distance.words(self._unit('x_s'))}, a - b = {engineering(self.a - self.b, force, 3)}",
+            self._critical_stiffness_in_words(),
         ]
         if self.healing is not None:
-            healing = _said(self, self.healing, "force")
             lines.append(
-                f"healing after long holds: {healing} per e-fold of hold time, {self.healing_over_b:.2f} times b"
+                f"healing after long holds: {engineering(self.healing, force)} per e-fold of hold time, "
+                f"{self.healing_over_b:.2f} times b"
             )
         return "\n".join(lines)
 
-
-_QUANTITIES: dict[Quantity, tuple[str, ...]] = {
-    "force": ("a", "b", "healing", "kinetic_friction"),
-    "length": ("distance",),
-    "velocity": ("velocity",),
-    "stiffness": ("contact_stiffness", "critical_stiffness", "exact_critical_stiffness"),
-}
-
-
-def _said(fit: RateAndStateFit, value: float, quantity: Quantity, digits: int = 4) -> str:
-    return f"{value:.{digits}g}" if fit.scales is None else engineering(value, SI[quantity], digits)
-
-
-def _of_stiffness(fit: RateAndStateFit) -> str:
-    exact, fitted = fit.exact_critical_stiffness, fit.critical_stiffness
-    if exact == 0 and fitted == 0:
-        return "steady sliding is stable on any spring, by rate and state as by the contacts"
-    words = {
-        "none": "",
-        "too low": f" ({100 * (1 - fit.ratio):.0f} % too low, on the unsafe side)",
-        "too high": f" ({100 * (fit.ratio - 1):.0f} % too high, on the safe side)",
-    }[fit.danger]
-    exactly, by_fit = (_said(fit, value, "stiffness") for value in (exact, fitted))
-    return f"critical stiffness in steady sliding: {exactly} exactly, {by_fit} by rate and state{words}"
+    def _critical_stiffness_in_words(self) -> str:
+        both = (self.exact_critical_stiffness, self.critical_stiffness)
+        if both == (0, 0):
+            return "steady sliding is stable on any spring, by rate and state as by the contacts"
+        away = {"none": "", "too low": "on the unsafe side", "too high": "on the safe side"}[self.danger]
+        if away:
+            away = f" ({100 * abs(1 - self.ratio):.0f} % {self.danger}, {away})"
+        exact, fitted = (engineering(value, self._unit("k")) for value in both)
+        return f"critical stiffness in steady sliding: {exact} exactly, {fitted} by rate and state{away}"
 
 
 def rate_and_state(
@@ -236,32 +217,21 @@ def rate_and_state(
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     if step is not None:
         step = number("step", step, above=1, hint="ratio of the velocities")
-    if law not in ("best", *LAWS):
-        raise InputError(f"law = {shown(law)}: must be 'best', 'ageing' or 'slip'")
+    laws = laws_to_fit(law)
     if respond(interface).inert:
         raise InputError(
             "rate_and_state: the friction force does not change with the velocity: without temperature, ageing and "
             "delay there is nothing to fit; give one of them"
         )
-    mean = interface.threshold_distribution.moment(1)
-    fit, misfit = _small(interface, speed, mean)
-    failing, drift = _failing(interface, speed, mean, fit, misfit), np.full(3, math.nan)
+    small, misfit = _small(interface, speed)
+    failing, drift = _failing(interface, speed, small, misfit), np.full(3, math.nan)
     if not failing:
-        ends = [_small(interface, v, mean)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0))]
-        drift = (ends[1] - ends[0]) / fit.value
+        low, high = (_small(interface, v)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
+        drift = (high - low) / small.value
         failing = _drifting(drift)
-    chosen: Law = "ageing" if law == "best" else law
-    value, error, step_misfit, asymmetry = fit.value, fit.error, None, None
+    chosen, fit, step_misfit, asymmetry = laws[0], small, None, None
     if not failing and step is not None:
-        steps = _up_and_down(interface, speed, step, mean)
-        found = {
-            one: [fit_step(slip, rise, ratio, one, spring, fit.value) for slip, rise, ratio, spring in steps]
-            for one in (LAWS if law == "best" else (law,))
-        }
-        asymmetries = {one: float(up.value[2] / down.value[2]) for one, ((up, _), (down, _)) in found.items()}
-        chosen = min(found, key=lambda one: abs(math.log(asymmetries[one])))
-        (best, step_misfit), asymmetry = found[chosen][0], asymmetries[chosen]
-        value, error = best.value, best.error
+        chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
     elif not failing and law == "best":
         # Without ageing contacts remember slip alone, and so does the slip law.
         if interface.ageing is not None or interface.delay.moment(1) > 0:
@@ -270,9 +240,7 @@ def rate_and_state(
             )
         chosen = "slip"
     spring = contact_stiffness(interface, speed)
-    a, b, distance = map(Estimate, value, error)
-    parameters = RateAndState(law=chosen, a=a, b=b, distance=distance)
-    rig = Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed))
+    a, b, distance = map(Estimate, fit.value, fit.error)
     growth = interface.ageing
     return RateAndStateFit(
         law=chosen,
@@ -288,8 +256,8 @@ def rate_and_state(
         step=step if step_misfit is not None else None,
         kinetic_friction=kinetic_friction(interface, speed),
         contact_stiffness=spring,
-        critical_stiffness=parameters.critical_stiffness(spring),
-        exact_critical_stiffness=_exact_stiffness(rig),
+        critical_stiffness=RateAndState(law=chosen, a=a, b=b, distance=distance).critical_stiffness(spring),
+        exact_critical_stiffness=_exact_stiffness(interface, speed),
         holds=not failing,
         reason=failing
         or f"misfit {100 * misfit:.2g} %; over a decade a changes by {100 * drift[0]:.2g} %, "
@@ -297,14 +265,56 @@ def rate_and_state(
     )
 
 
-def _small(interface: Interface, velocity: float, mean: float) -> tuple[Fit, float]:
-    slip = mean * SLIP * np.arange(1, _POINTS + 1) / _POINTS
-    return fit_small_step(slip, small_step(interface, velocity, slip), contact_stiffness(interface, velocity))
+def _fit_abd(
+    model: Callable[[RateAndState], Array], slip: Array, rise: Array, starts: Sequence[Array], law: Law
+) -> tuple[Fit, float]:
+    """Fit a, b, D to the force after a step; and the misfit, rms over the range of the force with that before it."""
+    largest, reach = float(np.max(np.abs(rise))), float(slip[-1])
+    low = np.array([_LEAST * largest, _LEAST * largest, 1e-4 * reach])
+    high = np.array([_MOST * largest, _MOST * largest, 10.0 * reach])
+
+    def curve(value: Array) -> Array:
+        return model(RateAndState(law=law, a=value[0], b=value[1], distance=value[2]))
+
+    found = least_squares(curve, rise, starts, low, high)
+    return found, found.rms / float(np.ptp(np.append(rise, 0.0)))
 
 
-def _failing(interface: Interface, velocity: float, mean: float, fit: Fit, misfit: float) -> str:
+def _small(interface: Interface, velocity: float) -> tuple[Fit, float]:
+    """Fit a small step, from the linear response of the contacts: the same for both laws."""
+    reach = SLIP * interface.threshold_distribution.moment(1)
+    slip = reach * np.arange(1, _POINTS + 1) / _POINTS
+    rise, spring = small_step(interface, velocity, slip), contact_stiffness(interface, velocity)
+    direct = float(np.max(np.abs(rise)))
+    evolution = max(direct - float(rise[-1]), 0.05 * direct)
+    starts = [np.array([direct, evolution, part * reach]) for part in (0.02, 0.05, 0.15)]
+    return _fit_abd(lambda one: one.small_step(slip, stiffness=spring), slip, rise, starts, "slip")
+
+
+def _of_a_step(
+    interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
+) -> tuple[Law, Fit, float, float]:
+    """Fit laws to steps up and down: the law of which D changes less, its fit and misfit, and D up over D down."""
+    reach = SLIP * interface.threshold_distribution.moment(1)
+
+    def fitted(law: Law, before: float, after: float, lead: Array, force: Array) -> tuple[Fit, float]:
+        spring = contact_stiffness(interface, before)
+        return _fit_abd(lambda one: one.step(lead, after / before, stiffness=spring), lead, force, [near], law)
+
+    runs = []
+    for before, after in ((velocity, velocity * step), (velocity * step, velocity)):
+        lead, force = finite_step(interface, before, after, reach)
+        runs.append((before, after, lead[3::3], force[3::3]))
+    found = []
+    for law in laws:
+        (up, misfit), (down, _) = (fitted(law, *run) for run in runs)
+        found.append((law, up, misfit, float(up.value[2] / down.value[2])))
+    return min(found, key=lambda one: abs(math.log(one[3])))
+
+
+def _failing(interface: Interface, velocity: float, fit: Fit, misfit: float) -> str:
     """Say what keeps it from being rate and state, or nothing."""
-    a = float(fit.value[0])
+    a, mean = float(fit.value[0]), interface.threshold_distribution.moment(1)
     spring, q = contact_stiffness(interface, velocity), _FAST / mean * 1j
     kappa = complex(respond(interface).stiffness(velocity, q * velocity))
     direct = (kappa * spring / (q * (spring - kappa))).real
@@ -321,25 +331,14 @@ def _failing(interface: Interface, velocity: float, mean: float, fit: Fit, misfi
 
 
 def _drifting(drift: Array) -> str:
-    for name, change, most in zip("abD", drift.tolist(), (DRIFT, DRIFT, DRIFT_OF_DISTANCE), strict=True):
+    for (name, most), change in zip(DRIFTS.items(), drift.tolist(), strict=True):
         if abs(change) >= most:
             return f"{name} changes by {100 * change:.3g} % over a decade of velocity; must be below {100 * most:g} %"
     return ""
 
 
-def _up_and_down(
-    interface: Interface, velocity: float, step: float, mean: float
-) -> list[tuple[Array, Array, float, float]]:
-    """Displacement and force of a step up and one down, the ratio of the velocities, and the stiffness they find."""
-    found = []
-    for before, after in ((velocity, velocity * step), (velocity * step, velocity)):
-        lead, force = finite_step(interface, before, after, SLIP * mean)
-        found.append((lead[3::3], force[3::3], after / before, contact_stiffness(interface, before)))
-    return found
-
-
-def _exact_stiffness(rig: Rig) -> float:
+def _exact_stiffness(interface: Interface, velocity: float) -> float:
     try:
-        return critical_spring(rig)
+        return critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(velocity)))
     except UndecidedError:
         return math.nan

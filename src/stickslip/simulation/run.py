@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
 from stickslip.model import (
-    Chain,
     ElasticBody,
     Interface,
     MasterEquation,
@@ -34,7 +33,6 @@ from stickslip.model import (
     OnArrest,
     Output,
     Population,
-    Sheet,
     Slider,
     Start,
 )
@@ -251,7 +249,7 @@ def rig_of(run: xr.Dataset) -> Rig:
 
 def _check(rig: Rig) -> None:
     slider, drive, snapshots = rig.slider, rig.drive, rig.output.snapshots
-    bodies = (Slider, Chain, Sheet)
+    bodies = (Slider, ElasticBody)
     instance("simulate: Rig.slider", slider, bodies, "a Slider or a Chain; other impedances are for `stability`")
     if slider.mass == 0:
         raise InputError(

@@ -16,24 +16,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, sequence, shown, whole
 from stickslip.io import datasets as store
-from stickslip.model import Contacts, FromSliding, Interface, MasterEquation, Method, Rig, Slider
+from stickslip.model import FixedGrowth, FromSliding, Interface, MasterEquation, Method, Rig, Slider
 from stickslip.model.drive import constant
 from stickslip.model.quantities import read_quantity
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.follow import follow
-from stickslip.simulation.result import Labelled, labelled
+from stickslip.simulation.result import labelled
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 _APPROACH = 0.05
 """Part of the distance that is slid at the velocity before a step, and recorded."""
@@ -64,8 +63,9 @@ def velocity_step(
         How far the drive goes after the step, above 0, in the units of the rig.
     stiffness : float or str
         Of the driving spring, above 0: per contact in ``k``, or in the units of the rig; infinite for none.
-    method : Contacts or MasterEquation, optional
-        By default the rig's own; for an interface the master equation.
+    method : Contacts, MasterEquation or Population, optional
+        By default the rig's own; for an interface the master equation. Whatever it takes, it takes here; a spring needs
+        a temperature, or `MasterEquation` with thresholds that grow.
     points : int
         Samples after the step.
 
@@ -93,32 +93,22 @@ def velocity_step(
     """
     import xarray as xr
 
-    told = _natural(rig, "velocity_step", method, stiffness)
-    v, w = (told.number(name, value, "x_s/time") for name, value in (("before", before), ("after", after)))
-    way = told.number("distance", distance, "x_s")
-    count = whole("velocity_step: points", points, at_least=10, at_most=10_000_000)
-    engine, origin = told.sliding(v)
+    who, told = "velocity_step", _rig_of("velocity_step", rig, method)
+    v, w = (
+        _natural(told, f"{who}: {name}", value, "x_s/time") for name, value in (("before", before), ("after", after))
+    )
+    way = _natural(told, f"{who}: distance", distance, "x_s")
+    count = whole(f"{who}: points", points, at_least=10, at_most=10_000_000)
+    engine, origin = _sliding(told, v, _spring(told, who, stiffness))
     first = max(round(_APPROACH * count), 2)
     approach = _APPROACH * way / v
     times = np.append(np.linspace(0.0, approach, first + 1), approach + np.linspace(0.0, way / w, count + 1)[1:])
     track = follow(engine, constant(v, approach).then(constant(w, way / w)), origin, times)
-    start = track["displacement"][first]
-    names = ("displacement", "velocity", "friction_force", "attached")
-    values = {name: track[name] for name in names}
-    values["displacement"] = values["displacement"] - start
+    values = {name: track[name] for name in ("displacement", "velocity", "friction_force", "attached")}
+    values["displacement"] = values["displacement"] - values["displacement"][first]
     values["drive_velocity"] = np.where(track.times <= approach, v, w)
-    provenance = store.provenance(
-        "velocity_step",
-        {
-            "rig": rig,
-            "before": before,
-            "after": after,
-            "distance": distance,
-            "stiffness": stiffness,
-            "method": told.method,
-            "points": points,
-        },
-    )
+    arguments = {"before": before, "after": after, "distance": distance, "stiffness": stiffness}
+    provenance = store.provenance(who, {"rig": rig} | arguments | {"method": told.method, "points": points})
     data = xr.Dataset(
         {name: labelled(name, "time", value) for name, value in values.items()},
         {"time": labelled("time", "time", track.times - approach)},
@@ -147,8 +137,9 @@ def slide_hold_slide(
         Times of rest, each above 0, in the units of the rig; of any length. Each begins in the same steady sliding.
     stiffness : float or str
         Of the driving spring, as in `velocity_step`.
-    method : Contacts or MasterEquation, optional
-        By default the rig's own; for an interface the master equation.
+    method : Contacts, MasterEquation or Population, optional
+        By default the rig's own; for an interface the master equation. Whatever it takes, it takes here; a spring needs
+        a temperature, or `MasterEquation` with thresholds that grow.
 
     Returns
     -------
@@ -177,96 +168,79 @@ def slide_hold_slide(
     """
     import xarray as xr
 
-    told = _natural(rig, "slide_hold_slide", method, stiffness)
-    v = told.number("velocity", velocity, "x_s/time")
-    listed = sequence("slide_hold_slide: holds", holds, "times, such as (1.0, 10.0, 100.0)")
-    times = np.array([told.number(f"holds[{i}]", value, "time") for i, value in enumerate(listed)])
+    who, told = "slide_hold_slide", _rig_of("slide_hold_slide", rig, method)
+    v = _natural(told, f"{who}: velocity", velocity, "x_s/time")
+    listed = sequence(f"{who}: holds", holds, "times, such as (1.0, 10.0, 100.0)")
+    times = np.array([_natural(told, f"{who}: holds[{i}]", value, "time") for i, value in enumerate(listed)])
     if not times.size:
-        raise InputError("slide_hold_slide: holds: must hold at least one time, such as (1.0, 10.0, 100.0)")
-    mean = told.interface.threshold_distribution.moment(1)
-    engine, origin = told.sliding(v)
+        raise InputError(f"{who}: holds: must hold at least one time, such as (1.0, 10.0, 100.0)")
+    mean, spring = told.interface.threshold_distribution.moment(1), _spring(told, who, stiffness)
+    engine, origin = _sliding(told, v, spring)
     before = follow(engine, constant(v, mean / v), origin, np.linspace(0.0, mean / v, 401))
     steady, at_end = float(before["friction_force"].mean()), float(before["friction_force"][-1])
     origin += mean
     # As far as the memory of a hold goes, and what the spring takes up of the largest force meanwhile.
     way, count, rows = 2.0 * mean, 8001, []
-    if told.stiffness < math.inf:
-        way, count = way + 2.0 * mean / told.stiffness, 40_001
+    if spring < math.inf:
+        way, count = way + 2.0 * mean / spring, 40_001
     for hold in times:
         again = engine.here()[0] + hold + np.linspace(0.0, way / v, count)
-        drive = constant(0.0, hold).then(constant(v, way / v))
-        track = follow(engine.copy(), drive, origin, again)
+        track = follow(engine.copy(), constant(0.0, hold).then(constant(v, way / v)), origin, again)
         force = track["friction_force"]
         best = int(np.argmax(force))
-        slip = track["displacement"][best] - track["displacement"][0]
-        rows.append((force[0] - at_end, force[best] - steady, slip))
+        rows.append((force[0] - at_end, force[best] - steady, track["displacement"][best] - track["displacement"][0]))
     relaxation, peak, slip = np.array(rows).T
-    provenance = store.provenance(
-        "slide_hold_slide",
-        {"rig": rig, "velocity": velocity, "holds": tuple(listed), "stiffness": stiffness, "method": told.method},
-    )
+    arguments = {"velocity": velocity, "holds": tuple(listed), "stiffness": stiffness}
+    found: dict[str, tuple[str | tuple[str, ...], ArrayLike, str, str]] = {
+        "relaxation": ("hold", relaxation, "f_s", "force at the end of the hold less that of sliding, per contact"),
+        "peak": ("hold", peak, "f_s", "largest force after the hold less that of sliding, per contact"),
+        "slip_to_peak": ("hold", slip, "x_s", "displacement from the end of the hold to the peak"),
+        "sliding_force": ((), steady, "f_s", "friction force of sliding, per contact"),
+        "hold": ("hold", times, "time", "time of rest"),
+    }
     data = xr.Dataset(
-        {
-            "relaxation": _named(
-                "hold", relaxation, "f_s", "force at the end of the hold less that of sliding, per contact"
-            ),
-            "peak": _named("hold", peak, "f_s", "largest force after the hold less that of sliding, per contact"),
-            "slip_to_peak": _named("hold", slip, "x_s", "displacement from the end of the hold to the peak"),
-            "sliding_force": _named((), np.asarray(steady), "f_s", "friction force of sliding, per contact"),
-        },
-        {"hold": _named("hold", times, "time", "time of rest")},
-        {"provenance": provenance},
+        {name: labelled(words, dims, value, unit) for name, (dims, value, unit, words) in found.items()},
+        attrs={"provenance": store.provenance(who, {"rig": rig} | arguments | {"method": told.method})},
     )
     return told.in_its_units(data)
 
 
-def _named(dims: str | tuple[str, ...], values: Array, units: str, name: str) -> Labelled:
-    return dims, values, {"units": units, "long_name": name}
+def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
+    """Return the rig to take contacts, units and method of; an interface alone has natural units."""
+    instance(f"{who}: rig", given, (Rig, Interface), "a Rig or an Interface")
+    rig = given if isinstance(given, Rig) else Rig(given, Slider(stiffness=1.0, mass=1.0, damping=0.0), constant(1.0))
+    if method is not None or not isinstance(given, Rig):
+        rig = replace(rig, method=method or MasterEquation())
+    instance(f"{who}: method", rig.method, Method, "Contacts(...) or MasterEquation(...)")
+    return rig
 
 
-class _Told:
-    """What a rig or an interface says, in natural units."""
-
-    def __init__(self, who: str, interface: Interface, rig: Rig | None, method: Method, stiffness: float | str) -> None:
-        self.who, self.interface, self.rig, self.method = who, interface, rig, method
-        self.stiffness = self.number("stiffness", stiffness, "k", infinite=True)
-
-    def number(self, name: str, value: float | str, unit: str, infinite: bool = False) -> float:
-        """Read a number above 0 in the units of the rig."""
-        place = f"{self.who}: {name}"
-        if isinstance(value, str):
-            if self.rig is None or self.rig.scales is None:
-                raise InputError(f"{place} = {value!r}: must be a plain number, as there are no units but natural ones")
-            value = read_quantity(value, self.rig.unit_name(unit), name)
-        if infinite and value == math.inf:
-            return value
-        size = 1.0 if self.rig is None else self.rig.unit(unit)
-        return number(place, value, above=0) / size
-
-    def sliding(self, velocity: float) -> tuple[Engine, float]:
-        """Return an engine in steady sliding, and where the drive is."""
-        slider = None if math.isinf(self.stiffness) else Slider(stiffness=self.stiffness, mass=0.0, damping=0.0)
-        beginning = Beginning(self.interface, slider, velocity, FromSliding())
-        engine = engine_of(self.interface, self.method)(beginning, self.method)
-        return engine, beginning.drive_position(engine.contact_force())
-
-    def in_its_units(self, data: xr.Dataset) -> xr.Dataset:
-        """Return a result in the units of the rig."""
-        return data if self.rig is None else self.rig.in_its_units(data)
+def _natural(rig: Rig, place: str, value: float | str, unit: str) -> float:
+    """Read a number above 0 in the units of the rig."""
+    if isinstance(value, str):
+        if rig.scales is None:
+            raise InputError(f"{place} = {value!r}: must be a plain number, as there are no units but natural ones")
+        value = read_quantity(value, rig.unit_name(unit), place)
+    return number(place, value, above=0) / rig.unit(unit)
 
 
-def _natural(rig: Rig | Interface, who: str, method: Method | None, stiffness: float | str) -> _Told:
-    instance(f"{who}: rig", rig, (Rig, Interface), "a Rig or an Interface")
-    interface = rig.interface if isinstance(rig, Rig) else rig
-    chosen = method or (rig.method if isinstance(rig, Rig) else MasterEquation())
-    instance(f"{who}: method", chosen, (Contacts, MasterEquation), "Contacts(...) or MasterEquation(...)")
-    given: object = stiffness
-    if not (isinstance(given, str) or (isinstance(given, float) and given == math.inf)):
-        number(f"{who}: stiffness", given, above=0)
-    if interface.temperature is None and (isinstance(chosen, Contacts) or stiffness != math.inf):
-        what = "Contacts" if stiffness == math.inf else f"a spring (stiffness = {shown(stiffness)})"
+def _spring(rig: Rig, who: str, stiffness: float | str) -> float:
+    """Stiffness of the driving spring; a slider without mass slips in no time where thresholds stay as they are."""
+    if isinstance(stiffness, float) and stiffness == math.inf:
+        return stiffness
+    found, interface = _natural(rig, f"{who}: stiffness", stiffness, "k"), rig.interface
+    growing = isinstance(rig.method, MasterEquation) and isinstance(interface.ageing, FixedGrowth)
+    if interface.temperature is None and not growing:
         raise InputError(
-            f"{who}: Interface.temperature = None: not available with {what}; give a temperature, or use simulate(rig) "
-            "with a slider that has a mass"
+            f"{who}: Interface.temperature = None: not available with a spring (stiffness = {shown(stiffness)}); give "
+            "a temperature, or use simulate(rig) with a slider that has a mass"
         )
-    return _Told(who, interface, rig if isinstance(rig, Rig) else None, chosen, stiffness)
+    return found
+
+
+def _sliding(rig: Rig, velocity: float, stiffness: float) -> tuple[Engine, float]:
+    """Return an engine in steady sliding, and where the drive is."""
+    slider = None if math.isinf(stiffness) else Slider(stiffness=stiffness, mass=0.0, damping=0.0)
+    beginning = Beginning(rig.interface, slider, velocity, FromSliding())
+    engine = engine_of(rig.interface, rig.method)(beginning, rig.method)
+    return engine, beginning.drive_position(engine.contact_force())

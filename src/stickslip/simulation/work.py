@@ -23,6 +23,7 @@ from stickslip.model import (
     Delay,
     ElasticBody,
     ExponentialGrowth,
+    FixedGrowth,
     FromSliding,
     Langevin,
     MasterEquation,
@@ -236,7 +237,8 @@ def estimate(rig: Rig) -> Work:
                           seconds=_RADIAN * radians))  # fmt: skip
     path = distance + kicked + 0.01 * ringing
     lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
-    if rig.interface.temperature is not None:
+    growing = isinstance(rig.method, MasterEquation) and isinstance(ageing, FixedGrowth)
+    if rig.interface.temperature is not None or growing:
         parts.append(_thermal(rig, lives, distance + kicked, rung))
         aged = _AGE * getattr(rig.method, "count", 0)
     elif isinstance(rig.method, Contacts | QuasiStatic):
@@ -278,8 +280,8 @@ def estimate(rig: Rig) -> Work:
 
 def _radians(rig: Rig, slider: Slider, turns: float, rings: float, distance: float) -> float:
     """Radians of the slider's oscillation that cost time: once a slider that sticks rings no more, its turns do not."""
-    plain = rig.interface.ageing is None and rig.interface.temperature is None
-    if not (isinstance(rig.method, Contacts) and plain) or turns * _FINEST_TURN > 1.0:
+    from_event_to_event = isinstance(rig.method, Contacts) and not isinstance(rig.interface.ageing, Langevin)
+    if not from_event_to_event or turns * _FINEST_TURN > 1.0:
         return turns
     slips = 1.0 + distance * min(slider.stiffness, 1.0)
     return min(turns, 10.0 * rings * slips)
@@ -325,7 +327,10 @@ def _thermal(rig: Rig, lives: float, path: float, turns: float) -> Part:
     """Return the work of contacts that break by thermal activation: in lives, mean thresholds, radians of ringing."""
     interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
     width = activation_width(interface)
-    one_number = isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth)
+    cold = interface.temperature is None
+    one_number = cold or (
+        isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth)
+    )
     if isinstance(rig.method, Contacts):
         count = rig.method.count
         shared = isinstance(interface.temperature, Bell) and interface.ageing is None
@@ -338,7 +343,8 @@ def _thermal(rig: Rig, lives: float, path: float, turns: float) -> Part:
     closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
     cohorts = float(closest * interface.threshold_distribution.support[1])
     steps = closest * mean * path + 3.0 * turns
-    return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
+    key, value, power = ("simulation.rtol", 1e-4 / finer**2, -1.0) if cold else ("interface.temperature", width, -2.0)
+    return Part(key=key, value=value, quantity=None, power=power,
                 what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts", instead="use Contacts(...), or ",
                 seconds=_THERMAL_COHORT[not one_number] * steps * cohorts,
                 bytes=16.0 * cohorts * (1 if one_number else _NODES))  # fmt: skip

@@ -10,8 +10,9 @@ Natural units per contact. A rig is a `Slider` or any mechanical impedance (`Imp
 """
 
 from stickslip.model.parameters import AGEING, DAMPING, DELAY, MASS, PARAMETERS, STD, STIFFNESS, VELOCITY, Parameter
+from stickslip.sliding import TurningVelocity, friction_slope, turning_velocities
 from stickslip.stability.critical import Crossing, Crossings, critical, critical_spring, onset
-from stickslip.stability.impedances import Impedance, Modes, RadiationDamping, SpringMassDamper
+from stickslip.stability.impedances import Impedance, Modes, RadiationDamping
 from stickslip.stability.maps import boundary, stability_map
 from stickslip.stability.modes import count_unstable, dynamic_stiffness, growth_rate
 
@@ -30,13 +31,15 @@ __all__ = [
     "Modes",
     "Parameter",
     "RadiationDamping",
-    "SpringMassDamper",
+    "TurningVelocity",
     "boundary",
     "count_unstable",
     "critical",
     "critical_spring",
     "dynamic_stiffness",
+    "friction_slope",
     "growth_rate",
     "onset",
     "stability_map",
+    "turning_velocities",
 ]

@@ -19,10 +19,10 @@ from stickslip.answers import Answer
 from stickslip.errors import UndecidedError, instance, number
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
+from stickslip.sliding import respond
+from stickslip.sliding.response import ComplexArray
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import respond
 from stickslip.stability.neutral import Neutral, neutral_frequencies
-from stickslip.stability.response import ComplexArray
 
 Array = NDArray[np.float64]
 

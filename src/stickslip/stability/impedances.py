@@ -42,30 +42,6 @@ Body = Slider | Impedance
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpringMassDamper:
-    """A rigid slider on a spring: ``Z = M s^2 + M eta s + K``, the left side of Eq. (11).
-
-    Parameters
-    ----------
-    stiffness, mass, damping : float
-        As in `Slider`: ``K/N``, ``M/N``, ``eta``. Mass zero is the massless limit ``Z = K``.
-    """
-
-    stiffness: float
-    mass: float
-    damping: float
-
-    def __post_init__(self) -> None:
-        number("SpringMassDamper.stiffness", self.stiffness, above=0, hint="K/N")
-        number("SpringMassDamper.mass", self.mass, at_least=0, hint="M/N")
-        number("SpringMassDamper.damping", self.damping, at_least=0, hint="eta")
-
-    def __call__(self, s: ComplexArray, /) -> ComplexArray:
-        """Force over displacement at each `s`."""
-        return np.asarray(self.stiffness + self.mass * s * (s + self.damping), dtype=complex)
-
-
-@dataclass(frozen=True, kw_only=True)
 class RadiationDamping:
     """A spring, a mass and an elastic half-space that carries waves away: ``Z = K + M s^2 + r s``.
 
@@ -158,16 +134,11 @@ class Modes:
 
 
 def impedance(body: Body) -> Impedance:
-    """Return the rig's impedance; a `Slider` becomes a `SpringMassDamper`.
+    """Return the rig's impedance.
 
-    Raises
-    ------
-    InputError
-        If it is neither, or ``Z(0)`` is not above 0.
+    Raises `InputError` if it is neither, or ``Z(0)`` is not above 0.
     """
-    if isinstance(body, Slider):
-        return SpringMassDamper(stiffness=body.stiffness, mass=body.mass, damping=body.damping)
-    if isinstance(body, SpringMassDamper | RadiationDamping | Modes):
+    if isinstance(body, Slider | RadiationDamping | Modes):
         return body
     if isinstance(body, ElasticBody):
         raise InputError(
@@ -183,7 +154,7 @@ def impedance(body: Body) -> Impedance:
 
 def is_plain(body: Impedance) -> bool:
     """Whether ``Z = K + r s + M s^2``, whose real part falls and whose loss rises with frequency."""
-    return isinstance(body, SpringMassDamper | RadiationDamping)
+    return isinstance(body, Slider | RadiationDamping)
 
 
 def resonances(body: Impedance) -> Array:
@@ -229,7 +200,7 @@ def _free_or_held(body: Modes, *, held: bool) -> ComplexArray:
 def natural_frequencies(body: Impedance) -> ComplexArray:
     """Zeros of the impedance, where known: the modes of the rig without the interface."""
     match body:
-        case SpringMassDamper() if body.mass > 0:
+        case Slider() if body.mass > 0:
             return _quadratic(body.mass, body.mass * body.damping, body.stiffness)
         case RadiationDamping() if body.mass > 0:
             return _quadratic(body.mass, body.radiation, body.stiffness)

@@ -14,9 +14,11 @@ from stickslip.errors import InputError, UndecidedError, instance, numbers, sequ
 from stickslip.io import datasets as store
 from stickslip.model.parameters import PARAMETERS, STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
+from stickslip.sliding import respond
+from stickslip.stability import roots
 from stickslip.stability.critical import Point, crossings_between, neutral_along
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import respond, rightmost_root
+from stickslip.stability.modes import rightmost_root
 from stickslip.stability.neutral import Neutral
 
 if TYPE_CHECKING:
@@ -118,29 +120,13 @@ def stability_map(
     ]
     grids = [grid / rig.unit(parameter.unit) for parameter, grid in zip((first, second), grids, strict=True)]
     natural = rig.natural
-    if second is STIFFNESS or first is VELOCITY:
-        counts = _counts(second, first, natural, grids[1], grids[0]).T
-    else:
-        counts = _counts(first, second, natural, grids[0], grids[1])
-    roots = _roots_on_grid((first, second), natural, grids, counts) if growth else None
-    return rig.in_its_units(_map_dataset((first, second), natural, grids, counts, roots))
+    points = _points_on_grid((first, second), natural, grids)
+    counts = np.array([[neutral.unstable() for neutral in row] for row in points], dtype=np.int64)
+    found = _roots_on_grid((first, second), natural, grids, counts) if growth else None
+    return rig.in_its_units(_map_dataset((first, second), natural, grids, counts, found))
 
 
 # ---------------------------------------------------------------- maps
-
-
-def _counts(inner: Parameter, outer: Parameter, rig: Rig, a: Array, b: Array) -> NDArray[np.int64]:
-    """Number of growing modes at each ``(a, b)``."""
-    counts = np.empty((a.size, b.size), dtype=np.int64)
-    if _is_free(inner, rig):
-        softest = float(np.min(a))
-        columns = neutral_along(outer, inner.set(rig, softest), b.tolist(), softest=softest)
-        for j, neutral in enumerate(columns):
-            counts[:, j] = (neutral.extra > a[:, None] - softest) @ neutral.modes
-        return counts
-    for i, value in enumerate(a.tolist()):
-        counts[i] = [neutral.unstable() for neutral in neutral_along(outer, inner.set(rig, value), b.tolist())]
-    return counts
 
 
 def _is_free(parameter: Parameter, rig: Rig) -> bool:
@@ -148,11 +134,31 @@ def _is_free(parameter: Parameter, rig: Rig) -> bool:
     return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
+def _points_on_grid(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[list[Neutral]]:
+    """Neutral frequencies at each point of the grid, by the first parameter and then by the second."""
+    free = next((k for k in range(2) if _is_free(parameters[k], rig)), None)
+    if free is None:
+        inner = 1 if parameters[0] is not VELOCITY else 0
+        found = [
+            neutral_along(parameters[inner], parameters[1 - inner].set(rig, value), grids[inner].tolist())
+            for value in grids[1 - inner].tolist()
+        ]
+        return found if inner == 1 else [list(row) for row in zip(*found, strict=True)]
+    # What a softer spring lacks, a stiffer one lacks by so much less.
+    springs = grids[free]
+    softest = float(np.min(springs))
+    along = neutral_along(
+        parameters[1 - free], parameters[free].set(rig, softest), grids[1 - free].tolist(), softest=softest
+    )
+    found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in along] for k in springs.tolist()]
+    return found if free == 0 else [list(row) for row in zip(*found, strict=True)]
+
+
 def _roots_on_grid(
     parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array], counts: NDArray[np.int64]
 ) -> NDArray[np.complex128]:
     """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
-    roots = np.full(counts.shape, complex(math.nan, math.nan))
+    fastest = np.full(counts.shape, complex(math.nan, math.nan))
     for j, b in enumerate(grids[1].tolist()):
         column = parameters[1].set(rig, b)
         known = np.empty(0, dtype=complex)
@@ -162,17 +168,17 @@ def _roots_on_grid(
             # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
             starts = known[:8] if i % 16 else known[:0]
             for attempt in (starts, known[:0]):
-                known = response.roots(body, here.velocity, attempt)
+                known = roots.near(response, body, here.velocity, attempt)
                 growing = sum(2 if root.imag > 0 else 1 for root in known if root.real > 0)
                 if growing == counts[i, j] and known.size:
-                    roots[i, j] = known[0]
+                    fastest[i, j] = known[0]
                     break
             else:
                 try:
-                    roots[i, j] = rightmost_root(here)
+                    fastest[i, j] = rightmost_root(here)
                 except UndecidedError:
                     known = known[:0]
-    return roots
+    return fastest
 
 
 def _map_dataset(
@@ -242,26 +248,6 @@ def _window(
     parameters = _two_parameters(over)
     ranges = [rig.span(parameter, span) for parameter, span in zip(parameters, within, strict=True)]
     return parameters, np.array(ranges)
-
-
-def _points_on_grid(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[list[Neutral]]:
-    """Neutral frequencies at each point of the grid, by the first parameter and then by the second."""
-    free = next((k for k in range(2) if _is_free(parameters[k], rig)), None)
-    if free is None:
-        inner = 1 if parameters[0] is not VELOCITY else 0
-        found = [
-            neutral_along(parameters[inner], parameters[1 - inner].set(rig, value), grids[inner].tolist())
-            for value in grids[1 - inner].tolist()
-        ]
-        return found if inner == 1 else [list(row) for row in zip(*found, strict=True)]
-    # What a softer spring lacks, a stiffer one lacks by so much less.
-    springs = grids[free]
-    softest = float(springs[0])
-    along = neutral_along(
-        parameters[1 - free], parameters[free].set(rig, softest), grids[1 - free].tolist(), softest=softest
-    )
-    found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in along] for k in springs.tolist()]
-    return found if free == 0 else [list(row) for row in zip(*found, strict=True)]
 
 
 def _contour(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[Array]:

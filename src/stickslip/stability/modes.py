@@ -10,40 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, shown
-from stickslip.lives import has_lives
-from stickslip.model import Interface, is_own
-from stickslip.model.newborn import as_unstretched
-from stickslip.model.quadrature import hashable
+from stickslip.model import Interface
 from stickslip.model.rig import Rig
-from stickslip.stability.activated import activated_response
-from stickslip.stability.aged import aged_response
+from stickslip.sliding import Response, respond
+from stickslip.sliding.response import ComplexArray
+from stickslip.stability import roots
 from stickslip.stability.impedances import Impedance, impedance
-from stickslip.stability.response import ComplexArray, Response
-from stickslip.stability.unaged import unaged_response
-
-
-def respond(interface: Interface) -> Response:
-    """Return the linear response of an interface: the one place that knows which kind of contacts has which.
-
-    Raises
-    ------
-    InputError
-        If the interface has no steady sliding, or one whose response is not known.
-    """
-    instance("interface", interface, Interface, "an Interface")
-    if has_lives(interface):
-        interface.allow(("temperature", "sliding_force"), "the linear response")
-        return activated_response(hashable(interface))
-    if is_own(ageing := interface.ageing):
-        interface.allow((), "the linear response of thresholds that age by a rule of your own")
-        own: Response = ageing.response(hashable(interface.threshold_distribution), hashable(interface.delay))
-        return own
-    if ageing is not None:
-        interface.allow((), "the linear response of thresholds that age by Langevin")
-        return aged_response(interface)
-    interface.allow(("sliding_force", "newborn"), "the linear response")
-    thresholds, sliding_force = as_unstretched(interface)
-    return unaged_response(hashable(thresholds), hashable(interface.delay), sliding_force)
 
 
 def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> ComplexArray:
@@ -88,10 +60,8 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
 def count_unstable(rig: Rig) -> int:
     """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with ``Re s > 0``.
 
-    The argument principle along the imaginary axis. Between two neighbouring frequencies the curve stays
-    inside an ellipse about its two values, of a size that follows from the moments of the distributions; frequencies
-    are added until no ellipse holds 0, so that no turn is missed (for a rig given as a function its slope is
-    sampled instead).
+    At each frequency with ``Im(Z + kappa) = 0`` some extra spring at the interface makes a mode neutral. Modes come to
+    grow as that spring is taken away: as many do as such frequencies lack stiffness, less those that have too much.
 
     Parameters
     ----------
@@ -108,18 +78,18 @@ def count_unstable(rig: Rig) -> int:
     InputError
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
-        If a root lies on the imaginary axis to within rounding; with thresholds that age, to within the accuracy of
-        their response, 5e-4 of the stiffness of the contacts.
+        If a root lies on the imaginary axis to within the accuracy of the response: rounding, or with thresholds that
+        age by `Langevin` 1e-3 of the stiffness of the contacts.
     """
     speed, response, z = _parts(rig)
-    return response.count(z, speed)
+    return roots.count(response, z, speed)
 
 
 def growth_rate(rig: Rig) -> complex:
     """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth rate plus ``i`` angular frequency.
 
-    Newton's method from starts all along the axis finds candidates; the argument principle on a line just
-    left of the best one confirms that there is no other to its right.
+    Newton's method from starts all along the axis finds candidates; the argument principle on a line just left of the
+    best one confirms that there is no other to its right.
 
     Parameters
     ----------
@@ -152,7 +122,7 @@ def growth_rate(rig: Rig) -> complex:
 def rightmost_root(rig: Rig) -> complex:
     """Return the `growth_rate` of a rig in natural units."""
     speed, response, z = _parts(rig)
-    return response.rightmost(z, speed)
+    return roots.rightmost(response, z, speed)
 
 
 def _parts(rig: Rig) -> tuple[float, Response, Impedance]:

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.stability.impedances import Impedance, resonances
-from stickslip.stability.response import SCAN_LIMIT, Array, ComplexArray, Response, Scan
+from stickslip.sliding.response import Array, Response
+from stickslip.stability.impedances import Impedance
+from stickslip.stability.scan import Scan, loss, scan
 
 
 class Neutral(NamedTuple):
@@ -45,7 +46,7 @@ def neutral_frequencies(
     """
     if response.inert:
         return [NOTHING for _ in velocities]
-    scans = [response.scan(body, velocity, softest) for velocity in velocities]
+    scans = [scan(response, body, velocity, softest) for velocity in velocities]
     brackets = [_brackets(response, body, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
     # All velocities at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
@@ -53,15 +54,15 @@ def neutral_frequencies(
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
     omega = extra = left
     if left.size:
-        omega = _bracketed_zeros(lambda w: response.loss(body, speed, w), left, right)
+        omega = _bracketed_zeros(lambda w: loss(response, body, speed, w), left, right)
         s = 1j * omega
         extra = -(body(s) + response.stiffness(speed, s)).real
     answers = []
     ends = np.cumsum([0, *counts])
-    for k, (scan, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
+    for k, (seen, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
         w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
         # Where a scan was cut off for |kappa| < |Z| just past half a turn, the turn is never completed.
-        if softest is None and scan.omega.size and _past_half_a_turn(response, body, velocities[k], scan):
+        if softest is None and seen.omega.size and _past_half_a_turn(response, body, velocities[k], seen):
             w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
@@ -69,10 +70,10 @@ def neutral_frequencies(
 
 
 def _brackets(
-    response: Response, body: Impedance, velocity: float, scan: Scan
+    response: Response, body: Impedance, velocity: float, seen: Scan
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
-    omega, value = scan
+    omega, value = seen
     negative = value < 0
     at = np.flatnonzero(negative[1:] != negative[:-1])
     left, right, rising = omega[at], omega[at + 1], negative[at]
@@ -83,7 +84,7 @@ def _brackets(
             break
         # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
-        dip = response.loss(body, velocity, fine) * side[:, None]
+        dip = loss(response, body, velocity, fine) * side[:, None]
         row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
         left = np.concatenate([left, fine[row, column]])
         right = np.concatenate([right, fine[row, column + 1]])
@@ -96,11 +97,11 @@ def _brackets(
     return left, right, rising
 
 
-def _past_half_a_turn(response: Response, body: Impedance, velocity: float, scan: Scan) -> bool:
+def _past_half_a_turn(response: Response, body: Impedance, velocity: float, seen: Scan) -> bool:
     """Whether ``Z + kappa`` is through the negative real axis at the end of the scan, while ``Z`` never gets there."""
-    if scan.value[-1] >= 0:
+    if seen.value[-1] >= 0:
         return False
-    s = 1j * scan.omega[-1:]
+    s = 1j * seen.omega[-1:]
     z = complex(body(s)[0])
     total = z + complex(response.stiffness(velocity, s)[0])
     return math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real) < -math.pi
@@ -151,18 +152,3 @@ def _bracketed_zeros(function: Callable[[Array], Array], left: Array, right: Arr
             np.maximum(1 - least, 0.5),
         )
     return np.asarray(best)
-
-
-def features(body: Impedance, omega: Array, z: ComplexArray) -> Array:
-    """Frequencies to add to a scan where the impedance turns quickly."""
-    known = resonances(body)
-    added = known[(known > omega[0]) & (known < omega[-1])]
-    for _ in range(40):
-        grid = np.union1d(omega, added)
-        z = body(1j * grid)
-        turn = np.abs(np.angle(z[1:] * np.conj(z[:-1])))
-        coarse = (turn > 0.3) & (np.diff(grid) > 1e-9 * grid[1:])
-        if not coarse.any() or grid.size > SCAN_LIMIT:
-            break
-        added = np.union1d(added, 0.5 * (grid[1:] + grid[:-1])[coarse])
-    return np.setdiff1d(added, omega)

@@ -8,10 +8,9 @@ import sys
 from types import ModuleType
 from typing import Any
 
+from stickslip.sweep._dataset import Failure, Status, Summary, failures, open_sweep, run_cases, status_of, summary
 from stickslip.sweep._executors import Processes, Threads
-from stickslip.sweep._grid import Status, open_sweep, run_cases, status_of
 from stickslip.sweep._refine import Refinement, Span, refine
-from stickslip.sweep._results import Failure, Summary, failures, summary
 from stickslip.sweep._run import MAX_CASES, Options, Progress, Runs
 from stickslip.sweep._table import is_store
 

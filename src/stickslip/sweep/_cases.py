@@ -16,9 +16,9 @@ import re
 import textwrap
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from types import BuiltinFunctionType, CellType, CodeType, FunctionType, ModuleType
+from types import CodeType
 from typing import Any, cast
 
 import numpy as np
@@ -72,47 +72,36 @@ def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint
 
     The code of the function itself is part of it. Code that it calls is not followed: the version of this package
     stands for its own, `fingerprint` for everything else.
-
-    Raises
-    ------
-    InputError
-        If the arguments bound to the function, or the fingerprint, have no content that can be read.
     """
-    parts = {
+    place, inner = f"function = {name_of(function)}", cast("Any", function)
+    bound = None
+    if isinstance(inner, functools.partial):
+        bound, inner = [list(inner.args), dict(inner.keywords)], inner.func
+    inner = getattr(inner, "py_func", inner)  # compiled by numba
+    if inspect.ismethod(inner):
+        held, inner = inner.__self__, inner.__func__
+    elif inspect.isroutine(inner) or isinstance(inner, type):
+        held = _held(inner)
+    else:  # an object with a __call__
+        held, inner = inner, type(inner)
+    return {
         "stickslip version": package_version(),
         "names of the axes": ", ".join(sorted(names)),
         "seed": str(seed),
         "fingerprint": _digest("fingerprint", fingerprint),
+        "bound arguments": _digest(place, bound),
+        "function": name_of(inner),
+        "what the function holds": _digest(place, held),
+        "source of the function": _hash(_source(inner).encode()),
     }
-    place, inner = f"function = {name_of(function)}", cast("Any", function)
-    if isinstance(inner, functools.partial):
-        parts["bound arguments"] = _digest(place, [inner.args, inner.keywords])
-        inner = inner.func
-    if inspect.ismethod(inner):
-        parts["the object of the method"] = _digest(place, inner.__self__)
-        inner = inner.__func__
-    inner = getattr(inner, "py_func", inner)  # compiled by numba
-    if not inspect.isroutine(inner) and not isinstance(inner, type):  # an object with a __call__
-        parts["the object called"] = _digest(place, inner)
-        inner = type(inner)
-    parts["function"] = name_of(inner)
-    if inspect.isfunction(inner):
-        parts["values that the function holds"] = _digest(place, _held(inner))
-    return parts | {"source of the function": _hash(_source(inner).encode())}
 
 
-def _held(function: FunctionType) -> list[Any]:
+def _held(function: Any) -> list[Any]:
     """What a function closes over, and its defaults."""
-    cells = [cell.cell_contents if _is_filled(cell) else None for cell in function.__closure__ or ()]
+    if not inspect.isfunction(function):
+        return []
+    cells = list(inspect.getclosurevars(function).nonlocals.items())
     return [cells, function.__defaults__, function.__kwdefaults__]
-
-
-def _is_filled(cell: CellType) -> bool:
-    try:
-        cell.cell_contents  # noqa: B018
-    except ValueError:
-        return False
-    return True
 
 
 def _source(function: Any) -> str:
@@ -145,40 +134,28 @@ def _digest(place: str, value: object) -> str:
         ) from None
 
 
-def _content(value: Any, within: tuple[int, ...] = ()) -> Any:
-    """What a value is, as JSON can hold it, the same in every process; all that pickle takes, and functions."""
+def _content(value: Any) -> Any:
+    """What a value is, as JSON can hold it, the same in every process."""
     if isinstance(value, np.generic):
         value = value.item()
+    name = f"{type(value).__module__}.{type(value).__qualname__}"
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
-        return [type(value).__qualname__, repr(value)]
-    if id(value) in within:
-        return ["above", within[::-1].index(id(value))]
-
-    def each(items: Iterable[Any]) -> list[Any]:
-        return [_content(item, (*within, id(value))) for item in items]
-
-    value = getattr(value, "py_func", value)
-    name = [type(value).__module__, type(value).__qualname__]
+        return [name, repr(value)]
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        return [*name, value.dtype.str, value.shape, _hash(value.tobytes())]
-    if isinstance(value, (type, ModuleType, BuiltinFunctionType)):
-        return [*name, getattr(value, "__module__", ""), getattr(value, "__qualname__", value.__name__)]
-    if inspect.ismethod(value):
-        return [*name, *each([value.__self__, value.__func__])]
-    if inspect.isfunction(value):
-        return [*name, value.__qualname__, _source(value), each(_held(value))]
-    if isinstance(value, (set, frozenset)):
-        return [*name, sorted(each(value), key=json.dumps)]
+        return [name, value.dtype.str, value.shape, _hash(value.tobytes())]
     if isinstance(value, Mapping):
-        return [*name, sorted((each(item) for item in value.items()), key=json.dumps)]
+        return [name, sorted((_content(list(item)) for item in value.items()), key=json.dumps)]
     if isinstance(value, (list, tuple)):
-        return [*name, each(value)]
-    if is_dataclass(value):
-        return [*name, each(getattr(value, one.name) for one in fields(value) if one.compare)]
-    made = value.__reduce_ex__(4)  # how pickle takes it apart; it raises for what has no content: a lock, a file
-    if isinstance(made, str):
-        return [*name, made]
-    return [*name, each(list(part) if isinstance(part, Iterator) else part for part in made)]
+        return [name, *map(_content, value)]
+    if isinstance(value, (set, frozenset)):
+        return [name, *sorted(map(_content, value), key=json.dumps)]
+    if is_dataclass(value) and not isinstance(value, type):
+        return [name, *(_content(getattr(value, one.name)) for one in fields(value) if one.compare)]
+    if inspect.isroutine(value) or isinstance(value, type):
+        return [name, name_of(value), _source(value), _content(_held(value))]
+    if hasattr(value, "__dict__"):
+        return [name, _content(vars(value))]
+    raise TypeError(f"a {name}")
 
 
 def _hash(content: bytes) -> str:
@@ -186,12 +163,7 @@ def _hash(content: bytes) -> str:
 
 
 def check_function(function: object, axes: Sequence[str]) -> bool:
-    """Refuse a function that does not take the axes; say whether it takes a seed of its own.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a function that does not take the axes; say whether it takes a seed of its own."""
     if not callable(function):
         raise InputError(f"function = {function!r}: must be a function of the axes")
     try:
@@ -214,12 +186,7 @@ def check_function(function: object, axes: Sequence[str]) -> bool:
 
 
 def check_name(place: str, name: object) -> None:
-    """Refuse a name that no variable of a Dataset can have, or that is taken.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a name that no variable of a Dataset can have, or that is taken."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise InputError(f"{place}: {name!r} cannot be a name; use a text without '/' that starts with a letter")
     if name in (ERROR, STATUS):
@@ -246,46 +213,18 @@ class OtherVersionError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What is the same for every case of a sweep.
-
-    Parameters
-    ----------
-    function : callable
-        The user's.
-    seed : int, optional
-        Seed of the sweep, if the function asks for one.
-    version : str
-        Of this package where the sweep was started; a worker of another one refuses the job.
-    """
+    """What is the same for every case of a sweep."""
 
     function: Function
     seed: int | None
+    categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
     version: str = field(default_factory=package_version)
 
 
 def run_batch(
     job: Job | bytes, batch: Sequence[Values], seconds: float, stopped: Callable[[], bool] | None = None
 ) -> tuple[list[str], float]:
-    """Run cases until all are done or the time is up; at least one.
-
-    Parameters
-    ----------
-    job : Job or bytes
-        The job, pickled if it came from another process.
-    batch : sequence of mappings
-        Values of the axes, case by case.
-    seconds : float
-        After this time no further case is started.
-    stopped : callable, optional
-        Asked before each further case; true ends the batch.
-
-    Returns
-    -------
-    list of str
-        What came of as many of the cases as were run, in order; see `run_case`.
-    float
-        Time taken, in seconds.
-    """
+    """Run cases until all are done or the time is up; at least one."""
     begin = time.perf_counter()
     work = _load(job) if isinstance(job, bytes) else job
     found: list[str] = []
@@ -308,7 +247,7 @@ def run_case(job: Job, values: Values) -> str:
         for name, value in result.items():
             check_name("result", name)
             if name not in values:
-                packed[name] = _pack(name, value)
+                packed[name] = _plain(name, value, job.categories.get(name))
             elif value != values[name]:
                 raise InputError(f"result: the name {name!r} is taken by an axis")
         return json.dumps({"result": packed})
@@ -321,39 +260,17 @@ def failed(error: str) -> str:
     return json.dumps({"error": error})
 
 
-def _pack(name: str, value: Any) -> Any:
-    """Turn a number, a text, nothing or a small array into what JSON can hold, exactly.
-
-    Raises
-    ------
-    TypeError
-        If it is none of these.
-    """
+def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | bool | str | None:
+    """A value as JSON can hold it, exactly."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if words is not None and value is not None and value not in words:
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(words)}")
     if value is None or isinstance(value, (bool, str)):
         return value
-    if isinstance(value, (int, float, np.integer, np.floating)):
+    if isinstance(value, (int, float)):
         return float(value)
-    dims, array = getattr(value, "dims", None), np.asarray(value)
-    if array.dtype.kind not in "buifc":
-        raise TypeError(f"returned {value!r} for {name!r}: must be a number, a text, None or an array of numbers")
-    if array.ndim == 0 and array.dtype.kind != "c":
-        return bool(array) if array.dtype.kind == "b" else float(array)
-    packed: dict[str, Any] = {"shape": array.shape, "real": array.real.astype(float).ravel().tolist()}
-    if array.dtype.kind == "c":
-        packed["imag"] = array.imag.astype(float).ravel().tolist()
-    if dims is not None:
-        packed["dims"] = [str(dim) for dim in dims]
-        packed["attributes"] = {str(key): plain_attribute(item) for key, item in value.attrs.items()}
-        packed["coordinates"] = {str(dim): np.asarray(value[dim]).tolist() for dim in dims if dim in value.coords}
-    return packed
-
-
-def plain_attribute(value: Any) -> Any:
-    """Turn an attribute into what both JSON and NetCDF can hold: None and truth values become text."""
-    if isinstance(value, (str, int, float)) and not isinstance(value, bool):
-        return value
-    array = np.asarray(value)
-    return array.tolist() if array.dtype.kind in "uifU" else str(value)
+    raise TypeError(f"returned {value!r} for {name!r}: must be a number, a text or None")
 
 
 @functools.lru_cache(maxsize=4)

@@ -94,11 +94,6 @@ class Pool:
         """Whether the pool was started here, and can be built anew."""
         return isinstance(self.given, (Threads, Processes))
 
-    @property
-    def is_remote(self) -> bool:
-        """Whether it is a cluster, or what else may lose a batch without a word."""
-        return not isinstance(self.given, (Threads, Processes, ThreadPoolExecutor, ProcessPoolExecutor))
-
     def submit(self, batch: Sequence[Values], seconds: float) -> Batch:
         """Hand in a batch of cases."""
         stopped = (self._stop.is_set,) if self._in_process else ()
@@ -146,13 +141,7 @@ class Pool:
 
 @contextmanager
 def open_pool(given: Workers, job: Job) -> Iterator[Pool]:
-    """Start a pool and end it, also after an error.
-
-    Raises
-    ------
-    InputError
-        If `given` cannot take this function.
-    """
+    """Start a pool and end it, also after an error."""
     pool = Pool(given, job)
     try:
         yield pool
@@ -163,12 +152,7 @@ def open_pool(given: Workers, job: Job) -> Iterator[Pool]:
 
 
 def check_executor(given: Workers | None) -> Workers:
-    """Return the executor, threads by default; refuse what is none.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return the executor, threads by default; refuse what is none."""
     if given is None:
         return Threads()
     if not isinstance(given, (Threads, Processes, Executor)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,17 +19,8 @@ from stickslip.sweep._cases import (
     case_key,
     check_name,
 )
+from stickslip.sweep._dataset import axis_values, combinations, refined_dataset
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._results import (
-    NO_RESULT,
-    Columns,
-    Grid,
-    Head,
-    attributes_of,
-    attributes_of_all,
-    axis_values,
-    flags_of,
-)
 from stickslip.sweep._run import Options, Progress, started
 from stickslip.sweep._table import Table
 
@@ -159,13 +149,13 @@ def refine(
     True
     """
     spans = _spans(box)
-    branches = Grid({name: axis_values(name, values, "refine.each") for name, values in refinement.each.items()})
-    names = [*spans, *branches.axes]
+    each = {name: axis_values(name, values, "refine.each") for name, values in refinement.each.items()}
+    branches = combinations(each)
     for name in spans:
         check_name("box", name)
     content = {
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
-        "each": branches.axes,
+        "each": each,
         "label": label,
         "runs": refinement.runs,
         "resolution": refinement.resolution,
@@ -173,7 +163,7 @@ def refine(
     }
     total = refinement.runs * len(branches)
     with started(
-        function, content, names, total, store=store, executor=executor, progress=progress, options=options
+        function, content, [*spans, *each], total, store=store, executor=executor, progress=progress, options=options
     ) as runner:
         table = runner.table
         searches = [_Search(table, values, runner.run) for values in branches]
@@ -187,15 +177,7 @@ def refine(
             for bracket in search.brackets
         ]
         table.keep_head(cases=cases, crossings=crossings)
-        return refined(table)
-
-
-def refined(table: Table) -> xr.Dataset:
-    """Make the Dataset of a refinement from its table alone; its crossings are known once it is finished."""
-    head = table.head
-    if "cases" in head and table.keys.issuperset(head["cases"]):
-        return _dataset(table, [json.loads(key) for key in head["cases"]], head["crossings"])
-    return _dataset(table, [json.loads(key) for key in sorted(table.keys)], [])
+        return refined_dataset(table)
 
 
 class _Search:
@@ -343,43 +325,3 @@ def _learner_class() -> Any:
     except ImportError:
         raise InputError("refine needs the adaptive package: pip install 'stickslip[sweep]'") from None
     return Learner2D
-
-
-def _dataset(table: Table, cases: Sequence[Values], crossings: Sequence[tuple[int, int]]) -> xr.Dataset:
-    """Put the rows of cases in their order; a crossing is two of them, one on either side of the boundary."""
-    import xarray as xr
-
-    head, label = table.head, table.head["label"]
-    rows = [table.get(case_key(values)) for values in cases]
-    columns = Columns(head, len(cases), reserved=("run", "crossing"))
-    for i, row in enumerate(rows):
-        columns.put(i, row)
-    data = columns.variables(("run",), (len(cases),))
-    for name in head["box"]:
-        low, high = (np.array([cases[ends[side]][name] for ends in crossings], dtype=float) for side in (0, 1))
-        about = attributes_of(head, name)
-        title = about["long_name"]
-        data[f"{name}_at"] = ("crossing", (low + high) / 2, about | {"long_name": f"{title}, on the boundary"})
-        data[f"{name}_error"] = ("crossing", abs(high - low) / 2, about | {"long_name": f"{title}, uncertainty"})
-    for name in head["each"]:
-        data[f"{name}_at"] = ("crossing", _together([cases[i][name] for i, _ in crossings]), attributes_of(head, name))
-    for side, (prefix, where) in enumerate({"from": "on one side", "to": "on the other"}.items()):
-        found = _labels(head, [rows[ends[side]]["result"][label] for ends in crossings])
-        about = attributes_of(head, label, flags_of(head, label))
-        data[f"{prefix}_{label}"] = ("crossing", found, about | {"long_name": f"{about['long_name']}, {where}"})
-    axes = {
-        name: ("run", _together([values[name] for values in cases]), attributes_of(head, name))
-        for name in (*head["box"], *head["each"])
-    }
-    return xr.Dataset(data, axes | columns.coordinates, attributes_of_all(head))
-
-
-def _labels(head: Head, found: Sequence[Any]) -> NDArray[Any]:
-    words = head["categories"].get(head["label"])
-    if words is None:
-        return _together(found)
-    return np.array([words.index(word) if word in words else NO_RESULT for word in found], dtype=np.int8)
-
-
-def _together(values: Sequence[Any]) -> NDArray[Any]:
-    return np.array(values, dtype=object if any(isinstance(value, str) for value in values) else None)

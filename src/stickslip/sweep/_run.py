@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, wait
@@ -33,13 +32,10 @@ from stickslip.sweep._table import Table
 SECONDS = 0.5
 """Aim for the duration of a batch: long beside the cost of handing it out, short beside what a kill may cost."""
 LARGEST_BATCH = 1000
-OVERDUE = 30.0
-"""Seconds without any result after which a cluster is handed its batches again: one that lost a worker may have lost
-batches with it. The wait is 4 times as long each time, and at least 10 times the longest batch."""
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
 CYCLES = 30.0
-"""Cycles of loading that a run of a rig lasts at least."""
+"""Cycles of loading that a run lasts at least."""
 CHANCES = 3
 """Times a case may be lost with its worker, or dropped, before it is held to be the cause."""
 
@@ -146,53 +142,33 @@ def started(
     progress: Callable[[Progress], object] | None,
     options: Options,
 ) -> Iterator[Runner]:
-    """Check what is to be run, open the table, and make ready to run cases.
-
-    Parameters
-    ----------
-    function : callable
-    content : mapping
-        What the head holds of a grid or a refinement.
-    names : sequence of str
-        What the function is called with.
-    total : int
-        Number of cases.
-    store, executor, progress, options
-        As for `stickslip.sweep.run_cases`.
-    """
+    """Check what is to be run, open the table, and make ready to run cases; `content` is what the head adds."""
     check_size(total, options.max_cases)
-    job = Job(function=function, seed=options.seed if check_function(function, names) else None)
-    try:
-        identity = identity_of(function, names, options.seed, options.fingerprint)
-    except InputError:
-        if store is not None:
-            raise
-        identity = {}  # nobody comes back for the cases
+    asks_seed = check_function(function, names)
+    categories = {name: list(words) for name, words in options.categories.items()}
+    job = Job(function=function, seed=options.seed if asks_seed else None, categories=categories)
     head = {
         "format": "stickslip-sweep",
         "stickslip": package_version(),
         "function": name_of(function),
         "seed": options.seed,
-        "identity": identity,
+        "identity": {} if store is None else identity_of(function, names, options.seed, options.fingerprint),
         "attributes": {name: dict(given) for name, given in options.attributes.items()},
-        "categories": {name: list(words) for name, words in options.categories.items()},
+        "categories": categories,
         "notes": dict(options.notes),
         **content,
     }
     with (
         Table(None if store is None else Path(store), head) as table,
-        Runner(job, table, executor, total, progress, options.retry_failed) as runner,
+        Runner(job, table, check_executor(executor), total, progress) as runner,
     ):
+        if options.retry_failed:
+            table.forget_failed()
         yield runner
 
 
 def check_size(cases: int, max_cases: int) -> None:
-    """Refuse a sweep of too many cases before it starts.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a sweep of too many cases before it starts."""
     if cases > max_cases:
         raise InputError(
             f"axes: {cases:.4g} cases are more than max_cases = {max_cases:g}; take fewer values, or set max_cases "
@@ -201,40 +177,22 @@ def check_size(cases: int, max_cases: int) -> None:
 
 
 class Runner:
-    """Runs cases that the table lacks; one start of a sweep.
-
-    Parameters
-    ----------
-    job : Job
-    table : Table
-    executor : Threads, Processes or Executor, optional
-        Started when the first case is to be run.
-    total : int
-        Cases of the whole sweep, for the progress.
-    progress : callable, optional
-    retry_failed : bool
-        Whether cases that failed in an earlier start are run again.
-    """
+    """Runs cases that the table lacks; one start of a sweep."""
 
     def __init__(
         self,
         job: Job,
         table: Table,
-        executor: Workers | None,
+        executor: Workers,
         total: int,
         progress: Callable[[Progress], object] | None,
-        retry_failed: bool = False,
     ) -> None:
-        self._job, self.table, self._total, self._progress = job, table, total, progress
-        self._executor = check_executor(executor)
+        self._job, self.table, self._executor = job, table, executor
+        self._total, self._progress = total, progress
         self._held = ExitStack()
         self._pool: Pool | None = None
         self._finished = self._failed = self._found = 0
         self._per_case: float | None = None  # seconds, as last seen
-        self._longest = 0.0
-        if retry_failed and table.failed:
-            table.claim()
-            table.forget_failed()
 
     def __enter__(self) -> Self:
         return self
@@ -243,32 +201,24 @@ class Runner:
         self._held.__exit__(*error)  # type: ignore[arg-type]
 
     def run(self, cases: Sequence[Values]) -> None:
-        """Run those of some cases, no two alike, that the table lacks.
-
-        Raises
-        ------
-        InputError
-            If the workers cannot load the function, the executor is lost, or the table cannot be written.
-        """
+        """Run those of some cases, no two alike, that the table lacks."""
         self._cases = cases
         self._todo: deque[int] = deque()
         self._suspects: deque[int] = deque()  # lost each time when workers died: run alone, to know the culprit
         self._losses: Counter[int] = Counter()
         self._running: dict[Batch, list[int]] = {}
-        if self._pool is None and any(case_key(values) not in self.table for values in cases):
-            self.table.claim()
-            self._pool = self._held.enter_context(open_pool(self._executor, self._job))
         for i, values in enumerate(cases):
             key = case_key(values)
-            if key in self.table:
+            if key in self.table.keys:
                 self._found += 1
-                self._finished += 1
-                self._failed += key in self.table.failed
+                self._count(key)
             else:
                 self._todo.append(i)
-        self._missing = len(self._todo)
+        if self._todo and self._pool is None:
+            self.table.claim()
+            self._pool = self._held.enter_context(open_pool(self._executor, self._job))
         self._tell()
-        if self._pool is None or not self._missing:
+        if self._pool is None or not self._todo:
             return
         try:
             self._hand_out(self._pool)
@@ -283,8 +233,7 @@ class Runner:
         self._tell()
 
     def _hand_out(self, pool: Pool) -> None:
-        heard, patience = time.monotonic(), OVERDUE
-        while self._missing:
+        while self._todo or self._suspects or self._running:
             intact = self._fill(pool)
             due = self.table.until_commit()
             done, _ = wait(self._running, 1.0 if due is None else due, FIRST_COMPLETED)
@@ -293,21 +242,13 @@ class Runner:
             if self.table.until_commit() == 0.0:
                 self.table.commit()
                 self._tell()
-            now = time.monotonic()
-            if done:
-                heard, patience = now, max(OVERDUE, 10 * self._longest)
-            elif now - heard > patience and pool.is_remote:
-                for cases in {id(cases): cases for cases in self._running.values()}.values():
-                    self._submit(pool, cases)
-                heard, patience = now, 4 * patience
 
     def _fill(self, pool: Pool) -> bool:
         """Keep two batches per worker on the way; false if the pool is broken."""
         workers = pool.workers
         try:
             while self._todo and len(self._running) < 2 * workers:
-                if batch := self._next_batch(workers):
-                    self._submit(pool, batch)
+                self._submit(pool, self._next_batch(workers))
             if self._suspects and not self._running:
                 self._submit(pool, [self._suspects.popleft()])
         except BrokenExecutor:
@@ -331,16 +272,13 @@ class Runner:
             full = SECONDS / max(self._per_case, 1e-9)
             shared = max(len(self._todo) / (2 * workers), 0.1 * full)  # all workers end nearly together
             size = max(1, int(min(LARGEST_BATCH, full, shared)))
-        taken = [self._todo.popleft() for _ in range(min(size, len(self._todo)))]
-        return [i for i in taken if case_key(self._cases[i]) not in self.table]  # a copy may have been quicker
+        return [self._todo.popleft() for _ in range(min(size, len(self._todo)))]
 
     def _gather(self, done: set[Batch]) -> bool:
         """Note what has finished; false if the pool has lost a worker."""
         intact = True
         for future in done:
-            cases = self._running.pop(future, None)
-            if cases is None:  # its copy was quicker
-                continue
+            cases = self._running.pop(future)
             try:
                 rows, seconds = future.result()
             except BrokenExecutor:
@@ -361,19 +299,16 @@ class Runner:
                     self._note(i, row)
                 self._todo.extendleft(reversed(cases[len(rows) :]))
                 self._per_case = seconds / len(rows)
-                self._longest = max(self._longest, seconds)
-                for copy in [other for other, theirs in self._running.items() if theirs is cases]:
-                    del self._running[copy]
-                    copy.cancel()
         return intact
 
     def _note(self, i: int, row: str) -> None:
         key = case_key(self._cases[i])
-        if key not in self.table:  # a copy of its batch may have been quicker
-            self.table.add(key, row)
-            self._missing -= 1
-            self._finished += 1
-            self._failed += key in self.table.failed
+        self.table.add(key, row)
+        self._count(key)
+
+    def _count(self, key: str) -> None:
+        self._finished += 1
+        self._failed += key in self.table.failed
 
     def _lost(self, cases: list[int]) -> None:
         """Put back the cases of a batch that was lost; those lost again and again run alone, then are named."""

@@ -21,60 +21,46 @@ import json
 import os
 import socket
 import sqlite3
-import stat
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 from stickslip.errors import InputError, instance
-from stickslip.sweep._cases import package_version
 
-FORMAT, VERSION = 0x5354534C, 2  # "STSL"; version 1 was a folder
+FORMAT = 0x5354534C  # "STSL"
 EVERY = 1.0
 """Seconds between commits: what a kill can cost, together with the batches in flight."""
 PATIENCE = 60.0
 """Seconds that a commit waits for those who read."""
 
 _HEAD = ""
+_ERROR = '{"error"'
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_NEW = (
-    f"PRAGMA application_id = {FORMAT}",
-    f"PRAGMA user_version = {VERSION}",
-    "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID",
-)
 
 
 class Table:
-    """What is known of the cases of a sweep; in memory if it has no path.
+    """What is known of the cases of a sweep; in memory if it has no path."""
 
-    Parameters
-    ----------
-    path : Path or None
-    head : mapping, optional
-        What the sweep is made of. Without it, the table is only read, and the head is what stands there.
-
-    Raises
-    ------
-    InputError
-        If what is there is no store, of another version, damaged, or of another sweep.
-    """
-
-    def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None, *, weigh: bool = True) -> None:
         self.path = path
         self.keys: set[str] = set()
         self.failed: set[str] = set()
         self.head: dict[str, Any] = dict(head or {})
-        self._pending: dict[str, str] = {}
-        self._committed = time.monotonic()
+        self._stored: dict[str, Any] = {}
+        self._begun: float | None = None  # when the transaction that is open was begun
         self._held = ExitStack()
         self._writing = False
-        self._stored: dict[str, Any] = {}
         self._connection = sqlite3.connect(":memory:", isolation_level=None)
         try:
-            self._open()
+            if path is None:
+                self._create()
+            elif _is_there(path):
+                self._read(weigh)
+            elif not self.head:
+                raise InputError(f"store = {str(path)!r}: there is no such file")
         except BaseException:
             self._connection.close()
             raise
@@ -86,171 +72,138 @@ class Table:
         self._connection.close()
         self._held.close()
 
-    def __contains__(self, key: str) -> bool:
-        return key in self.keys
-
     def claim(self) -> None:
-        """Become the one who writes.
-
-        Raises
-        ------
-        InputError
-            If another sweep is writing, or the place cannot be written.
-        """
+        """Become the one who writes."""
         if self._writing or self.path is None:
             return
-        path = self.path
-        self._held.enter_context(_locked(path))
-        if _is_there(path):  # read again: another may have written before the lock was ours
-            self._read()
-            _check_identity(path, self._stored["identity"], self.head["identity"])
+        self._held.enter_context(_locked(self.path))
+        there = _is_there(self.path)
+        if there:  # read again: another may have written before the lock was ours
+            self._read(weigh=True)
         self.head |= {"started": time.time(), "found": len(self.keys)}
-        if self._stored:
-            self._write_head()
+        if there:
+            self.add(_HEAD, json.dumps(self.head))
+            self.commit()
         else:
-            self._connection.close()
-            with _in_one_line(path):
-                self._connection = _connect(path, "rwc")
+            with _in_one_line(self.path):
+                self._connection.close()
+                self._connection = _connect(self.path, "rwc")
             self._create()
-        self._stored = json.loads(json.dumps(self.head))
         self._writing = True
 
     def keep_head(self, **more: Any) -> None:
-        """Write down the head, with what is known more by now, unless it stands there.
-
-        Raises
-        ------
-        InputError
-            As `claim`.
-        """
+        """Write down the head, with what is known more by now, unless it stands there."""
         self.head |= more
         mine, theirs = ({**head, "started": 0, "found": 0} for head in (self.head, self._stored))
         if self.path is not None and json.loads(json.dumps(mine)) != theirs:
             self.claim()
-            self._write_head()
+            self.add(_HEAD, json.dumps(self.head))
+            self.commit()
 
     def forget_failed(self) -> None:
         """Take failed cases for not run; their rows stay until others replace them."""
+        if self.failed:
+            self.claim()
         self.keys -= self.failed
         self.failed.clear()
 
     def add(self, key: str, row: str) -> None:
         """Note what came of a case; it is on the disk after the next commit."""
-        self._pending[key] = row
-        self._note(key, row)
+        with _in_one_line(self.path):
+            if self._begun is None:
+                self._connection.execute("BEGIN IMMEDIATE")
+                self._begun = time.monotonic()
+            self._connection.execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
+        self._note(key, row.startswith(_ERROR))
 
     def get(self, key: str) -> dict[str, Any]:
         """What came of a case."""
-        if key in self._pending:
-            return dict(json.loads(self._pending[key]))
         with _in_one_line(self.path):
             (row,) = self._connection.execute("SELECT row FROM cases WHERE key = ?", (key,)).fetchone()
-        return dict(json.loads(row))
+            return dict(json.loads(row))
 
     def rows(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """All that is known, in the order of the keys."""
-        self.commit()
         with _in_one_line(self.path):
             for key, row in self._connection.execute("SELECT key, row FROM cases WHERE key > '' ORDER BY key"):
                 yield key, json.loads(row)
 
     def until_commit(self) -> float | None:
         """Seconds until the next commit is due; None if there is nothing to commit."""
-        return max(0.0, self._committed + EVERY - time.monotonic()) if self._pending else None
+        return None if self._begun is None else max(0.0, self._begun + EVERY - time.monotonic())
 
     def commit(self) -> None:
-        """Write down what is pending.
-
-        Raises
-        ------
-        InputError
-            If it cannot be written; what was written before is kept.
-        """
-        if self._pending:
-            self._write(self._pending)
-        self._pending = {}
-        self._committed = time.monotonic()
-
-    def _write_head(self) -> None:
-        self._write({_HEAD: json.dumps(self.head)})
+        """Write down what was added."""
+        if self._begun is not None:
+            self._begun = None
+            with _in_one_line(self.path):
+                try:
+                    self._connection.execute("COMMIT")
+                except BaseException:
+                    with suppress(sqlite3.Error):
+                        self._connection.execute("ROLLBACK")
+                    raise
 
     def _create(self) -> None:
         """Make a table with nothing but its head, whole or not at all."""
-        self._write({_HEAD: json.dumps(self.head)}, first=_NEW)
-
-    def _write(self, rows: Mapping[str, str], first: Sequence[str] = ()) -> None:
-        execute = self._connection.execute
         with _in_one_line(self.path):
-            execute("BEGIN IMMEDIATE")
-            try:
-                for line in first:
-                    execute(line)
-                for key, row in rows.items():
-                    execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
-                execute("COMMIT")
-            except BaseException:
-                with suppress(sqlite3.Error):
-                    execute("ROLLBACK")
-                raise
+            self._connection.execute("BEGIN IMMEDIATE")
+            self._begun = time.monotonic()
+            self._connection.execute(f"PRAGMA application_id = {FORMAT}")
+            self._connection.execute(
+                "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID"
+            )
+        self.add(_HEAD, json.dumps(self.head))
+        self.commit()
 
-    def _open(self) -> None:
-        if self.path is not None and _is_there(self.path):
-            self._read()
-            if self.head:
-                _check_identity(self.path, self._stored["identity"], self.head["identity"])
-            else:
-                self.head = self._stored
-        elif self.path is not None and not self.head:
-            raise InputError(f"store = {str(self.path)!r}: there is no such file")
-        else:
-            self._create()  # in memory until something is to be written
+    def _note(self, key: str, failed: bool) -> None:
+        if key != _HEAD:
+            self.keys.add(key)
+            (self.failed.add if failed else self.failed.discard)(key)
 
-    def _note(self, key: str, row: str) -> None:
-        self.keys.add(key)
-        if row.startswith('{"error"'):
-            self.failed.add(key)
-
-    def _read(self) -> None:
-        """Open the file and weigh every row; a table that lost or changed anything is refused."""
+    def _read(self, weigh: bool) -> None:
+        """Open the file; a table that lost or changed anything, or is of another sweep, is refused."""
         path = self.path
         assert path is not None
         self._connection.close()
         with _in_one_line(path):
             connection = self._connection = _connect(path, "rw")
-            (form,), (version,) = (
-                connection.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
-            )
+            (form,) = connection.execute("PRAGMA application_id").fetchone()
             if form != FORMAT:
                 raise InputError(f"store = {str(path)!r}: is not the store of a sweep; choose another")
-            if version != VERSION:
-                raise InputError(
-                    f"store = {str(path)!r}: has format {version}, but this is stickslip {package_version()}, which "
-                    f"reads format {VERSION}; choose another store, or use the version that wrote it"
-                )
             connection.execute("BEGIN")  # one state of the table, whoever writes meanwhile
-            (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
-            if health != "ok":
-                raise _damaged(path, str(health).splitlines()[-1])
-            for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
-                if checksum != _checksum(key, row):
-                    raise _damaged(path, "a row is not what was written")
-                if key == _HEAD:
-                    self._stored = json.loads(row)
-                else:
-                    self._note(key, row)
+            head = connection.execute("SELECT row FROM cases WHERE key = ''").fetchone()
+            if head is None:
+                raise _damaged(path, "its head is missing")
+            self._stored = json.loads(head[0])
+            if weigh:
+                _weigh(path, connection)
+            for key, failed in connection.execute(
+                f"SELECT key, substr(row, 1, {len(_ERROR)}) = ? FROM cases", (_ERROR,)
+            ):
+                self._note(key, bool(failed))
             connection.execute("COMMIT")
-        if not self._stored:
-            raise _damaged(path, "its head is missing")
+            if self.head:
+                _check_identity(path, self._stored["identity"], self.head["identity"])
+            else:
+                self.head = self._stored
+
+
+def _weigh(path: Path, connection: sqlite3.Connection) -> None:
+    """Hold every page and row of a table against its checksum."""
+    (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+    if health != "ok":
+        raise _damaged(path, str(health).splitlines()[-1])
+    for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
+        if checksum != _checksum(key, row):
+            raise _damaged(path, "a row is not what was written")
 
 
 def is_store(path: str | os.PathLike[str]) -> bool:
-    """Whether a path looks like a store, whole or not: a file of sqlite, or the folder of an earlier version."""
+    """Whether a path looks like a store, whole or not: a file of sqlite."""
     instance("path", path, (str, os.PathLike), "the name of a file")
-    path = Path(path)
     try:
-        if not path.is_file():
-            return path.is_dir() and _is_of_old(path)
-        with path.open("rb") as file:
+        with Path(path).open("rb") as file:
             return file.read(15) == b"SQLite format 3"
     except OSError:
         return False
@@ -273,26 +226,13 @@ def writer_of(path: Path) -> str | None:
 
 
 def _is_there(path: Path) -> bool:
-    """Whether there is a table at a path, or nothing; anything else is refused."""
+    """Whether there is a file at a path, or nothing; a file without a page is one whose making was cut short."""
     with _in_one_line(path):
-        try:
-            found = path.stat()
-        except FileNotFoundError:
+        if not path.exists():
             return False
-        if stat.S_ISDIR(found.st_mode):
-            old = _is_of_old(path)
-            what = "was made by an earlier version of stickslip (a folder)" if old else "is a folder, not a file"
-            raise InputError(f"store = {str(path)!r}: {what}; choose another store")
-        if not stat.S_ISREG(found.st_mode):
+        if not path.is_file():
             raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
-        if found.st_size > 0:  # a file without a page is one whose making was cut short
-            with closing(_connect(path, "rw")) as connection:
-                return bool(connection.execute("PRAGMA page_count").fetchone()[0])
-    return False
-
-
-def _is_of_old(folder: Path) -> bool:
-    return (folder / "zarr.json").exists() or any(folder.glob("*.jsonl")) or (folder / "refined.nc").exists()
+        return path.stat().st_size > 0
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
@@ -327,13 +267,7 @@ def _damaged(path: Path, how: str) -> InputError:
 
 @contextmanager
 def _in_one_line(path: Path | None) -> Iterator[None]:
-    """Say in one line what went wrong with a file.
-
-    Raises
-    ------
-    InputError
-        In place of an `OSError`, an error of sqlite, or of what a damaged row leads to.
-    """
+    """Say in one line what went wrong with a file."""
     try:
         yield
     except (sqlite3.Error, OSError) as error:

@@ -15,33 +15,48 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance, number, shown, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
-from stickslip.io.validation import read_toml, validate
-from stickslip.model import Chain, Rig, Sheet, Slider, parameter_named
+from stickslip.io.tables import read_toml
+from stickslip.model import (
+    Contacts,
+    ElasticBody,
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Method,
+    Population,
+    Rig,
+    Slider,
+    Start,
+    parameter_named,
+)
+from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
+from stickslip.simulation import check_method
+from stickslip.sweep._axes import OTHERS, Axis, check_keys, chosen, known_axes, read_axis, read_quantity
+from stickslip.sweep._dataset import open_sweep, run_cases
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._file import OTHERS, Document, axis_names
-from stickslip.sweep._grid import open_sweep, run_cases
 from stickslip.sweep._refine import Refinement, Span, refine
-from stickslip.sweep._results import Failure, failures, summary
-from stickslip.sweep._run import Options, Progress, Runs
-from stickslip.sweep.study import KINDS, MEASURES, Study
+from stickslip.sweep._run import Options, Progress, Runs, check_size
+from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
 if TYPE_CHECKING:
     import xarray as xr
 
 EXAMPLE = "`stickslip new phase_diagram`"
-_RECORDS = "records"
-"""Key of a rig that no file describes, in the document of a sweep from Python: its records as JSON."""
+SHORTEST = 120.0
+"""``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""
+NOTE = "sweep"
+"""Attribute of the results that holds the plan."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -59,7 +74,7 @@ class Plan:
     study : Study
         The case.
     axes : mapping
-        Values of each axis in the units of the file, SI or natural; with a refinement, its two ends.
+        Values of each axis in the units of the rig, SI or natural; with a refinement, its two ends.
     logarithmic : tuple of str
         Axes of equal ratios.
     measures : tuple of str
@@ -68,8 +83,6 @@ class Plan:
     refinement : Refinement, optional
     max_cases : int
         Cases beyond which the sweep is refused.
-    document : mapping
-        The content of the file, the rig included, every axis a table.
     """
 
     name: str
@@ -80,7 +93,6 @@ class Plan:
     seed: int
     refinement: Refinement | None
     max_cases: int
-    document: Mapping[str, Any]
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -96,8 +108,7 @@ class Plan:
 
     def is_same(self, other: Plan) -> bool:
         """Whether another plan has the same cases."""
-        names = {"name": ""}
-        return {**self.document, **names} == {**other.document, **names}
+        return replace(self, name="").to_json() == replace(other, name="").to_json()
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
@@ -108,7 +119,7 @@ class Plan:
             title = title.replace(", per contact", "") if whole else title
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
         for name in self.axes:
-            title, unit = OTHERS[name][1] if name in OTHERS else parameter_named(name).title, "1"
+            title, unit = OTHERS[name] if name in OTHERS else parameter_named(name).title, "1"
             if name not in OTHERS:
                 unit = rig.unit_name(parameter_named(name).unit)
             spacing = "log" if name in self.logarithmic else "linear"
@@ -137,7 +148,8 @@ class Plan:
         Returns
         -------
         xarray.Dataset
-            In the units of the file; its attribute ``sweep`` holds the file. ``regime`` is an integer with CF flags.
+            In the units of the rig; its attribute ``sweep`` holds the plan as JSON. ``regime`` is an integer
+            with CF flags.
 
         Raises
         ------
@@ -148,7 +160,7 @@ class Plan:
             seed=self.seed,
             attributes=self.attributes(),
             categories={"regime": KINDS},
-            notes={"sweep": self.to_toml()},
+            notes={NOTE: self.to_json()},
             retry_failed=retry_failed,
             max_cases=self.max_cases,
         )
@@ -161,14 +173,17 @@ class Plan:
         return self.select(refine(self.study, box, "regime", replace(self.refinement, each=each), **where))
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
-        """Of all that is stored of each case, what the file asks for."""
+        """Of all that is stored of each case, what is asked for."""
         return found.drop_vars([name for name in MEASURES if name not in (*self.measures, *self.axes)], errors="ignore")
 
-    def to_toml(self) -> str:
-        """Return the text of a file that `read_plan` takes."""
-        import tomli_w
-
-        return tomli_w.dumps(dict(self.document))
+    def to_json(self) -> str:
+        """Return a text that `plan_of` reads again."""
+        held = {each.name: getattr(self, each.name) for each in fields(self)}
+        held["study"] = {each.name: getattr(self.study, each.name) for each in fields(self.study)}
+        held["study"]["rig"] = datasets.encode(self.study.rig)
+        held["axes"] = {name: values.tolist() for name, values in self.axes.items()}
+        held["refinement"] = None if self.refinement is None else asdict(self.refinement)
+        return json.dumps(held)
 
 
 def sweep(
@@ -224,37 +239,17 @@ def sweep(
     >>> found["peak_to_peak"].dims, found["velocity"].units
     (('velocity', 'contacts'), 'm/s')
     """
-    if not isinstance(rig.slider, Slider | Chain | Sheet):
+    if not isinstance(rig.slider, Slider | ElasticBody):
         raise InputError(
             f"rig.slider = {rig.slider!r}: must be a Slider, Chain or Sheet; an impedance cannot be simulated"
         )
-    natural = rig.scales is None
-    run: dict[str, Any] = {"cycles": runs.cycles, "extensions": runs.extensions, "max_cases": runs.max_cases}
-    for name, length, unit in (("distance", runs.distance, "m"), ("duration", runs.duration, "s")):
-        if length is not None:
-            run[name] = _written(length, "" if natural else unit)
-    # Its records, not the file it may come from: it may have been changed since.
-    document: dict[str, Any] = {"name": rig.name, "rig": {_RECORDS: json.dumps(datasets.encode(rig))}, "run": run}
-    document["axes"] = {}
-    for name, given in axes.items():
-        plain = natural or name not in BY_NAME or BY_NAME[name].unit == "1"
-        unit = "" if plain else rig.unit_name(BY_NAME[name].unit)
-        if isinstance(given, Span):
-            ends = {"from": _written(given.low, unit), "to": _written(given.high, unit)}
-            document["axes"][name] = ends | {"spacing": "log" if given.log else "linear"}
-        else:
-            document["axes"][name] = {"values": [_written(value, unit) for value in np.atleast_1d(given).tolist()]}
-    if runs.measure is not None:
-        document["measure"] = list(runs.measure)
-    if refinement is not None:
-        document["refine"] = {name: getattr(refinement, name) for name in ("runs", "resolution", "together")}
-    plan = _plan(rig, document, "sweep")
+    try:
+        check_keys(axes, known_axes(), "axes")
+        given = {name: read_axis(rig, name, values, bare=True) for name, values in axes.items()}
+        plan = _plan(rig, given, runs, refinement, name=rig.name, bare=True)
+    except InputError as error:
+        raise InputError(f"sweep: {error}") from None
     return plan.run(store=store, executor=executor, progress=progress, retry_failed=retry_failed)
-
-
-def _written(value: Any, unit: str) -> Any:
-    """A value as a file would have it."""
-    return value if not unit or isinstance(value, str) else f"{float(value)!r} {unit}"
 
 
 def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
@@ -266,27 +261,40 @@ def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
         As `stickslip.sweep.open_sweep`.
     """
     found = open_sweep(store)
-    return plan_of(found).select(found) if "sweep" in found.attrs else found
+    return plan_of(found).select(found) if NOTE in found.attrs else found
 
 
 def plan_of(result: xr.Dataset) -> Plan:
-    """Return the plan that a result was made from.
+    """Return the plan that a result was made from."""
+    if NOTE not in result.attrs:
+        raise InputError("this sweep was not made from a rig: what was swept is not known; draw it in Python")
+    try:
+        held = json.loads(str(result.attrs[NOTE]))
+        rig = datasets.decode(held["study"].pop("rig"), datasets.records())
+        instance("rig", rig, Rig, "a rig")
+        refinement = None if held["refinement"] is None else Refinement(**held.pop("refinement"))
+        axes = {name: np.array(values, dtype=_kind(values)) for name, values in held.pop("axes").items()}
+        names = {name: tuple(held.pop(name)) for name in ("logarithmic", "measures")}
+        study = Study(rig=rig, **held.pop("study"))
+        return Plan(**held | names | {"study": study, "axes": axes, "refinement": refinement})
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+        raise InputError(f"the plan of this sweep: cannot be read ({error})") from None
 
-    Raises
-    ------
-    InputError
-        If the result was not made from a rig.
-    """
-    import tomllib
 
-    if "sweep" not in result.attrs:
-        raise InputError("this sweep was not made from a sweep file: what was swept is not known; draw it in Python")
-    return from_document(tomllib.loads(result.attrs["sweep"]), "the sweep file in this store")
+def _kind(values: Sequence[Any]) -> type | None:
+    return object if isinstance(values[0], str) else None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Files
 # ---------------------------------------------------------------------------------------------------------------------
+
+_METHODS: dict[str, type[Method]] = {
+    "contacts": Contacts,
+    "population": Population,
+    "master equation": MasterEquation,
+}
+_RUN = ("method", "contacts", "rtol", "seed", "start", *(each.name for each in fields(Runs) if each.name != "measure"))
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
@@ -304,90 +312,154 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
 
 def from_document(document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()) -> Plan:
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
-    document = dict(document)
-    if not isinstance(document.get("axes"), dict) or not document["axes"]:
-        raise InputError(f"{place}: axes: must be a table [axes] with at least one of {', '.join(axis_names())}")
-    rig = _rig_of(document, place, directory)
-    held = (
-        document["rig"] if isinstance(document["rig"], dict) and _RECORDS in document["rig"] else rigs.to_document(rig)
-    )
-    return _plan(rig, document | {"rig": held}, place)
-
-
-def _plan(rig: Rig, document: Mapping[str, Any], place: str) -> Plan:
-    # All of them tables: written as TOML, lists would come first, and the order of the axes be lost.
-    axes = {name: {"values": axis} if isinstance(axis, list) else axis for name, axis in document["axes"].items()}
-    content = validate(Document.of(rig), document, place, natural=rig.scales is None)
     try:
-        return Plan(**content.parts(rig, axes), document={**document, "axes": axes})
+        check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
+        if not isinstance(document.get("axes"), dict) or not document["axes"]:
+            raise InputError(f"axes: must be a table [axes] with at least one of {', '.join(known_axes())}")
+        rig = _rig_of(document, directory)
+        check_keys(document["axes"], known_axes(), "axes")
+        axes = {name: read_axis(rig, name, given) for name, given in document["axes"].items()}
+        run, refinement = document.get("run", {}), None
+        check_keys(run, _RUN, "run")
+        measure = document.get("measure")
+        if measure is not None and not isinstance(measure, list):
+            raise InputError(f"measure = {shown(measure)}: must be a list of names")
+        if "refine" in document:
+            check_keys(document["refine"], ("runs", "resolution", "together"), "refine")
+            refinement = Refinement(**document["refine"])
+        runs = Runs(measure=measure, **{each.name: run[each.name] for each in fields(Runs) if each.name in run})
+        rig = replace(rig, method=_method(rig.method, run), start=_start(rig.start, run))
+        instance("name", document.get("name", "sweep"), str, "a text")
+        return _plan(rig, axes, runs, refinement, name=document.get("name", "sweep"))
     except InputError as error:
         raise InputError(f"{place}: {error}") from None
 
 
-def _rig_of(document: Mapping[str, Any], place: str, directory: Path) -> Rig:
+def _rig_of(document: Mapping[str, Any], directory: Path) -> Rig:
     given = document.get("rig")
     if isinstance(given, str):
         try:
             return rigs.read_rig(directory / given)
         except InputError as error:
-            raise InputError(f"{place}: rig: {error}") from None
+            raise InputError(f"rig: {error}") from None
     if not isinstance(given, dict):
         what = "is missing" if given is None else f"= {given!r}"
-        raise InputError(f"{place}: rig {what}: must be the name of a rig file, or a table [rig] with what one holds")
-    if _RECORDS in given:
-        return _decoded(given[_RECORDS], place)
+        raise InputError(f"rig {what}: must be the name of a rig file, or a table [rig] with what one holds")
     speeds = document["axes"].get("velocity")
     if "drive" not in given and speeds:  # the axis sets the speed
-        ends = speeds.get("values", [speeds.get("to")]) if isinstance(speeds, dict) else speeds
-        given = given | {"drive": {"velocity": ends[-1] if isinstance(ends, list) and ends else ends}}
-    return rigs.from_document(given, f"{place}: rig")
+        last = speeds.get("to") if isinstance(speeds, dict) else speeds[-1] if isinstance(speeds, list) else speeds
+        given = given | {"drive": {"velocity": last}}
+    return rigs.from_document(given, "rig")
 
 
-def _decoded(text: object, place: str) -> Rig:
-    """The rig of a sweep made from Python."""
-    try:
-        rig = datasets.decode(json.loads(str(text)), datasets.records())
-    except ValueError as error:  # InputError is one
-        raise InputError(f"{place}: rig.{_RECORDS}: cannot be read ({error})") from None
-    if not isinstance(rig, Rig):
-        raise InputError(f"{place}: rig.{_RECORDS}: holds no rig")
-    return rig
+def _method(given: Method, run: Mapping[str, Any]) -> Method:
+    """The method that a file asks for, made of the rig's own."""
+    kind = type(given)
+    if "method" in run:
+        kind = _METHODS[chosen("run.method", run["method"], tuple(_METHODS))]
+    owners = {"contacts": "contacts", "seed": "contacts", "rtol": "master equation"}
+    known = {"contacts": DRAWN, "seed": DRAWN, "rtol": (MasterEquation, Population)}
+    for key, owner in owners.items():
+        if key in run and not issubclass(kind, known[key]):
+            raise InputError(f"run.{key}: belongs to method = {owner!r}")
+    if type(given) is not kind:
+        usual = given if isinstance(given, DRAWN) else Contacts()
+        given = kind(usual.count, usual.seed) if issubclass(kind, DRAWN) else MasterEquation()
+    fields_ = {"contacts": "count", "seed": "seed", "rtol": "rtol"}
+    return replace(given, **{fields_[key]: run[key] for key in fields_ if key in run})
+
+
+def _start(given: Start, run: Mapping[str, Any]) -> Start:
+    if "start" not in run:
+        return given
+    return FromRest() if chosen("run.start", run["start"], (FROM_REST, FROM_SLIDING)) == FROM_REST else FromSliding()
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# In short
+# What can be planned
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """What became of a sweep, for a person or a machine.
+def _plan(
+    rig: Rig, given: Mapping[str, Axis], runs: Runs, refinement: Refinement | None, *, name: str, bare: bool = False
+) -> Plan:
+    """Make a plan of a rig with its method and start, and of axes that were read."""
+    if not given:
+        raise InputError(f"axes: must hold at least one of {', '.join(known_axes())}")
+    _check_rig(rig, given)
+    max_cases = whole("run.max_cases", runs.max_cases, at_least=1)
+    if refinement is None:
+        check_size(math.prod(axis.size for axis in given.values()), max_cases)
+        axes = {each: axis.made(each) for each, axis in given.items()}
+    else:
+        _check_refinement(given)
+        axes = {each: np.array(axis.values, dtype=_kind(axis.values)) for each, axis in given.items()}
+    method, seed = rig.method, None
+    if isinstance(method, DRAWN):
+        method, seed = replace(method, seed=0), method.seed
+    study = Study(
+        rig=replace(rig, method=method, name="", assumed={}, source=""),
+        distance=_length(rig, "distance", runs.distance, "x_s", "m", bare, default=SHORTEST),
+        duration=_length(rig, "duration", runs.duration, "time", "s", bare, default=0.0),
+        cycles=number("run.cycles", runs.cycles, at_least=0),
+        extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
+    )
+    return Plan(
+        name=name,
+        study=study,
+        axes=axes,
+        logarithmic=tuple(each for each, axis in given.items() if axis.log),
+        measures=_measures(runs.measure, own_seed=seed is not None and "seed" not in given),
+        seed=seed or 0,
+        refinement=refinement,
+        max_cases=max_cases,
+    )
 
-    Attributes
-    ----------
-    line : str
-        The last line.
-    regimes : mapping of str to int
-        How many cases each regime has.
-    failures : tuple of Failure
-    crossings : int or None
-        Points found on the boundaries by a refinement.
-    """
 
-    line: str
-    total: int
-    done: int
-    failed: int
-    missing: int
-    regimes: Mapping[str, int]
-    failures: tuple[Failure, ...]
-    crossings: int | None = None
+def _length(rig: Rig, key: str, value: float | str | None, unit: str, si: str, bare: bool, *, default: float) -> float:
+    """How far or how long a run lasts, in natural units."""
+    if value is None:
+        return default
+    return read_quantity(rig, value, f"run.{key}", si, f"2 m{si}", bare=bare) / rig.unit(unit)
 
 
-def report(result: xr.Dataset) -> Report:
-    """Count the regimes and the failures of a sweep or a refinement."""
-    codes = result["regime"].to_numpy() if "regime" in result else np.empty(0)
-    regimes = {kind: int(np.count_nonzero(codes == code)) for code, kind in enumerate(KINDS) if (codes == code).any()}
-    counted, crossings = summary(result), result.sizes.get("crossing")
-    line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
-    return Report(**asdict(counted), line=line, regimes=regimes, failures=tuple(failures(result)), crossings=crossings)
+def _check_rig(rig: Rig, axes: Mapping[str, Axis]) -> None:
+    """Refuse a rig that cannot be run along these axes."""
+    if isinstance(rig.method, MasterEquation):
+        for name in ("seed", "contacts"):
+            if name in axes:
+                raise InputError(f"axes.{name}: changes nothing with the master equation; use method = 'contacts'")
+    if len(rig.drive.pieces) > 1 or rig.drive.pieces[0].start != rig.drive.pieces[0].end:
+        raise InputError("rig.drive.pieces: each run of a sweep holds one velocity; give drive.velocity")
+    check_method(rig.interface, rig.method, rig.slider)
+    if rig.slider.mass == 0 and "mass" not in axes:
+        raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
+    for name in axes:
+        if name in BY_NAME:
+            rig.value(name)  # it has one
+    number("rig.drive.velocity", rig.velocity, above=0)
+
+
+def _check_refinement(given: Mapping[str, Axis]) -> None:
+    parameters = [name for name in given if name in BY_NAME]
+    others = [name for name in given if name not in BY_NAME and name != "start"]
+    if len(parameters) != 2 or others:
+        raise InputError(
+            f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"
+        )
+    for name in parameters:
+        if not given[name].ends:
+            raise InputError(f"axes.{name}: [refine] chooses the values itself; give from, to and spacing")
+
+
+def _measures(asked: Sequence[str] | None, *, own_seed: bool) -> tuple[str, ...]:
+    names = list(USUAL if asked is None else asked)
+    for name in names:
+        if name not in MEASURES:
+            import difflib
+
+            near = difflib.get_close_matches(str(name), MEASURES, n=1, cutoff=0.5)
+            remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(MEASURES)}"
+            raise InputError(f"measure: {name!r} is not measured in a sweep; {remedy}")
+    always = ["regime", *(["seed"] if own_seed else [])]
+    return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))

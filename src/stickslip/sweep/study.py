@@ -23,18 +23,7 @@ themselves."""
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What all cases of a sweep share; called with the values of its axes, it runs one.
-
-    Parameters
-    ----------
-    rig : Rig
-        The axes replace what they name, in the rig's own units; its method and start are those of every case.
-    distance, duration, cycles : float
-        A run lasts until the drive has gone this far, for this long (natural units), and this many times as far as a
-        spring of this stiffness takes for one cycle of loading, ``x_s (1 + k/K)``.
-    extensions : int
-        How often a run that cannot be classified is made again, twice as long.
-    """
+    """What all cases of a sweep share; called with the values of its axes, it runs one."""
 
     rig: Rig
     distance: float
@@ -43,15 +32,7 @@ class Study:
     extensions: int
 
     def __call__(self, *, seed: int = 0, **values: Any) -> dict[str, float | str]:
-        """Run one case; return all of `MEASURES`, in the rig's own units.
-
-        Parameters
-        ----------
-        seed : int
-            Of the contacts. A seed of the sweep's own making is cut to 53 bits, which a float64 keeps.
-        **values
-            Of the axes, in the rig's own units.
-        """
+        """Run one case; return all of `MEASURES`, in the rig's own units."""
         seed = seed >> 10 if seed >= 2**53 else seed
         start, count = values.pop("start", self.start), values.pop("contacts", None)
         method = self.rig.method

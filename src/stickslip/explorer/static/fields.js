@@ -8,7 +8,6 @@ export const put = (tree, path, value) => {
   if (value === undefined) delete node[last];
   else node[last] = value;
 };
-const simple = (path) => ({ read: (doc) => at(doc, path), write: (doc, value) => put(doc, path, value) });
 
 // A delay is a number, "never", or a table with mean, standard deviation and the fate of negative draws.
 const random = (doc) => (at(doc, "interface.delay") !== null && typeof at(doc, "interface.delay") === "object");
@@ -52,55 +51,47 @@ const damping = {
   write: (doc, value) => put(doc, byRatio(doc) ? "slider.damping_ratio" : "slider.damping", value),
 };
 const contacts = (doc) => at(doc, "simulation.method") !== "master equation";
+// Each solver has numbers of its own; those of the other one are kept for when it is chosen again.
+const kept = {};
+const solver = {
+  read: (doc) => at(doc, "simulation.method"),
+  write: (doc, value) => {
+    for (const key of ["contacts", "seed", "rtol"]) {
+      kept[key] = at(doc, `simulation.${key}`) ?? kept[key];
+      put(doc, `simulation.${key}`, (key === "rtol") === (value === "master equation") ? kept[key] : undefined);
+    }
+    put(doc, "simulation.method", value);
+  },
+};
 const SI = (doc) => doc.units !== "natural";
-const heated = (key) => (doc) => at(doc, `interface.temperature.${key}`) !== undefined;
 const held = (doc) => at(doc, "drive.pieces") === undefined;
 
-/* key: as the server's messages name it; unit: natural; si: SI; range: of the slider, natural; zero: may be 0;
-   plain: a number without a unit in either system; when: shown only then; choices: a menu. */
-export const ALL = [
-  { group: "Slider and drive" },
-  { key: "slider.stiffness", symbol: "K", title: "driving spring", unit: "k", si: "N/m", range: [0.05, 50] },
-  { key: "drive.velocity", symbol: "v", title: "speed", unit: "xₛ/time", si: "m/s", range: [0.01, 100], when: held },
-  { key: "slider.mass", symbol: "M", title: "mass", unit: "fₛ time²/xₛ", si: "kg", range: [1e-6, 1] },
-  { key: "slider.damping", symbol: "η", title: "damping", unit: "1/time", si: "1/s", range: [1, 3000], ...damping,
-    when: (doc) => !byRatio(doc), swap: "ζ" },
-  { key: "slider.damping_ratio", symbol: "ζ", title: "damping ratio", unit: "", plain: true, range: [0.005, 15],
-    ...damping, when: byRatio, swap: "η" },
-  { group: "Contacts" },
-  { key: "interface.delay", symbol: "τ", title: "delay", unit: "time", si: "s", range: [0.002, 5], zero: true, ...delay },
-  { key: "interface.delay.std", symbol: "Δτ", title: "its std. dev.", unit: "time", si: "s", range: [0.002, 1], zero: true,
-    ...delayStd },
-  { key: "interface.delay.negative", title: "delays below 0", choices: { clip: "become 0", redraw: "are drawn again",
-    fold: "change sign" }, when: random },
-  { key: "interface.thresholds.std", symbol: "Δf", title: "threshold std. dev.", unit: "xₛ", plain: true,
-    range: [0.01, 0.5], when: (doc) => at(doc, "interface.thresholds.std") !== undefined },
-  { key: "interface.initial.std", symbol: "Δf₀", title: "initial std. dev.", unit: "xₛ", plain: true,
-    range: [0.001, 0.5], when: (doc) => at(doc, "interface.initial.low") === undefined },
-  { key: "interface.ageing.time", symbol: "β", title: "ageing rate", unit: "1/√time", si: "1/√s", range: [0.05, 10],
-    zero: true, ...ageing },
-  { key: "interface.temperature.temperature", symbol: "T", title: "temperature", unit: "K", si: "K", range: [30, 3000], when: heated("temperature") },
-  { key: "interface.temperature.activation_volume", symbol: "Vₐ", title: "activation vol.", unit: "nm^3", si: "nm^3", range: [0.05, 5],
-    when: heated("activation_volume") },
-  { key: "interface.temperature.width", symbol: "w", title: "width of Bell", unit: "xₛ", si: "m", range: [0.002, 0.2], when: heated("width") },
-  { key: "interface.temperature.attempts", symbol: "ω₀", title: "attempts", unit: "1/time", si: "1/s", when: heated("attempts") },
-  { key: "interface.contact_strength", symbol: "N fₛ", title: "contact strength", si: "N", when: SI },
-  { key: "interface.breaking_displacement", symbol: "xₛ", title: "breaking displ.", si: "m", when: SI },
-  { group: "Simulation" },
-  { key: "simulation.method", title: "solver", choices: { contacts: "N contacts",
-    "master equation": "master equation" }, missing: "contacts" },
-  { key: "simulation.contacts", symbol: "N", title: "contacts", unit: "", plain: true, whole: true, range: [10, 1e5],
-    when: contacts, missing: 10000 },
-  { key: "simulation.seed", title: "seed", unit: "", plain: true, whole: true, when: contacts, missing: 1 },
-  { key: "simulation.rtol", title: "error", unit: "", plain: true, range: [1e-8, 1e-2],
-    when: (doc) => !contacts(doc), missing: 1e-4 },
-  { key: "simulation.start", title: "start", choices: { "from rest": "at rest", sliding: "sliding smoothly" },
-    missing: "from rest" },
-  { key: "drive.distance", title: "distance", unit: "xₛ", si: "m", range: [5, 500],
-    when: (doc) => held(doc) && at(doc, "drive.duration") === undefined },
-  { key: "drive.duration", title: "duration", unit: "time", si: "s",
-    when: (doc) => held(doc) && at(doc, "drive.duration") !== undefined },
-].map((field) => (field.key && !field.read ? { ...field, ...simple(field.key) } : field));
+/* What fields do beyond standing in the document under their key: `when` they are shown, how they are read and written. */
+const simple = (path) => ({ read: (doc) => at(doc, path), write: (doc, value) => put(doc, path, value) });
+const has = (path) => ({ when: (doc) => at(doc, path) !== undefined });
+const SPECIAL = {
+  "drive.velocity": { when: held },
+  "slider.damping": { ...damping, when: (doc) => !byRatio(doc) },
+  "slider.damping_ratio": { ...damping, when: byRatio },
+  "interface.delay": delay,
+  "interface.delay.std": delayStd,
+  "interface.delay.negative": { when: random },
+  "interface.thresholds.std": has("interface.thresholds.std"),
+  "interface.initial.std": { when: (doc) => at(doc, "interface.initial.low") === undefined },
+  "interface.ageing.time": ageing,
+  ...Object.fromEntries(["temperature", "activation_volume", "width", "attempts"].map((key) => `interface.temperature.${key}`)
+    .map((path) => [path, has(path)])),
+  "interface.contact_strength": { when: SI },
+  "interface.breaking_displacement": { when: SI },
+  "simulation.contacts": { when: contacts },
+  "simulation.seed": { when: contacts },
+  "simulation.rtol": { when: (doc) => !contacts(doc) },
+  "drive.distance": { when: (doc) => held(doc) && at(doc, "drive.duration") === undefined },
+  "drive.duration": { when: (doc) => held(doc) && at(doc, "drive.duration") !== undefined },
+};
+/* The fields of a rig, from the glossary that the server sends: it has their words, units and ranges. */
+export const fieldsOf = (glossary) => glossary.filter(({ field }) => field).map(({ key, field, term, unit, text }) => (
+  { key, ...field, help: `${term}${unit ? ` (${unit})` : ""}. ${text}`, ...simple(key), ...SPECIAL[key] }));
 
 const NUMBER = "[-+]?(?:\\d+\\.?\\d*|\\.\\d+)(?:[eE][-+]?\\d{1,3})?";
 const WHOLE = new RegExp(`^\\s*${NUMBER}\\s*$`), WITH_UNIT = new RegExp(`^\\s*(${NUMBER})\\s*((?:1\\s*/|[^\\d\\s.,]).*)?$`);

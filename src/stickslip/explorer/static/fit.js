@@ -1,45 +1,32 @@
 /* The page Fit: the rig behind a measured trace, at once by closed forms, and with intervals by simulations. */
 
 import { axis, colour, draw, label, upright } from "./figures.js";
-import { pointed, split } from "./fields.js";
+import { split } from "./fields.js";
 import { $, complainAt, element, field, fileName, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
 import { begin, wait } from "./rig.js";
 import { saying } from "./talk.js";
 import { source } from "./trace.js";
 
-/* What is known of the bench; `read`: the trace has a reading of it. */
-const KNOWN = [
-  { key: "stiffness", title: "K, driving spring", unit: "N/m" },
-  { key: "speed", title: "v, speed", unit: "mm/s" },
-  { key: "mass", title: "M, mass", unit: "kg" },
-  { key: "static", title: "static friction", unit: "N", read: true },
-  { key: "kinetic", title: "kinetic friction", unit: "N", read: true },
-  { key: "rate", title: "loading rate", unit: "N/s", read: true },
-  { key: "damping", title: "ζ, damping ratio", unit: "", missing: "0.15" },
-  { key: "half", title: "half-friction speed", unit: "mm/s", missing: "unknown" },
-];
 const SAMPLE = { stiffness: "350", speed: "1.5", mass: "0.0756" };
 const inputs = {};
-let pending, fitted = null, quick = null, found = null, running = null, quickly = null, sizes = [];
+let known = {}, pending, fitted = null, quick = null, found = null, running = null, quickly = null, sizes = [];
 
-for (const { key, title, unit, read, missing } of KNOWN) {
-  const input = element("input", { id: `fit-${key}`, inputMode: "decimal", autocomplete: "off", placeholder: missing ?? (read ? "by the trace" : "") });
-  inputs[key] = input;
-  input.oninput = () => { input.dataset.own = "yes"; };
-  input.onchange = () => {
-    input.value = pointed(input.value.trim());
-    if (input.value === "") delete input.dataset.own;
+function ask(key, { read, missing, ...words }) {
+  const made = field(`fit-${key}`, words, (text, input) => {
+    if (text === "") delete input.dataset.own;
     compute();
-  };
-  $("fit-fields").append(field(title, input, unit));
+  }, { placeholder: missing ?? (read ? "by the trace" : "") });
+  inputs[key] = made.querySelector("input");
+  inputs[key].oninput = () => { inputs[key].dataset.own = "yes"; };
+  return made;
 }
 
 /* The trace, and what is known: readings of the trace itself are left to the server. */
 function request(more = {}) {
   const { file, query } = source(), given = {};
-  for (const { key, unit } of KNOWN) {
+  for (const [key, { unit, read }] of Object.entries(known)) {
     const value = inputs[key].value.trim();
-    if (value && (!("own" in inputs[key].dataset) ? !KNOWN.find((one) => one.key === key).read : true)) {
+    if (value && (!read || "own" in inputs[key].dataset)) {
       given[key] = unit && !split(value)[1] ? `${value} ${inputs[key].nextSibling.textContent}` : value;
     }
   }
@@ -217,13 +204,17 @@ function begun(file) {
   $("fit-none").hidden = file !== null;
   $("fit-found").hidden = file === null;
   fitted = file;
-  for (const { key, unit, read } of KNOWN) {
+  for (const [key, { unit, read }] of Object.entries(known)) {
     if (read) { inputs[key].value = ""; delete inputs[key].dataset.own; }
     else if (file?.name === "sample.csv" && SAMPLE[key]) { inputs[key].value = SAMPLE[key]; inputs[key].nextSibling.textContent = unit; }
   }
   if (file) compute();
 }
 parts.fit = {
+  greeted({ fit: given }) {
+    known = given;
+    $("fit-fields").replaceChildren(...Object.entries(known).map(([key, words]) => ask(key, words)));
+  },
   open() {
     $("source").hidden = false;
     if (pending !== undefined) begun(pending);

@@ -1,29 +1,15 @@
 /* The page Fronts: a bar of blocks, the force at its driving spring, and what happens along it in time. */
 
 import { axis, colour, cursorOver, draw, label, timeAt, upright } from "./figures.js";
-import { at, numeric, pointed, put, short } from "./fields.js";
+import { at, numeric, put, short } from "./fields.js";
 import { $, complainAt, element, field, fileName, mark, parts, pretty, progress, save, state, table, unpacked } from "./page.js";
 import { ask, drop, on, saying } from "./talk.js";
 
-const FIELDS = [
-  { key: "chain.blocks", title: "blocks", unit: "", whole: true },
-  { key: "chain.coupling", title: "coupling of blocks", unit: "k" },
-  { key: "chain.side", title: "spring at the end", unit: "k" },
-  { key: "chain.leaf", title: "spring at each block", unit: "k" },
-  { key: "chain.damping", title: "damping", unit: "1/time" },
-  { key: "interface.thresholds.std", title: "threshold std. dev.", unit: "xₛ" },
-  { key: "interface.sliding_force", title: "force of sliding", unit: "fₛ" },
-  { key: "interface.delay", title: "delay", unit: "time" },
-  { key: "drive.velocity", title: "speed", unit: "xₛ/time" },
-  { key: "drive.duration", title: "duration", unit: "time" },
-  { key: "simulation.start.stretching", title: "stretching at first", unit: "xₛ" },
-  { key: "simulation.start.push", title: "push at the end", unit: "fₛ" },
-];
 const { shown } = state;
 const point = cursorOver("plot-side");
 const MANY = 1.6; // times sound: slip began in several places at once
 const FAST = 170; // of 255: blocks that slip move at a tenth of the fastest, a third of three decades below
-let bars = [], chain = null, asked = "", event = -1, time = null, painted = null;
+let fields = {}, bars = [], chain = null, asked = "", event = -1, time = null, painted = null;
 
 on("fronts", (reply) => {
   if (reply.progress !== undefined) return progress("fronts", reply.progress);
@@ -60,17 +46,14 @@ function choose(index) {
   if (state.page === "fronts") compute();
 }
 function rebuild() {
-  $("bar-fields").replaceChildren(...FIELDS.filter(({ key }) => ["number", "string"].includes(typeof at(chain, key))).map(({ key, title, unit, whole }) => {
-    const id = `bar-${key.replaceAll(".", "-")}`, input = element("input", { id, value: String(at(chain, key)), inputMode: "decimal", autocomplete: "off" });
-    input.onchange = () => {
-      const text = pointed(input.value.trim()), number = numeric(text);
+  const there = Object.entries(fields).filter(([key]) => ["number", "string"].includes(typeof at(chain, key)));
+  $("bar-fields").replaceChildren(...there.map(([key, { title, unit, whole }]) => field(`bar-${key.replaceAll(".", "-")}`,
+    { title, unit: chain.units === "natural" ? unit : "" }, (text, input) => {
+      const number = numeric(text);
       if (text === "") { input.value = String(at(chain, key)); return; }
-      input.value = text;
       put(chain, key, isNaN(number) ? text : whole ? Math.round(number) : number);
       compute();
-    };
-    return field(title, input, chain.units === "natural" ? unit : "");
-  }));
+    }, { value: String(at(chain, key)) })));
 }
 function compute() {
   const text = JSON.stringify(chain);
@@ -248,7 +231,7 @@ $("spacetime").addEventListener("keydown", (key) => {
 new ResizeObserver(() => { if (state.page === "fronts") { point(NaN); paint(); } }).observe($("plot-side"));
 
 parts.fronts = {
-  greeted: ({ bars: found, chain: mine }) => offer(found, mine),
+  greeted({ fronts, bars: found, chain: mine }) { fields = fronts; offer(found, mine); },
   open() { if (chain) { show(); compute(); } },
   recolour() { painted = null; },
 };

@@ -1,5 +1,7 @@
 /* What all pages share: the state, the elements, and what says how far an answer is. */
 
+import { pointed } from "./fields.js";
+
 export const $ = (id) => document.getElementById(id);
 
 export function element(tag, properties = {}, ...children) {
@@ -10,7 +12,7 @@ export function element(tag, properties = {}, ...children) {
 
 /* The whole state: one document, the content of a rig file; the page that is open; what was drawn last of each kind. */
 export const state = {
-  doc: null, began: null, presets: [], glossary: [], waiting: false, // not computed before a click: it came with a link
+  doc: null, began: null, presets: [], waiting: false, // not computed before a click: it came with a link
   page: "simulate", cursor: 0.75, before: null,
   shown: { run: null, friction: null, chart: null, bands: [], advice: null, trace: null, fronts: null },
 };
@@ -78,9 +80,13 @@ export function complainAt(id, text) {
   $(id).textContent = pretty(text);
   $(id).hidden = text === "";
 }
-/* A field: its name, its input and its unit. */
-export const field = (title, input, unit) => element("div", { className: "field" }, element("label", { htmlFor: input.id, textContent: title }), input,
-  element("span", { className: "unit", textContent: unit }));
+/* A field for a number or a text: its name, its input and its unit; `entered` is told what was typed, a comma as a point. */
+export function field(id, { title, unit }, entered, more = {}) {
+  const input = element("input", { id, inputMode: "decimal", autocomplete: "off", ...more });
+  input.onchange = () => entered((input.value = pointed(input.value.trim())), input);
+  return element("div", { className: "field" }, element("label", { htmlFor: id, textContent: title }), input,
+    element("span", { className: "unit", textContent: unit }));
+}
 export function showRegime(prefix, regime, often = "") {
   $(prefix).textContent = regime.kind;
   const beside = $(`${prefix.replace(/regime$/, "")}often`);

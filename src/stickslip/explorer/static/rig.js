@@ -1,18 +1,18 @@
 /* The rig: its fields, its presets, and its place in the address. */
 
-import { ALL, joined, numeric, pointed, short, split, unfinished } from "./fields.js";
+import { fieldsOf, joined, numeric, pointed, short, split, unfinished } from "./fields.js";
 import { $, complainAt, element, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
 import { ask, on, saying } from "./talk.js";
 
 const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
 const PAUSE = 1000; // ms without a key after which a number that was typed counts
 
-let rows = [], scales = null, remembering = 0;
+let all = [], rows = [], scales = null, remembering = 0;
 
 on("hello", (reply) => {
   if (state.doc) return changed(); // connected again
   state.presets = reply.presets;
-  state.glossary = reply.glossary;
+  all = fieldsOf(reply.glossary);
   fillPresets();
   tellParts("greeted", reply);
   const linked = fromAddress();
@@ -94,23 +94,19 @@ function rebuild() {
   rows = [];
   const host = document.createDocumentFragment();
   let group = null;
-  for (const field of ALL) {
+  for (const field of all) {
     if (field.group) host.append((group = element("fieldset", {}, element("legend", { textContent: field.group }))));
-    else if (!field.when || field.when(state.doc)) group.append(row(field));
+    if (!field.when || field.when(state.doc)) group.append(row(field));
   }
   $("fields").replaceChildren(host);
   showPreset();
-}
-function told(key) {
-  const entry = state.glossary.find((one) => one.key === key);
-  return entry ? `${entry.term}${entry.unit ? ` (${entry.unit})` : ""}. ${entry.text}` : "";
 }
 const value0 = (field) => field.read(state.doc) ?? field.missing ?? (field.zero ? 0 : undefined);
 
 function row(field) {
   const id = `field-${field.key.replaceAll(".", "-")}`, box = element("div", { className: "field" });
-  const label = element("label", { htmlFor: id, title: told(field.key) });
-  for (const event of ["pointerenter", "focusin"]) box.addEventListener(event, () => { $("help").textContent = told(field.key); });
+  const label = element("label", { htmlFor: id, title: field.help });
+  for (const event of ["pointerenter", "focusin"]) box.addEventListener(event, () => { $("help").textContent = field.help; });
   if (field.symbol) label.append(element("i", { textContent: field.symbol }), " ");
   label.append(field.title);
   const complaint = element("p", { className: "complaint", id: `${id}-complaint`, hidden: true });

@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import blocks, events, growth, langevin, panels, thermal, thermal_population
+from stickslip.simulation.engines import blocks, contacts, langevin, panels, thermal, thermal_population
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -27,9 +27,8 @@ __all__ = [
     "Leg",
     "Stretchings",
     "blocks",
+    "contacts",
     "engine_of",
-    "events",
-    "growth",
     "langevin",
     "panels",
     "slider_constants",

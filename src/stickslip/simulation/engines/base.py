@@ -235,10 +235,6 @@ class Engine(Protocol):
 E = TypeVar("E", bound=type)
 
 
-class Areas:
-    """Stands in the register for contacts of different areas, which one engine follows, warm or not."""
-
-
 ENGINES: dict[tuple[type, type, type, bool], type[Engine]] = {}
 """Engines by kind of method, of ageing, of thermal activation, and whether for elastic sliders; `solves` adds to it."""
 
@@ -255,7 +251,7 @@ def solves(
     *ageing : type
         Ageing models, ``type(None)`` among them if it takes contacts that do not age as well.
     temperature : tuple of type
-        Kinds of thermal activation, `Areas` among them if it takes contacts of different areas; by default none.
+        Kinds of thermal activation; by default none.
     elastic : bool
         Whether it is for elastic sliders; by default for rigid ones.
 
@@ -299,7 +295,7 @@ def _engine(method: type, interface: Interface, parts: Collection[str], elastic:
     """Return the engine for an interface that has only these of its parts."""
     none = type(None)
     ageing = type(interface.ageing) if "ageing" in parts else none
-    breaking = Areas if "areas" in parts else type(interface.temperature) if "temperature" in parts else none
+    breaking = type(interface.temperature) if "temperature" in parts else none
     engine = ENGINES.get((method, ageing, breaking, elastic))
     return engine if engine is not None and engine.mechanisms.issuperset({*parts} - {"ageing"}) else None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -20,14 +21,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def generators(seed: int) -> list[np.random.Generator]:
-    """Return three streams of random numbers: of initial stretchings, of thresholds, and of delays."""
-    return [np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(3)]
-
-
-def later_generators(seed: int) -> list[np.random.Generator]:
-    """Return two streams more: of newborn stretchings, and of tracks."""
-    return [np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(5)[3:]]
+def generators(seed: int, count: int = 3) -> list[np.random.Generator]:
+    """Return streams of random numbers: of initial stretchings, of thresholds, of delays, and as many as are wanted."""
+    return [np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(count)]
 
 
 def first_contacts(
@@ -35,48 +31,69 @@ def first_contacts(
 ) -> tuple[Array, Array, Array]:
     """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter re-attach.
 
-    Thresholds are `factor` times those of the distribution.
+    Thresholds are `factor` times those of the distribution; of contacts of different areas, the root.
     """
     interface = beginning.interface
     if beginning.sliding and ("newborn" in interface.mechanisms or factor != 1.0):
-        x, threshold = _lives_met(interface, count, rng, factor, beginning.velocity * interface.delay.moment(1))
-    else:
-        distribution = interface.threshold_distribution
-        initial, attached = interface.initial, count
-        if beginning.sliding:
-            initial, attached = SteadyState(thresholds=distribution), round(count * beginning.attached)
-        x = stretchings_within(initial, rng, attached, distribution)
-        threshold = thresholds_beyond(distribution, rng, x, factor)
-    detached = count - x.size
-    pending = pending_times(interface.delay, detached, rng)
-    return np.append(x, np.zeros(detached)), np.append(threshold, np.zeros(detached)), pending
+        start, threshold = newborns(interface, 4 * count + 1000, factor, rng, rng)
+        return lives_met(beginning, count, rng, start, threshold, threshold)[:3]
+    initial, attached = interface.initial, count
+    if beginning.sliding:
+        initial = SteadyState(thresholds=interface.threshold_distribution)
+        attached = round(count * beginning.attached)
+    x = stretchings_within(initial, rng, attached, _largest(interface))
+    return with_detached(beginning, count, rng, x, _thresholds_of(interface, rng, x, factor))
 
 
 def newborns(
     interface: Interface, size: int, factor: float, births: np.random.Generator, thresholds: np.random.Generator
 ) -> tuple[Array, Array]:
     """Draw stretchings of contacts that re-attach, along the motion (none if unstretched), and their thresholds."""
-    distribution = interface.threshold_distribution
-    if interface.newborn is None:
-        drawn = distribution.sample(thresholds, size)
-        return np.empty(0), drawn if factor == 1.0 else factor * drawn
-    x = stretchings_within(interface.newborn, births, size, distribution)
-    return x, thresholds_beyond(distribution, thresholds, x, factor)
+    if interface.newborn is not None:
+        x = stretchings_within(interface.newborn, births, size, _largest(interface))
+        return x, _thresholds_of(interface, thresholds, x, factor)
+    drawn = interface.threshold_distribution.sample(thresholds, size)
+    if interface.areas is not None:
+        drawn = np.sqrt(drawn)
+    return np.empty(0), drawn if factor == 1.0 else factor * drawn
 
 
-def _lives_met(
-    interface: Interface, count: int, rng: np.random.Generator, factor: float, gap: float
-) -> tuple[Array, Array]:
-    """Draw stretchings and thresholds of the attached contacts of steady sliding: long lives are met more often.
+def _largest(interface: Interface) -> float:
+    """Largest stretching that a contact can bear."""
+    largest = interface.threshold_distribution.support[1]
+    return largest if interface.areas is None else math.sqrt(largest)
 
-    `gap` is the mean distance between a break and the next birth.
+
+def _thresholds_of(interface: Interface, rng: np.random.Generator, x: Array, factor: float) -> Array:
+    """Draw thresholds that hold contacts of these stretchings."""
+    if interface.areas is None:
+        return thresholds_beyond(interface.threshold_distribution, rng, x, factor)
+    return np.sqrt(thresholds_beyond(interface.threshold_distribution, rng, x * x))
+
+
+def lives_met(
+    beginning: Beginning, count: int, rng: np.random.Generator, start: Array, threshold: Array, reached: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Draw the contacts of steady sliding from lives, as `first_contacts`, and how far each has come since it attached.
+
+    Lives go from stretchings at the `start` (none if unstretched) to those `reached`; long ones are met more often.
     """
-    born, threshold = newborns(interface, 4 * count + 1000, factor, rng, rng)
-    born = born if born.size else np.zeros(threshold.size)
-    path = threshold - born
-    attached = round(count * float(path.mean() / (path.mean() + gap)))
-    met = rng.choice(path.size, attached, p=path / path.sum())
-    return born[met] + rng.random(attached) * path[met], threshold[met]
+    path = reached - start if start.size else reached
+    mean = float(path.mean())
+    away = beginning.velocity * beginning.interface.delay.moment(1)
+    attached = round(count * mean / (mean + away)) if mean > 0.0 else 0
+    met = rng.choice(path.size, attached, p=path / path.sum()) if attached else np.empty(0, dtype=np.intp)
+    gone = path[met] * rng.random(attached)
+    x = gone + start[met] if start.size else gone
+    return *with_detached(beginning, count, rng, x, threshold[met]), np.append(gone, np.zeros(count - attached))
+
+
+def with_detached(
+    beginning: Beginning, count: int, rng: np.random.Generator, x: Array, threshold: Array
+) -> tuple[Array, Array, Array]:
+    """Add the contacts that are detached, and when they re-attach."""
+    none = np.zeros(count - x.size)
+    return np.append(x, none), np.append(threshold, none), pending_times(beginning.interface.delay, none.size, rng)
 
 
 def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) -> Array:

@@ -21,7 +21,6 @@ from stickslip.model import (
     MasterEquation,
     Prestressed,
     QuasiStatic,
-    Sheet,
 )
 from stickslip.model.distribution import check_density
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
@@ -78,7 +77,7 @@ def balanced(beginning: Beginning) -> tuple[Array, Array, Array]:
             f"Prestressed.stretching: {stretching[beyond][0]:g} on block {int(np.argmax(beyond))} is not below the "
             f"thresholds ({distribution}); give less"
         )
-    along = body.along if isinstance(body, Sheet) else body.blocks
+    along = body.size // body.rows
     if start.pushed_blocks > along:
         raise InputError(f"Prestressed.pushed_blocks = {start.pushed_blocks}: must be at most {along}, all there are")
     push = np.where(np.arange(body.size) % along < start.pushed_blocks, start.push, 0.0)
@@ -231,9 +230,7 @@ class ElasticEngine(Engine):
 
     def here(self) -> tuple[float, float]:
         """Time, and mean displacement of the blocks."""
-        from stickslip.kernels import leapfrog
-
-        return float(self._motion.scalar[leapfrog.TIME]), float(self._motion.blocks.X.mean())
+        return float(self._motion.now.time), float(self._motion.blocks.X.mean())
 
     def contact_force(self) -> float:
         """Mean friction force of the blocks now, per contact."""
@@ -262,26 +259,38 @@ class ElasticEngine(Engine):
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         from stickslip.kernels import leapfrog
-        from stickslip.kernels.blocks import BUDGET_SPENT
+        from stickslip.kernels.drive import LOOK, PAUSED
 
         sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
-        self._motion.counts[leapfrog.SAMPLE] = 0
+        self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
         why = self._move(leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step(), look), sampling)
-        rows = sampling.samples[: self._motion.counts[leapfrog.SAMPLE]]
+        rows = sampling.samples[: self._motion.now.sampled]
         # The next step passes the look; or it is where all ends.
-        seen = looks_aside(self, leg, look if why == leapfrog.LOOK else self.here()[0])
-        return Advance(rows, seen, over=why not in (BUDGET_SPENT, leapfrog.LOOK))
+        seen = looks_aside(self, leg, look if why == LOOK else self.here()[0])
+        return Advance(rows, seen, over=why not in (PAUSED, LOOK))
 
 
+@solves(Contacts, elastic=True)
+@solves(QuasiStatic, elastic=True)
 class BlocksOfContacts(ElasticEngine):
-    """Blocks with N contacts each, fed with random numbers block by block; how they move is for a class to say."""
+    """Blocks with N contacts each, fed with random numbers block by block.
+
+    With inertia in steps of time, breaks located inside them: `stickslip.kernels.blocks`; or in balance all the time,
+    from event to event: `stickslip.kernels.quasistatic`.
+    """
 
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         from stickslip.kernels import blocks as kernel
 
-        body = beginning.slider
+        body, self._balanced = beginning.slider, isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
+        if self._balanced and not isinstance(body, Chain):
+            raise InputError("QuasiStatic: is for a Chain; use Contacts")
+        if self._balanced and not body.pulled.any():
+            raise InputError(
+                "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
+            )
         self.slider = body
         check_size(body, method.count)
         load, push, prestress = balanced(beginning)
@@ -297,6 +306,9 @@ class BlocksOfContacts(ElasticEngine):
         self._motion = self._state.motion
         self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
         self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
+        if self._balanced:
+            self._network = self._network._replace(mass=0.0)  # creep has a velocity, but no kinetic energy
+            self._room = np.zeros((7, body.size))
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts of all blocks now."""
@@ -304,79 +316,41 @@ class BlocksOfContacts(ElasticEngine):
         x = (self._motion.blocks.X[:, None] - contacts.birth)[contacts.threshold > 0]
         return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
 
-    @abstractmethod
+    def longest_step(self) -> float:
+        """Longest step in time; in balance any will do."""
+        return math.inf if self._balanced else super().longest_step()
+
     def _advance(self, piece: Piece, sampling: Sampling) -> int:
         """Go on as far as the random numbers last."""
+        from stickslip.kernels import blocks, quasistatic
+        from stickslip.kernels.drive import UNSOLVED
 
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
-        from stickslip.kernels import blocks as kernel
-        from stickslip.kernels.leapfrog import BLOCK
-
-        contacts = self._state.contacts
-        while True:
-            why = self._advance(piece, sampling)
-            block = int(self._motion.counts[BLOCK])
-            if why == kernel.THRESHOLDS_USED_UP:
-                self._streams.refill_thresholds(block)
-                contacts.next_threshold[block] = 0
-            elif why == kernel.DELAYS_USED_UP:
-                self._streams.refill_delays(block)
-                contacts.next_delay[block] = 0
-            else:
-                return why
-
-
-@solves(Contacts, elastic=True)
-class Blocks(BlocksOfContacts):
-    """Blocks with inertia, in steps of time; breaks are located inside them."""
-
-    def _advance(self, piece: Piece, sampling: Sampling) -> int:
-        from stickslip.kernels import blocks as kernel
-
-        return kernel.advance(self._state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET)
-
-
-@solves(QuasiStatic, elastic=True)
-class BalancedBlocks(BlocksOfContacts):
-    """Blocks in balance all the time, from event to event: `stickslip.kernels.quasistatic`."""
-
-    def __init__(self, beginning: Beginning, method: QuasiStatic) -> None:
-        body = beginning.slider
-        if not isinstance(body, Chain):
-            raise InputError("QuasiStatic: is for a Chain; use Contacts")
-        if not body.pulled.any():
-            raise InputError(
-                "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
-            )
-        super().__init__(beginning, method)
-        self._network = self._network._replace(mass=0.0)  # creep has a velocity, but no kinetic energy
-        self._ring = body.ends == "periodic" and body.blocks > 2
-        self._room = np.zeros((7, body.blocks))
-
-    def longest_step(self) -> float:
-        """Any step will do."""
-        return math.inf
-
-    def _advance(self, piece: Piece, sampling: Sampling) -> int:
-        from stickslip.kernels import quasistatic as kernel
-
-        why = kernel.advance(
-            self._state,
-            self._network,
-            self._ring,
-            piece,
-            sampling,
-            self._streams.draws,
-            self._sliding,
-            _BUDGET,
-            self._room,
-        )
-        if why == kernel.UNDECIDED:
+        state, network, draws = self._state, self._network, self._streams.draws
+        if not self._balanced:
+            return blocks.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET)
+        why = quasistatic.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room)
+        if why == UNSOLVED:
             raise InputError(
                 f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
         return why
+
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels.drive import DELAYS_USED_UP, THRESHOLDS_USED_UP
+
+        contacts = self._state.contacts
+        while True:
+            why = self._advance(piece, sampling)
+            block = int(self._motion.now.block)
+            if why == THRESHOLDS_USED_UP:
+                self._streams.refill_thresholds(block)
+                contacts.next_threshold[block] = 0
+            elif why == DELAYS_USED_UP:
+                self._streams.refill_delays(block)
+                contacts.next_delay[block] = 0
+            else:
+                return why
 
 
 @solves(MasterEquation, elastic=True)
@@ -385,6 +359,7 @@ class BlocksOfCohorts(ElasticEngine):
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         from stickslip.kernels import block_cohorts as kernel
+        from stickslip.kernels.cohort_store import Delays
         from stickslip.kernels.leapfrog import at_rest
 
         body, interface = beginning.slider, beginning.interface
@@ -396,38 +371,32 @@ class BlocksOfCohorts(ElasticEngine):
             )
         load, push, prestress = balanced(beginning)
         self._network = network_of(body, load, push)
-        distribution = interface.threshold_distribution
-        table = survival_of(distribution)
-        self._thresholds = kernel.Thresholds(table, table.bottom)
+        table = survival_of(interface.threshold_distribution)
         self._cells = 400.0 * math.sqrt(1e-4 / method.rtol)
         past_rate = 0.0
         if beginning.sliding:
             x, fraction = kernel.smooth_sliding(table, self._cells, beginning.attached)
-            past_rate = beginning.attached * beginning.velocity / distribution.moment(1)
+            past_rate = beginning.attached * beginning.velocity / interface.threshold_distribution.moment(1)
         elif isinstance(beginning.start, Prestressed):
             x, fraction = np.zeros(1), np.ones(1)
         else:
             x, fraction = initial_nodes(interface)
         x = prestress[:, None] + x
-        self._delays = kernel.Delays(*interface.delay.quadrature(), past_rate)
+        self._case = kernel.Case(table, Delays(*interface.delay.quadrature()), self._sliding, 0.5 / self._cells)
         anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
-        friction = (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * np.clip(
-            anchored, -self._sliding, self._sliding
-        )
-        X = settled(beginning, friction)
-        steps = float(self._delays.time.max(initial=0.0)) / self.longest_step()
+        element = np.clip(anchored, -self._sliding, self._sliding)
+        X = settled(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * element)
+        steps = float(self._case.delays.time.max(initial=0.0)) / self.longest_step()
         if steps * body.size > _MOST_HISTORY:
             raise InputError(
                 f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), "
                 "or make the delay shorter or the blocks heavier"
             )
-        motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
-        fractions = np.broadcast_to(fraction, x.shape)
-        room = int(2.0 * self._cells * table.top) + x.shape[1] + 64
+        self._motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
+        room, fractions = int(2.0 * self._cells * table.top) + x.shape[1] + 64, np.broadcast_to(fraction, x.shape)
         self._state = kernel.make_state(
-            motion, X[:, None] - x, fractions, self._thresholds, self._delays, room, int(1.05 * steps) + 64
+            self._motion, X[:, None] - x, fractions, self._case, past_rate, room, int(1.05 * steps) + 64
         )
-        self._motion = motion
 
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:
@@ -442,31 +411,24 @@ class BlocksOfCohorts(ElasticEngine):
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts of all blocks now."""
-        from stickslip.kernels import block_cohorts as kernel
+        from stickslip.kernels.cohort_store import ALIVE, PLACE
 
         cohort = self._state.cohorts.cohort
-        alive = cohort[:, kernel.ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, :1])
-        x = self._motion.blocks.X[:, None] - cohort[:, kernel.BIRTH]
+        alive = cohort[:, ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, :1])
+        x = self._motion.blocks.X[:, None] - cohort[:, PLACE]
         return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
         from stickslip.kernels import block_cohorts as kernel
+        from stickslip.kernels.cohort_store import longer
+        from stickslip.kernels.drive import NO_HISTORY, NO_ROOM
 
         while True:
-            why = kernel.advance(
-                self._state,
-                self._network,
-                piece,
-                sampling,
-                self._thresholds,
-                self._delays,
-                self._sliding,
-                0.5 / self._cells,
-                50 * _BUDGET,
-            )
-            if why == kernel.NO_ROOM:
+            why = kernel.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
+            if why == NO_ROOM:
                 self._state = kernel.with_room(self._state)
-            elif why == kernel.NO_HISTORY:
-                self._state = kernel.with_history(self._state)
+            elif why == NO_HISTORY:
+                cohorts = self._state.cohorts
+                self._state = self._state._replace(cohorts=cohorts._replace(history=longer(cohorts.history)))
             else:
                 return why

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.lives import hazard_of
 from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, PaperClosure, Parabolic
 from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import (
@@ -20,7 +19,8 @@ from stickslip.simulation.engines.beginnings import (
     settled_nodes,
 )
 from stickslip.simulation.engines.steps import Steps
-from stickslip.theory import ageing_constants, gaussian_ageing
+from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
+from stickslip.sliding.lives import hazard_of
 
 if TYPE_CHECKING:
     from stickslip.kernels.stepping import Course

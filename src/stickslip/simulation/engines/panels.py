@@ -6,7 +6,6 @@ import copy
 import math
 from functools import lru_cache
 from itertools import pairwise
-from types import ModuleType
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -20,7 +19,7 @@ from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
 from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
-from stickslip.simulation.engines.cohorts import Cohorts
+from stickslip.simulation.engines.cohorts import Cohorts, sampled
 
 if TYPE_CHECKING:
     from stickslip.kernels import panel_state as kernel
@@ -44,43 +43,46 @@ _FINE = 2.5e-3
 @solves(MasterEquation)
 @solves(Population)
 class Panels(Cohorts):
-    """Groups of contacts that attached in the same step: fractions of infinitely many, or counted."""
+    """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
     mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
         from stickslip.kernels import panel_state as kernel
-        from stickslip.kernels.lots import counted
+        from stickslip.kernels.finite_population import counted
 
-        self._interface, self._method = beginning.interface, method
+        self._method, self.slider = method, slider_constants(beginning.slider)
         interface, count = beginning.interface, method.count if isinstance(method, Population) else 0
-        distribution = interface.threshold_distribution
-        self._thresholds = survival_of(distribution)
-        self._accuracy = _accuracy(hashable(distribution), method.rtol, count)
-        self._delays = _delays(hashable(interface.delay), method)
-        self._newborn = _newborn(hashable(distribution), hashable(interface.newborn), method.rtol)
-        self.slider = slider_constants(beginning.slider)
+        self._interface, distribution = interface, interface.threshold_distribution
+        self._case = kernel.Case(
+            survival_of(distribution),
+            _delays(hashable(interface.delay), method),
+            self.slider,
+            _accuracy(hashable(distribution), method.rtol, count),
+            newborn=_newborn(hashable(distribution), hashable(interface.newborn), method.rtol),
+            sliding_force=interface.sliding_force,
+        )
         attached, rate = 1.0, 0.0
         if beginning.sliding:
             attached = beginning.attached
             rate = attached * beginning.velocity / mean_life(interface).path
-            x, fraction = _lives_met(distribution, self._newborn, self._accuracy)
+            x, fraction = _lives_met(distribution, self._case.newborn, self._case.accuracy)
         else:
-            x, fraction = _nodes(interface.initial, distribution, self._accuracy)
+            x, fraction = _nodes(interface.initial, distribution, self._case.accuracy)
         self._state = kernel.initial_state(
-            self._thresholds,
-            self._delays,
+            self._case.table,
+            self._case.delays,
             x,
             attached * fraction,
             velocity=beginning.slider_velocity,
             rate=rate,
             element=interface.sliding_force if beginning.sliding else 0.0,
         )
-        self._lot = kernel.UNCOUNTED
         if isinstance(method, Population):
             grain = _GRAIN * distribution.standard_deviation() * min(math.sqrt(method.rtol / 1e-4), 2.0)
-            self._lot = kernel.Lot(float(count), np.random.default_rng(method.seed), grain)
-            self._state = counted(self._state, self._thresholds, self._delays, count, self._lot.rng)
+            finite = kernel.FiniteNumber(float(count), np.random.default_rng(method.seed), grain)
+            self._case = self._case._replace(finite=finite)
+            self._state = counted(self._state, self._case, count)
 
     @staticmethod
     def check(interface: Interface, method: MasterEquation | Population) -> None:
@@ -101,103 +103,78 @@ class Panels(Cohorts):
                     f"Interface.{field}",
                 )
 
-    @staticmethod
-    def module() -> ModuleType:
-        """Return the module of the state."""
-        from stickslip.kernels import panel_state
-
-        return panel_state
-
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
-        from stickslip.kernels import panel_state as kernel
-        from stickslip.kernels.groups import spread_out
+        from stickslip.kernels.cohorts import spread_out
         from stickslip.kernels.survival import values_at
 
         state = self._state
-        place, mass, reach = spread_out(state.groups[:, : state.used[kernel.GROUPS]], _FINE)
-        fraction = mass * values_at(self._thresholds, reach)
+        place, mass, reach = spread_out(state.cohorts[:, : state.used.cohorts], _FINE)
+        fraction = mass * values_at(self._case.table, reach)
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
     def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
         """Follow a leg for some steps."""
-        from stickslip.kernels import panel_state as kernel
+        from stickslip.kernels.drive import UNSOLVED
         from stickslip.kernels.panels import advance
 
-        done = advance(
-            self._state,
-            self._thresholds,
-            self._delays,
-            self.slider,
-            leg.drive,
-            until=leg.end,
-            times=leg.times,
-            accuracy=self._accuracy,
-            newborn=self._newborn,
-            sliding_force=self._interface.sliding_force,
-            lot=self._lot,
-            stop=leg.stop,
-            max_steps=_STEPS,
-        )
-        if done.reason == kernel.UNSOLVED:
+        case = self._case._replace(drive=leg.drive)
+        state, rows, reason = advance(self._state, case, leg.end, leg.times, leg.stop, _STEPS)
+        if reason == UNSOLVED:
             raise UndecidedError(
                 f"{self._method}: no step, however short, can be solved from here on; use another rtol, or Contacts"
             )
-        sampled = [kernel.POSITION, kernel.VELOCITY, kernel.CONTACT_FORCE, kernel.ATTACHED]
-        energies = [kernel.STORED, kernel.WORK, kernel.DAMPED, kernel.LOST]
-        return done.state, done.rows[:, sampled + energies], done.reason
+        return state, sampled(rows), reason
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
         other = super().copy()  # what the kernel takes, it leaves as it is, but for random numbers
-        if self._lot.contacts:
-            other._lot = copy.deepcopy(self._lot)
+        if self._case.finite.contacts:
+            other._case = self._case._replace(finite=copy.deepcopy(self._case.finite))
         return other
 
     def turned(self, interface: Interface, slider: Slider) -> Self:
         """Return an engine that goes on with other contacts and another slider; forces, positions and masses stay.
 
-        Detached contacts stay so for the same fraction of the new delay. Groups keep what is attached of them.
+        Detached contacts stay so for the same fraction of the new delay. Cohorts keep what is attached of them.
 
         Raises
         ------
         InputError
             If the delay is not the old one scaled.
         """
-        from stickslip.kernels import panel_state as kernel
-        from stickslip.kernels.groups import MASS, REACH
+        from stickslip.kernels.cohorts import MASS, REACH
         from stickslip.kernels.rules import P
         from stickslip.kernels.survival import values_at
 
-        turned = self.copy()
+        turned, case = self.copy(), self._case
         turned._interface, turned.slider = interface, slider_constants(slider)
+        turned._case = case._replace(slider=turned.slider)
         state = turned._state = copy.deepcopy(self._state)
+        past = state.panels[: state.used.panels]
         if interface.delay != self._interface.delay:
-            turned._delays = _delays(hashable(interface.delay), self._method)
-            ratio, now = _stretched(self._delays, turned._delays), state.scalar[kernel.TIME]
-            panels = state.panels[: state.used[kernel.PANELS]]
-            panels[:, 0] = now - ratio * (now - panels[:, 0])
-            panels[:, 1] *= ratio
+            delays = _delays(hashable(interface.delay), self._method)
+            ratio, now = _stretched(case.delays, delays), state.motion.time
+            past[:, 0] = now - ratio * (now - past[:, 0])
+            past[:, 1] *= ratio
             state.rough[:] = now - ratio * (now - state.rough)
             state.cursor[:] = 0
+            turned._case = turned._case._replace(delays=delays)
         if interface.thresholds != self._interface.thresholds:
             distribution = interface.threshold_distribution
-            turned._thresholds = survival_of(distribution)
-            turned._accuracy = _accuracy(hashable(distribution), self._method.rtol, 0)
-            n = state.used[kernel.GROUPS]
-            reach, mass = state.groups[REACH, :n], state.groups[MASS, :n]
-            old, new = (
-                values_at(table, reach.ravel()).reshape(reach.shape) for table in (self._thresholds, turned._thresholds)
-            )
+            table, accuracy = survival_of(distribution), _accuracy(hashable(distribution), self._method.rtol, 0)
+            n = state.used.cohorts
+            reach, mass = state.cohorts[REACH, :n], state.cohorts[MASS, :n]
+            old, new = (values_at(one, reach.ravel()).reshape(reach.shape) for one in (case.table, table))
             held = new > 1e-12  # the others break at once
             mass[:] = np.where(held, mass * old / np.where(held, new, 1.0), 0.0)
-            lost = state.scalar[kernel.MASS_IN] - float((mass * new).sum())
-            state.scalar[[kernel.MASS_IN, kernel.ATTACHED]] -= lost
-            state.scalar[kernel.MASS_OUT] += lost
-            # It re-attaches with what breaks in the next step.
-            past = state.panels[: int(state.used[kernel.PANELS])]
-            past[:, 2 : 3 + P] -= lost
+            lost = state.motion.mass_in - float((mass * new).sum())
+            state.motion.mass_in -= lost
+            state.motion.attached -= lost
+            state.motion.mass_out += lost
+            past[:, 2 : 3 + P] -= lost  # it re-attaches with what breaks in the next step
+            turned._case = turned._case._replace(table=table, accuracy=accuracy)
         return turned
 
 
@@ -228,7 +205,8 @@ def _tolerance(rtol: float) -> float:
 def _accuracy(distribution: Distribution, rtol: float, count: int) -> kernel.Accuracy:
     """Tolerance of a step, and the widest panel on which a sum over nodes is good to it.
 
-    Of counted contacts, births are as rough as the breaks were, and what fluctuates does so a few breaks at a time.
+    Of counted contacts, what re-attaches is as rough as the breaks were, and what fluctuates does so a few breaks at
+    a time.
     """
     from stickslip.kernels.panel_state import Accuracy
     from stickslip.kernels.survival import widest
@@ -268,7 +246,7 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
 @lru_cache(maxsize=64)
 def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float) -> kernel.Newborn:
     """Stretchings of contacts that attach: as few as give their force to the tolerance, however far they are pulled."""
-    from stickslip.kernels.groups import gauss_rule
+    from stickslip.kernels.cohorts import gauss_rule
     from stickslip.kernels.panel_state import UNSTRETCHED, Newborn
 
     if newborn is None:

@@ -1,7 +1,7 @@
 """N contacts that break by thermal activation, event by event.
 
-Without ageing and by `Bell` they share a clock: `stickslip.kernels.thermal_clock`. All others are thinned, each by
-itself: `stickslip.kernels.thermal_boxes`; so are contacts of different areas, with or without temperature.
+Without ageing and by `Bell` they share a clock, `stickslip.kernels.thermal_clock`; all others are in boxes, see
+`stickslip.simulation.engines.contacts`.
 """
 
 from __future__ import annotations
@@ -13,25 +13,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
-from stickslip.lives import hazard_of
 from stickslip.model import (
-    Barrier,
     Bell,
     Contacts,
     Delay,
     DelayModel,
-    ExponentialGrowth,
-    Interface,
-    LogarithmicGrowth,
-    Parabolic,
 )
 from stickslip.model.distributions import Distribution
-from stickslip.model.newborn import thresholds_beyond
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
-    Areas,
     Beginning,
     Engine,
     Leg,
@@ -40,11 +31,10 @@ from stickslip.simulation.engines.base import (
     solves,
 )
 from stickslip.simulation.engines.beginnings import first_contacts, pending_times
-from stickslip.theory import growth_model
+from stickslip.sliding.lives import hazard_of
 
 if TYPE_CHECKING:
     from stickslip.kernels.between_events import Piece, Sampling
-    from stickslip.kernels.growth import Growth
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
 Array = NDArray[np.float64]
@@ -55,24 +45,6 @@ _EVENTS = 200_000
 """Events in an advance."""
 _POOL = 65_536
 """Lives to choose from, at least, for a start in steady sliding."""
-_LIVES = 16
-"""The same for each contact that keeps its threshold: its lives are much alike."""
-
-
-def growth_of(interface: Interface) -> Growth:
-    """Return how thresholds grow as the kernels take it, also for those that do not."""
-    from stickslip.kernels.hazard import FIXED
-
-    return FIXED if interface.ageing is None else growth_model(interface)
-
-
-def check_newborns(interface: Interface) -> None:
-    """Raise `InputError` for newborns without strength: with temperature they break at once, and without end."""
-    if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
-        raise InputError(
-            "ExponentialGrowth.newborn = 0 with Interface.temperature: newborns without strength break at once and "
-            "without end; give newborn > 0"
-        )
 
 
 def _first_sliding(
@@ -95,29 +67,6 @@ def _first_sliding(
     none = np.zeros(count - attached)
     x = np.append(reached[which] * rng.random(attached), none)
     return x, np.append(threshold[which], none), pending_times(delay, none.size, rng)
-
-
-def _first_of_sites(
-    beginning: Beginning, threshold: Array, rng: np.random.Generator, lives: Callable[[Array], Array]
-) -> tuple[Array, Array, Array]:
-    """Draw stretchings in steady sliding of contacts that keep their thresholds; as `_first_sliding`.
-
-    Each is met somewhere in one of its own lives and the time after it, the long ones more often. Detached contacts
-    have minus their thresholds.
-    """
-    velocity, delay, few = beginning.velocity, beginning.interface.delay, threshold.size
-    reached = lives(np.repeat(threshold, _LIVES)).reshape(few, _LIVES)
-    length = reached + velocity * delay.sample(rng, reached.size).reshape(reached.shape)
-    met = np.argmax(rng.random((few, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
-    reached, length = (np.take_along_axis(one, met[:, None], axis=1)[:, 0] for one in (reached, length))
-    gone = length * rng.random(few)
-    held = gone < reached
-    x, pending = gone[held], (length - gone)[~held] / velocity
-    return (
-        np.append(x, np.zeros(pending.size)),
-        np.append(threshold[held], -threshold[~held]),
-        pending,
-    )
 
 
 class Thermal(Engine, Protocol):
@@ -313,97 +262,3 @@ class Clocked(Thermal):
         side = 1.0 if why == shared.WIND else -1.0
         kernel.wind(self._state, self._bell, side, self._variates(self._state.contacts.size))
         return True
-
-
-@solves(Contacts, temperature=(Parabolic, Barrier, Areas))
-@solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
-class Thinned(Thermal):
-    """Contacts that break by any hazard, their thresholds growing with age or not, and of different areas."""
-
-    mechanisms = Thermal.mechanisms | {"areas"}
-
-    @property
-    def _kernel(self) -> Any:
-        """The kernel, a module."""
-        from stickslip.kernels import thermal_boxes
-
-        return thermal_boxes
-
-    def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels import between_events as shared
-
-        self._begin(beginning, method)
-        kernel = self._kernel
-        interface = beginning.interface
-        self._areas = interface.areas
-        self._model = kernel.Model(
-            hazard_of(interface.temperature),
-            growth_of(interface),
-            as_stiff=interface.areas is not None,
-            own=interface.areas == "site",
-        )
-        x, threshold, pending = self._contacts(beginning, method.count)
-        if self._model.as_stiff:  # twice as stiff as now only by a rare choice of the strongest
-            self._model = self._model._replace(stiffest=2.0 * float(np.abs(threshold).mean()))
-        if beginning.sliding:
-            since = -x / beginning.velocity
-        else:  # growth towards a strength has come to its end; growth without end begins
-            since = np.full(method.count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
-        self._state = kernel.make_state(-x, threshold, since, pending, beginning.slider_velocity, self._model.as_stiff)
-        self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
-        self._refill(first=True)
-
-    @staticmethod
-    def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
-        """Raise `InputError` for newborns without strength, and for areas with a sliding force that knows none."""
-        check_newborns(interface)
-        if interface.areas is not None and interface.sliding_force > 0:
-            raise InputError(
-                f"Interface.sliding_force = {interface.sliding_force:g}: not available with areas = "
-                f"{interface.areas!r}, as it is the same for all contacts; leave one of them out",
-                "Interface.sliding_force",
-            )
-
-    def _newborns(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw thresholds; of contacts of different areas their stretchings at break, which are their stiffnesses."""
-        drawn = self._distribution.sample(rng, size)
-        return drawn if self._areas is None else np.sqrt(drawn)
-
-    def _contacts(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array]:
-        """Draw stretchings, thresholds and times of re-attachment of all contacts."""
-        if self._areas is None or (beginning.sliding and self._areas == "fresh"):
-            return super()._contacts(beginning, count)
-        rng = self._rngs[0]
-        if beginning.sliding:
-            return _first_of_sites(
-                beginning,
-                self._newborns(rng, count),
-                rng,
-                lambda strength: self._lives(strength, beginning.velocity),
-            )
-        x, largest = beginning.interface.initial.sample(rng, count), math.sqrt(self._distribution.support[1])
-        while (again := np.flatnonzero(np.abs(x) >= largest)).size:
-            x[again] = beginning.interface.initial.sample(rng, again.size)
-        return x, np.sqrt(thresholds_beyond(self._distribution, rng, x * x)), np.empty(0)
-
-    def _lives(self, threshold: Array, velocity: float) -> Array:
-        """Draw the stretchings at which newborn contacts break in steady sliding."""
-        from stickslip.kernels.thermal_boxes import lives
-
-        reached, done = np.empty(threshold.size), 0
-        while done < threshold.size:
-            numbers = self._rngs[0].random(2**20)
-            done += lives(self._model, threshold[done:], velocity, numbers, reached[done:])
-        return reached
-
-    def _variates(self, size: int) -> Array:
-        """Draw numbers between 0 and 1."""
-        return self._rngs[3].random(size)
-
-    def _go(self, piece: Piece, sampling: Sampling, left: int) -> int:
-        """Go on with the kernel."""
-        return int(
-            self._kernel.advance(
-                self._state, self.slider, self._sliding_force, self._model, piece, sampling, self._draws, left
-            )
-        )

@@ -1,17 +1,15 @@
-"""Infinitely many contacts that break by thermal activation: `stickslip.kernels.thermal_cohorts`."""
+"""Infinitely many contacts that break by thermal activation or age: `stickslip.kernels.thermal_cohorts`."""
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.lives import hazard_of
 from stickslip.model import (
     Barrier,
     Bell,
@@ -26,8 +24,9 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.quadrature import hashable
 from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import initial_nodes, survival_of
-from stickslip.simulation.engines.cohorts import Cohorts
-from stickslip.simulation.engines.thermal import check_newborns, growth_of
+from stickslip.simulation.engines.cohorts import Cohorts, sampled
+from stickslip.simulation.engines.contacts import check_newborns
+from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of
 
 if TYPE_CHECKING:
     from stickslip.kernels import thermal_cohorts as kernel
@@ -42,93 +41,85 @@ _NODES = 240
 
 
 @solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
+@solves(MasterEquation, ExponentialGrowth, LogarithmicGrowth)
 class ThermalPopulation(Cohorts):
-    """Cohorts of contacts that attached together and break by thermal activation."""
+    """Cohorts of contacts that attached together; they break by thermal activation, age, or both."""
 
     mechanisms = frozenset({"temperature", "sliding_force"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         from stickslip.kernels import thermal_cohorts as kernel
-        from stickslip.kernels.thermal_beginnings import initial_state, sliding_state
+        from stickslip.kernels.cohort_store import Delays
 
         interface = beginning.interface
-        self._interface, self._f_d = interface, interface.sliding_force
-        self.slider = slider_constants(beginning.slider)
-        self._model = _model(interface)
-        self._delays = kernel.Delays(*interface.delay.quadrature())
-        mean = interface.threshold_distribution.moment(1)
+        self._interface, self.slider = interface, slider_constants(beginning.slider)
+        model, mean = _model(interface), interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
         reach = 0.5 * min(1.0, math.sqrt(method.rtol / 1e-4))
-        broken = min(1.5 * reach * self._model.width / mean, 0.006)
-        self._limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
+        broken = min(1.5 * reach * model.width / mean, 0.006)
+        limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
+        delays = Delays(*interface.delay.quadrature())
+        self._case = kernel.Case(model, delays, self.slider, interface.sliding_force, limits)
         if beginning.sliding:
             self._cap(beginning.velocity)
-            step = 0.5 * reach * self._model.width
-            self._state = sliding_state(self._model, self._delays, beginning.velocity, step, self._f_d)
-            self._state.scalar[kernel.VELOCITY] = beginning.slider_velocity
+            model, step = self._case.model, 0.5 * reach * model.width
+            self._state = kernel.sliding_state(model, delays, beginning.velocity, step, interface.sliding_force)
+            self._state.motion.velocity = beginning.slider_velocity
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
-            nodes = initial_nodes(interface)
-            self._state = initial_state(self._model, self._delays, *nodes, since, beginning.slider_velocity)
+            self._state = kernel.initial_state(
+                model, delays, *initial_nodes(interface), since, beginning.slider_velocity
+            )
 
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:
         """Raise `InputError` for thresholds without a density, newborns without strength, and without memory."""
         check_density(interface.threshold_distribution)
-        check_newborns(interface)
-        if method.memoryless:
+        if interface.temperature is not None:
+            check_newborns(interface)
+        elif isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
             raise InputError(
-                f"MasterEquation(memoryless=True): not available with Interface.temperature = {interface.temperature}"
+                f"Interface.ageing = {interface.ageing}: not available with MasterEquation; newborns without strength "
+                "break at once and without end: give newborn > 0, or use Contacts"
+            )
+        if method.memoryless:
+            part = "ageing" if interface.temperature is None else "temperature"
+            raise InputError(
+                f"MasterEquation(memoryless=True): not available with Interface.{part} = {getattr(interface, part)}"
             )
 
     def _cap(self, velocity: float) -> None:
-        """Look at thresholds themselves from when they may be met before contacts break."""
-        hazard = self._model.hazard
-        if not self._model.capped and velocity > hazard.scale * hazard.attempts / 40.0:
-            self._model = self._model._replace(capped=True)
-
-    @staticmethod
-    def module() -> ModuleType:
-        """Return the module of the state."""
-        from stickslip.kernels import thermal_cohorts
-
-        return thermal_cohorts
+        """Check thresholds directly once the slider is fast enough for contacts to reach them."""
+        model = self._case.model
+        if velocity > model.hazard.scale * model.hazard.attempts / 40.0:
+            self._case = self._case._replace(model=model._replace(capped=True))
 
     @property
     def mass(self) -> float:
         """Fraction of contacts that is attached or waits: 1."""
-        from stickslip.kernels import thermal_cohorts as kernel
+        return float(self._cohorts()[1].sum() + self._state.motion.outside)
 
-        attached = self._state.cohort[kernel.ALIVE, : self._state.used[0]].sum()
-        return float(attached + self._state.scalar[kernel.OUTSIDE])
+    def _cohorts(self) -> tuple[Array, Array]:
+        """Where the cohorts attached, and how many are left of each."""
+        from stickslip.kernels.cohort_store import ALIVE, PLACE
+
+        return self._state.cohort[PLACE, : self._state.used.cohorts], self._state.cohort[
+            ALIVE, : self._state.used.cohorts
+        ]
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts now."""
-        from stickslip.kernels import thermal_cohorts as kernel
-
-        cohort = self._state.cohort[:, : self._state.used[0]]
-        x = self._state.scalar[kernel.POSITION] - cohort[kernel.BIRTH]
-        return Stretchings(np.asarray(x), cohort[kernel.ALIVE].copy(), cells=True)
+        place, alive = self._cohorts()
+        return Stretchings(self._state.motion.position - place, alive.copy(), cells=True)
 
     def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
         """Follow a leg for some steps."""
-        from stickslip.kernels import thermal_cohorts as kernel
+        from stickslip.kernels.thermal_cohorts import advance
 
         self._cap(self._fastest(leg))
-        done = kernel.advance(
-            self._state,
-            self._model,
-            self._delays,
-            self.slider,
-            self._f_d,
-            leg.drive,
-            until=leg.end,
-            times=leg.times,
-            limits=self._limits,
-            stop=leg.stop,
-            max_steps=_STEPS,
-        )
-        return done.state, done.rows, done.reason
+        case = self._case._replace(drive=leg.drive)
+        state, rows, reason = advance(self._state, case, leg.end, leg.times, leg.stop, _STEPS)
+        return state, sampled(rows), reason
 
     def _fastest(self, leg: Leg) -> float:
         """Largest velocity that the slider may come to."""
@@ -145,20 +136,23 @@ def _model(interface: Interface) -> kernel.Model:
     """Return how contacts break, with its tables or nodes."""
     from stickslip.kernels import thermal_cohorts as kernel
 
-    hazard, distribution = hazard_of(interface.temperature), interface.threshold_distribution
+    distribution, width = interface.threshold_distribution, activation_width(interface)
+    hazard = hazard_of(interface.temperature)
     thresholds = survival_of(distribution)
-    width = activation_width(interface)
-    low, thermal = 0.0, thresholds
-    node = weight = np.empty(0)
+    low, thermal, node, weight = 0.0, thresholds, np.empty(0), np.empty(0)
     if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth):
         low, thermal = _thermal_table(hashable(distribution), hazard.scale)
-    else:
+    elif interface.temperature is not None:
         node, weight = _threshold_nodes(distribution, width)
-    return kernel.Model(hazard, growth_of(interface), thresholds, thermal, low, node, weight, False, width)
+    cold, growth = interface.temperature is None, growth_of(interface.ageing)
+    return kernel.Model(hazard, growth, thresholds, thermal, low, node, weight, cold, width)
 
 
 def activation_width(interface: Interface) -> float:
-    """Stretching over which the rate of breaking grows by a factor of e, where contacts mostly break."""
+    """Stretching over which the rate of breaking grows by a factor of e, where contacts mostly break.
+
+    Without temperature a part of the scatter of thresholds, which then is what blurs the breaks.
+    """
     mean = interface.threshold_distribution.moment(1)
     match interface.temperature:
         case Bell(width=width):
@@ -168,14 +162,13 @@ def activation_width(interface: Interface) -> float:
         case Barrier(height=height, power=power):
             left = min(1.0, (10.0 / height) ** (1.0 / power))
             return float(mean / (height * power * left ** (power - 1.0)))
-    return math.inf
+    return max(0.2 * interface.threshold_distribution.standard_deviation(), 1e-3 * mean)
 
 
 @lru_cache(maxsize=64)
 def _thermal_table(distribution: Distribution, width: float) -> tuple[float, Table]:
     """Tabulate ``J(u)``, from its smallest ``u`` on."""
     from stickslip.kernels.survival import tabulate
-    from stickslip.lives import blurred_survival
 
     low, high = -38.0 * width, distribution.support[1] + 3.8 * width
     table = tabulate(

@@ -1,0 +1,274 @@
+"""Runs that judge a rig: how long they last, with which contacts, how many of them, and what they may cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from stickslip.advise import linear
+from stickslip.errors import InputError, UndecidedError
+from stickslip.measure import Regime, regime_of
+from stickslip.measure.arrays import Trace
+from stickslip.measure.slips import SLIP_VELOCITY
+from stickslip.model import Contacts, FromRest, FromSliding, Method, Start
+from stickslip.model.drive import Drive, constant
+from stickslip.model.rig import Rig
+from stickslip.progress import Progress
+from stickslip.simulation import Recording, estimate, record
+from stickslip.stability import growth_rate
+
+CYCLES = 12.0
+"""A run lasts a dozen cycles of the slowest oscillation that the rig can have ..."""
+_SHORTEST = 60.0
+_RINGING = 10.0
+"""... at least this far, in mean thresholds, and until the free slider has rung out, in units of ``1/eta``."""
+_DECAYS, _LONGEST = 6.0, 4.0
+"""A last test lasts for so many times 1/decay rate, but not for more than so many runs."""
+_MOST_RUNS = 3
+"""How often a run that cannot be judged is made, each time twice as long."""
+_NO_NOISE = 2.0 * SLIP_VELOCITY
+"""Times the velocity of the drive that no noise of contacts in smooth sliding reaches."""
+_PARTS = 10
+"""Parts of a run over which the error of a variance is told."""
+_READING = 0.006
+"""Seconds that it takes to set up a run and to read it."""
+PRECISION = 0.05
+"""Where motion changes is found to this part of the value; nor is one set more closely on a machine."""
+CONFIDENCE, FRACTION = 0.95, 2.0 / 3.0
+"""Of a change that is advised: at this confidence, at least this fraction of all runs slides smoothly."""
+SEEDS = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(FRACTION))
+"""Runs of other contacts that must all slide smoothly for that: were the fraction smaller, so many would rarely do."""
+_USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
+
+
+class Spent(Exception):  # noqa: N818 - not an error: it ends a search
+    """The work that was allowed is done."""
+
+
+class Budget:
+    """What runs may cost, in seconds by estimate and not by the clock, so that the same rig gets the same answer."""
+
+    def __init__(self, seconds: float) -> None:
+        self.left = seconds
+
+    def pay(self, seconds: float) -> None:
+        """Take the cost of a run, or raise `Spent` if there is not as much left."""
+        if seconds > self.left:
+            raise Spent
+        self.left -= seconds
+
+
+def contacts_of(rig: Rig) -> Contacts:
+    """The contacts that judge a rig: its own, as their noise is its own; for a rig without a number of them, many."""
+    own = rig.method if isinstance(rig.method, Contacts) else _USUAL
+    return own if rig.interface.ageing is None else replace(own, count=min(own.count, _MOST_AGED))
+
+
+def other_contacts(method: Contacts, other: int) -> Contacts:
+    """Other contacts of the same kind."""
+    return replace(method, seed=method.seed + other)
+
+
+def cycle_of(setting: Rig) -> float:
+    """Travel of the drive in the slowest cycle of a rig: a life of a contact and the loading, or a free oscillation."""
+    slider = setting.slider
+    stretch = setting.interface.threshold_distribution.moment(1)
+    period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
+    delay = setting.interface.delay.moment(1)
+    detached = setting.velocity * delay if math.isfinite(delay) else 0.0
+    return float(max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, setting.velocity * period))
+
+
+def length_of(setting: Rig) -> float:
+    """Travel of the drive after which a run can be judged."""
+    damping = setting.slider.damping
+    ringing = setting.velocity * _RINGING / damping if damping > 0 else 0.0
+    shortest = _SHORTEST * setting.interface.threshold_distribution.moment(1)
+    cycles = CYCLES * cycle_of(setting)
+    return max(shortest, cycles, min(ringing, 5.0 * cycles))
+
+
+def until_decayed(setting: Rig) -> float:
+    """Travel of the drive in which the slowest mode decays, within reason; 0 where nothing is known of modes."""
+    longest = _LONGEST * length_of(setting)
+    try:
+        rate = growth_rate(setting).real
+    except UndecidedError:  # distributions with heavy tails have no slowest mode: what decays with them may take long
+        return longest
+    except InputError:
+        return 0.0
+    return min(setting.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
+
+
+def at_speed(setting: Rig, speed: float, distance: float | None = None) -> Rig:
+    """The rig at a constant speed, for as long as it takes to judge a run unless a distance is given."""
+    return replace(setting, drive=constant(speed, (length_of(setting) if distance is None else distance) / speed))
+
+
+def cost_of(rig: Rig) -> float:
+    """Seconds that a run takes, with its reading."""
+    return estimate(rig).seconds + _READING
+
+
+def until_judged(
+    case: Rig,
+    budget: Budget,
+    *,
+    most: int = _MOST_RUNS,
+    fewest: float = 0.0,
+    long: bool = True,
+    progress: Progress | None = None,
+) -> tuple[Recording, Regime]:
+    """Make a run, and again twice as long while its regime is undecided; the caller has paid for the first.
+
+    Parameters
+    ----------
+    case : Rig
+        Its drive ends at a constant speed.
+    budget : Budget
+        For the runs after the first.
+    most : int
+        Runs at most.
+    fewest : float
+        Time that the second run lasts at least.
+    long : bool
+        False if the first run is refused where it takes too long.
+    progress : callable, optional
+    """
+    run = record(case, progress=progress, long=long)
+    seen = regime_of(run)
+    for _ in range(most - 1):
+        if seen.kind != "undecided":
+            break
+        method = contacts_of(case) if isinstance(case.method, Contacts) else case.method
+        case = replace(case, method=method, drive=_longer(case.drive, fewest))
+        try:
+            budget.pay(cost_of(case))
+        except Spent:
+            break
+        run = record(case, progress=progress, long=True)
+        seen = regime_of(run)
+    return run, seen
+
+
+def _longer(drive: Drive, fewest: float) -> Drive:
+    """The drive, with its last piece so much longer that the whole takes twice the time, or that which is given."""
+    *before, last = drive.pieces
+    lasts = max(2.0 * drive.duration, fewest) - (drive.duration - last.duration)
+    return Drive((*before, replace(last, duration=lasts)))
+
+
+def judge(
+    setting: Rig, method: Method, budget: Budget, *, start: Start = FromRest(), distance: float | None = None
+) -> Regime:
+    """The regime that a start leads to at the constant speed of a rig, in natural units; runs on until it can be told.
+
+    Raises
+    ------
+    Spent
+        If the budget does not allow for a first run. What cannot be told with what is left is undecided.
+    """
+    rig = replace(at_speed(setting, setting.velocity, distance), method=method, start=start)
+    budget.pay(cost_of(rig))
+    run, seen = until_judged(rig, budget)
+    if seen.kind in ("smooth sliding", "stick-slip") or not isinstance(method, Contacts):
+        return seen
+    try:
+        if linear.is_stable(setting) and steady_state(run, seen, budget) == "noise":
+            return replace(seen, kind="smooth sliding", reason=f"noise of {method.count} contacts, as from sliding")
+    except Spent:
+        return replace(seen, kind="undecided", reason="noise of the contacts or an oscillation: not looked for")
+    return seen
+
+
+def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise", "leaves", "stays"]:
+    """What a linearly stable rig does that does not look smooth from rest, told by runs from smooth sliding.
+
+    A rig that does the same from rest and from sliding is in its steady state. Noise of its contacts has a quarter of
+    the variance with four times as many of them: then that is what it does. Otherwise, or where it slips, its contacts
+    leave smooth sliding. Where the run from sliding fluctuates less, smooth sliding stays, once reached.
+    """
+    method = run.rig.method
+    assert isinstance(method, Contacts)
+    own = replace(run.rig, start=FromSliding(), method=other_contacts(method, 1))
+    more = replace(own, method=replace(method, count=4 * method.count, seed=method.seed + 2))
+    budget.pay(cost_of(own))
+    from_rest, from_sliding = _variance(run, seen.window[0]), _variance(record(own, long=True), seen.window[0])
+    if from_rest[0] - from_sliding[0] > max(math.log(2.0), 3.0 * math.hypot(from_rest[1], from_sliding[1])):
+        return "stays"
+    if seen.kind == "stick-slip":
+        return "leaves"
+    budget.pay(cost_of(more))
+    fallen = 0.5 * (from_rest[0] + from_sliding[0]) - _variance(record(more, long=True), seen.window[0])[0]
+    return "noise" if fallen > math.log(2.0) else "leaves"  # half of the variance lies between a quarter and all of it
+
+
+def _variance(run: Recording, begin: float) -> tuple[float, float]:
+    """Logarithm of the variance of the force from a time on, with its standard error over parts of the run."""
+    trace = Trace.of_recording(run).part(begin)
+    squares = (trace.force - trace.force.mean()) ** 2
+    parts = np.array([part.mean() for part in np.array_split(squares, _PARTS)])
+    mean = max(float(parts.mean()), 1e-300)
+    return math.log(mean), float(parts.std(ddof=1)) / mean / math.sqrt(_PARTS)
+
+
+def rms_over_mean(run: Recording, begin: float) -> float:
+    """Standard deviation of the force from a time on, over its mean."""
+    force = Trace.of_recording(run).part(begin).force
+    return float(force.std() / abs(force.mean()))
+
+
+def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start, distance: float) -> bool:
+    """Whether a run slides smoothly."""
+    try:
+        seen = judge(setting, method, budget, start=start, distance=distance)
+    except InputError:  # such a rig cannot be simulated
+        return False
+    # So few contacts that slips are no larger than their noise: how fast the slider goes tells them apart.
+    fast = seen.largest_velocity is not None and seen.largest_velocity > _NO_NOISE
+    return seen.kind == "smooth sliding" and not fast
+
+
+def always_slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start) -> bool:
+    """Whether `SEEDS` runs of other contacts all slide smoothly, the first of them until the slowest mode decays."""
+    usual = length_of(setting)
+    distances = [max(until_decayed(setting), 2.0 * usual), *[usual] * (SEEDS - 1)]
+    others = [(other_contacts(method, other), far) for other, far in enumerate(distances, start=1)]
+    return all(slides_smoothly(setting, contacts, budget, start, far) for contacts, far in others)
+
+
+def first_smooth(
+    smooth: Callable[[float], bool], surely: Callable[[float], bool], begin: float, end: float, ill: float
+) -> float | None:
+    """A value between two ends within `PRECISION` of which it slides smoothly: the nearest one, to twice that.
+
+    Steps double from the beginning on; the end itself is the last that is tried. What is found must pass the second
+    test, and is moved on in steps of `PRECISION` until it does. The value returned is one such step further, so that
+    it has passed at its nearer end. None if there is no such value.
+
+    Parameters
+    ----------
+    smooth, surely : callable
+        A test by one run, and one by many.
+    begin, end : float
+        Where to look, and until where.
+    ill : float
+        A value before `begin` that does not slide smoothly.
+    """
+    step, value = 1.0 + PRECISION, begin
+    while not smooth(value):
+        ill = value
+        if value == end:
+            return None
+        value = min(value * step, end)
+        step *= step
+    value = linear.bisect(smooth, ill, value, PRECISION)[1]
+    while value * (1.0 + PRECISION) <= end:
+        if surely(value):
+            return value * (1.0 + PRECISION)
+        value *= 1.0 + PRECISION
+    return None

@@ -1,0 +1,267 @@
+"""The page Simulate: a run with its force, phase portrait and stretchings, its contacts, and the rig changed."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from stickslip import plot, rigid, sliding
+from stickslip.errors import InputError, UndecidedError, instance
+from stickslip.explorer import documents, replay
+from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, packed
+from stickslip.io import datasets as store
+from stickslip.io import rig_files as rigs
+from stickslip.model import Delay, Interface
+from stickslip.model.rig import Rig
+from stickslip.simulation import simulate
+
+_EXTENSIONS = 3  # of a run that is undecided, each twice as long
+_LAW, _LAW_POINTS = 300.0, 61  # of the friction law: speeds about that of the drive
+
+
+def run(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
+
+    A drive that would take too long is cut short. A run whose regime is undecided is asked for again, with the next
+    ``step``, if twice the time can tell: each step is a question of its own, and others have their turn between.
+    """
+    begun = time.perf_counter()
+    asked = documents.rig_of(request.get("document"))
+    seconds, step = documents.seconds_of(request), request.get("step", 0)
+    rig = documents.shortened(asked, seconds)
+    notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
+    for _ in range(step):
+        rig = documents.extended(rig, seconds) or rig
+        times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
+        notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
+    made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
+    watch(1.0)
+    answer = force_trace(made, _width(request))
+    undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS and "pieces" not in _drive(request)
+    goes_on = undecided and documents.extended(rig, seconds) is not None
+    yield {
+        **answer,
+        "phase": _phase(made),
+        "stretchings": _stretchings(made),
+        "name": rig.name,
+        "notes": notes,
+        "going_on": goes_on,
+        "parameters": documents.values_of(rig),
+        "period": _in_hertz(answer["regime"], rig),
+        "took": time.perf_counter() - begun,
+    }
+    if not goes_on:
+        yield {"friction": _friction(rig)}
+
+
+def _drive(request: Plain) -> Mapping[str, Any]:
+    drive = request["document"].get("drive")
+    return drive if isinstance(drive, Mapping) else {}
+
+
+def _cut_note(asked: Rig, rig: Rig, seconds: float) -> str:
+    part = 100 * rig.drive.duration / asked.drive.duration
+    return (
+        f"The run shows the first {part:.2g} % of the drive, {rig.in_units(rig.drive.duration, 'time')}: the whole of "
+        f"it would take more than about {seconds:g} s to simulate. For that use stickslip simulate."
+    )
+
+
+def _in_hertz(regime: Plain, rig: Rig) -> str:
+    """How often slips or oscillations come, in words."""
+    period = regime["period"]
+    if period is None or regime["kind"] == "smooth sliding":
+        return ""
+    often = 1.0 / period
+    return f"{often:.3g} Hz" if rig.scales is not None else f"{often:.3g} per time unit"
+
+
+def law(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Kinetic friction against speed about that of the drive, and the speeds at which it turns."""
+    rig = documents.rig_of(request.get("document"))
+    documents.check_decades(rig)
+    documents.check_thresholds(rig)
+    velocity = rig.natural.velocity
+    if velocity <= 0:
+        raise InputError("drive.velocity = 0: kinetic friction is that of sliding")
+    (low, high), count = (velocity / _LAW, velocity * _LAW), _LAW_POINTS
+    if rig.interface.ageing is not None:  # each speed takes a hundred times as long
+        (low, high), count = (velocity / 30.0, velocity * 30.0), 13
+    speeds, forces = np.geomspace(low, high, count), []
+    for i, speed in enumerate(speeds):
+        watch(i / count)
+        forces.append(float(sliding.kinetic_friction(rig.interface, float(speed))))
+    turning = () if rig.interface.ageing is not None else sliding.turning_velocities(rig.interface, between=(low, high))
+    v, F = rig.unit("x_s/time"), rig.unit("f_s")
+    unit = "x_s/time" if rig.scales is None else "m/s"
+    yield {
+        "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v), "ends": [low * v, high * v]},
+        "force": {"title": "kinetic friction", "unit": "f_s" if rig.scales is None else "N"},
+        "values": packed(np.array(forces) * F),
+        "here": [velocity * v, float(sliding.kinetic_friction(rig.interface, velocity)) * F],
+        "turning": [
+            {
+                "at": [one.velocity * v, one.force * F],
+                "words": f"{one.kind} at {rig.in_units(one.velocity, 'velocity')}",
+            }
+            for one in turning
+        ],
+    }
+
+
+def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """The distribution of stretchings at another time of the same run."""
+    rig = documents.rig_of(request.get("document"))
+    rig = documents.of_duration(rig, request.get("duration"))
+    yield {
+        "stretchings": _stretchings(_run(rig, watch, documents.seconds_of(request), snapshots=(_look(request, rig),)))
+    }
+
+
+def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Frames of the contacts one by one, from the cursor on; see `replay`."""
+    rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
+    documents.check_size(rig, documents.seconds_of(request))
+    share = request.get("cursor")
+    at = float(share) if isinstance(share, (int, float)) and math.isfinite(share) else 0.0
+    yield {"frames": next(replay.frames(rig, min(max(at, 0.0), 1.0), watch))}
+
+
+def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """A document with parameters varied, in other units, or with the damping given in the other way."""
+    del watch
+    document: Any = request.get("document")
+    if "turn" in request:
+        instance("turn", values := request["turn"], dict, "a table of parameters and values")
+        yield {"document": documents.turned(document, values)}
+    elif "units" in request:
+        yield documents.in_units(document, request["units"], request.get("scales"))
+    else:
+        ratio = request.get("damping_ratio")
+        instance("damping_ratio", ratio, bool, "true or false")
+        yield {"document": documents.with_damping(document, ratio is True)}
+
+
+def _run(rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
+    documents.check_size(rig, seconds)
+    return simulate(replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch)
+
+
+def _phase(data: xr.Dataset) -> Plain:
+    """Force against velocity in the last two fifths of the run, and the range that shows noise as small as it is."""
+    late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
+    velocity, force = axis(late["velocity"]), axis(data["spring_force"])
+    v, f = along_path(
+        late["velocity"].to_numpy() / velocity["factor"], late["spring_force"].to_numpy() / force["factor"]
+    )
+    drive = float(late["drive_velocity"][-1]) / velocity["factor"]
+    largest = float(data["spring_force"].max()) / force["factor"]
+    return {
+        "velocity": {**velocity, "values": packed(v), "range": _room(min(v.min(), 0.0), max(v.max(), 2 * drive))},
+        "force": {**force, "values": packed(f), "range": _room(min(f.min(), 0.0), max(f.max(), largest))},
+        "drive": drive,
+    }
+
+
+def _room(low: float, high: float) -> list[float]:
+    margin = 0.04 * (high - low or 1.0)
+    return [float(low - margin), float(high + margin)]
+
+
+def _stretchings(data: xr.Dataset) -> Plain:
+    x, density = axis(data["x"]), {**axis(data["stretching_density"]), "title": "Q(x)"}
+    return {
+        "x": {**x, "values": packed(data["x"].to_numpy() / x["factor"])},
+        "stretching_density": {
+            **density,
+            "values": packed(data["stretching_density"].to_numpy()[0] / density["factor"]),
+        },
+        "at": float(data["snapshot"][0]) / axis(data["time"])["factor"],
+    }
+
+
+def _friction(rig: Rig) -> Plain:
+    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the force; and K*, in words."""
+    aged = replace(rig.interface, ageing=None)
+    when = " (thresholds fully aged)" if rig.interface.ageing is not None else ""
+    found: Plain = {"kinetic": None, "static": None, "words": []}
+    try:
+        documents.check_thresholds(rig)
+    except InputError as error:
+        return {**found, "words": [str(error)]}
+    unit = 1.0 if rig.scales is None else rig.scales.unit("force")
+    with suppress(InputError, UndecidedError):
+        static = _static_friction(replace(aged, delay=Delay(0.0)))
+        found["static"] = static * unit
+        found["words"].append(f"F_s = {rig.in_units(static, 'force')}{when}")
+    if rig.natural.velocity > 0:
+        with suppress(InputError):
+            kinetic = float(sliding.kinetic_friction(rig.interface, rig.natural.velocity))
+            if math.isfinite(kinetic):
+                found["kinetic"] = kinetic * unit
+                found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
+    with suppress(InputError, UndecidedError):
+        critical = _critical_stiffness(aged)
+        ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
+        softer = "softer" if ratio < 1 else "stiffer"
+        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}{when}, and the spring is {softer}")
+    return found
+
+
+@lru_cache(maxsize=64)
+def _static_friction(interface: Interface) -> float:
+    return rigid.static_friction(interface)[0]
+
+
+@lru_cache(maxsize=64)
+def _critical_stiffness(interface: Interface) -> float:
+    return rigid.critical_stiffness(interface)
+
+
+FORMATS = {
+    "nc": "application/x-netcdf",
+    "png": "image/png",
+    "svg": "image/svg+xml",
+    "toml": "application/toml",
+}
+
+
+def download(document: object, form: str, duration: object, seconds: float, watch: Watch) -> Iterator[bytes]:
+    """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a picture."""
+    rig = documents.rig_of(document)
+    if form == "toml":
+        yield rigs.to_toml(rig).encode()
+        return
+    rig = documents.of_duration(rig, duration)
+    made = _run(rig, watch, seconds)
+    made.attrs["rig"] = rigs.to_toml(rig)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"run.{form}"
+        if form == "nc":
+            store.save(made, file)
+        else:
+            plot.save(plot.overview(made), file)
+        yield file.read_bytes()
+
+
+def _look(request: Plain, rig: Rig) -> float:
+    """Time of the cursor; just before the end at the latest, where rounding could take it beyond."""
+    share = request.get("cursor")
+    if not isinstance(share, (int, float)) or not math.isfinite(share):
+        share = 1.0
+    return min(max(float(share), 0.0), 0.9999) * rig.drive.duration
+
+
+def _width(request: Plain) -> int:
+    width = request.get("width")
+    return int(min(max(width, 100), 4_000)) if isinstance(width, (int, float)) and math.isfinite(width) else 1_000

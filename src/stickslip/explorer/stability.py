@@ -1,0 +1,166 @@
+"""The pages Map and Stop: linear stability over two parameters, the bistable band, and what would stop stick-slip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from stickslip import advise, cycles, stability
+from stickslip.errors import InputError, UndecidedError, number, shown
+from stickslip.explorer import documents
+from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
+from stickslip.model.rig import Rig
+from stickslip.stability import PARAMETERS
+
+_FARTHEST = 1e3  # from the rig's own point, for the bistable band
+_POINTS = 72  # of the map along each parameter, twice over
+_AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
+_COLUMNS = 9  # of the map, for the bistable band
+
+
+def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """The stability map over two parameters, in the rig's units."""
+    rig = documents.rig_of(request.get("document"))
+    documents.check_thresholds(rig)
+    over = _over(request)
+    around, points = (20.0, _POINTS) if rig.interface.ageing is None else (_AROUND_AGED, _POINTS_AGED)
+    found = advise.chart(rig, over, request.get("around", around), points, watch)
+    rate = found["growth_rate"].transpose(over[1], over[0])
+    values = rate.to_numpy()
+    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
+    shade = _shade(values / largest)
+    levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
+    yield {
+        "x": _map_axis(found[over[0]]),
+        "y": _map_axis(found[over[1]]),
+        "over": over,
+        "shade": [floats(row) for row in shade],
+        "rate": [[f"{value:.3g}" for value in row] for row in values],
+        "rate_unit": str(rate.attrs.get("units", "")),
+        "levels": {"at": floats(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
+        "frequency_unit": "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit",
+        "curves": [
+            {
+                "x": floats(found[f"edge_{over[0]}"].to_numpy()[mine]),
+                "y": floats(found[f"edge_{over[1]}"].to_numpy()[mine]),
+                "frequency": floats(found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)),
+            }
+            for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
+        ],
+        "here": [float(found[f"here_{name}"]) for name in over],
+        "summary": _about(rig),
+    }
+
+
+def _about(rig: Rig) -> str:
+    """Whether smooth sliding is stable where the rig stands, in words."""
+    modes = stability.count_unstable(rig.natural)
+    if not modes:
+        return "Smooth sliding is stable at this point."
+    return f"Smooth sliding is unstable at this point: {modes} growing mode{'s' if modes > 1 else ''}."
+
+
+def _map_axis(parameter: xr.DataArray) -> Plain:
+    values = parameter.to_numpy()
+    return {**name_of(parameter), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
+
+
+def _shade(share: Array) -> Array:
+    """Growth rates, as fractions of the largest, spread out about zero."""
+    return np.asarray(np.arcsinh(share / 1e-3) / np.arcsinh(1e3))
+
+
+def band(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """The bistable band of the map, column by column."""
+    rig = documents.rig_of(request.get("document"))
+    documents.check_thresholds(rig)
+    over = _over(request)
+    across, up = (next(parameter for parameter in PARAMETERS if parameter.name == name) for name in over)
+    (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
+    scale = {name: documents.unit_of(rig, name) for name in over}
+    setting = rig.natural
+    for parameter, key, ends in ((across, "x", (left, right)), (up, "y", (low, high))):
+        here = parameter.get(setting) * scale[parameter.name]
+        if not here / _FARTHEST <= ends[0] <= ends[1] <= here * _FARTHEST:
+            raise InputError(f"map: {key} = {list(ends)}: must lie within a factor of {_FARTHEST:g} of {here:.4g}")
+    # From the middle outwards: the rig stands there.
+    places = np.geomspace(left, right, _COLUMNS)
+    order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
+    for done, i in enumerate(order, start=1):
+        turned = across.set(setting, places[i] / scale[across.name])
+        bands: list[list[float]] = []
+        note = ""
+        try:
+            found = cycles.bistable_range(
+                turned,
+                up,
+                between=(low / scale[up.name], high / scale[up.name]),
+                step=0.2,
+                tolerance=0.02,
+            )
+            bands = [[b.low.value * scale[up.name], b.high.value * scale[up.name]] for b in found.bands]
+        except (InputError, UndecidedError) as error:
+            note = str(error)
+        watch(done / _COLUMNS)
+        yield {"column": float(places[i]), "bands": bands, "note": note, "columns": done, "of": _COLUMNS}
+
+
+def _over(request: Plain) -> tuple[str, str]:
+    over = request.get("over")
+    known = [parameter.name for parameter in PARAMETERS]
+    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
+        raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
+    return (str(over[0]), str(over[1]))
+
+
+def _ends(request: Plain, key: str) -> tuple[float, float]:
+    """Both ends of an axis of the map."""
+    ends = request.get(key)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise InputError(f"map: {key} = {shown(ends)}: must be the two ends of an axis")
+    low = number(f"map: {key}", ends[0], above=0)
+    return low, number(f"map: {key}", ends[1], above=low)
+
+
+def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Verdict, numbers, margins and mitigations."""
+    rig = documents.shortened(documents.rig_of(request.get("document")), documents.seconds_of(request))
+    documents.check_size(rig, documents.seconds_of(request))
+    documents.check_thresholds(rig)
+    found = advise.predict(rig, progress=watch)
+    assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
+    mitigations = []
+    for mitigation in found.mitigations:
+        trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
+        outcomes = (
+            (mitigation.stops, f"smooth: {trouble} decays even from a start at rest"),
+            (mitigation.keeps, f"smooth sliding, once reached, stays; from rest {trouble} may persist"),
+        )
+        steps = [
+            {
+                "title": f"{advise.say.change(mitigation.parameters, mitigation.values, values)}: {outcome}",
+                "to": ", ".join(
+                    f"{advise.say.amount(rig, name, before)} to {advise.say.amount(rig, name, value)}"
+                    for name, before, value in zip(mitigation.parameters, mitigation.values, values, strict=True)
+                ),
+                "values": dict(zip(mitigation.parameters, values, strict=True)),
+            }
+            for values, outcome in outcomes
+            if values is not None
+        ]
+        mitigations.append({"parameters": list(mitigation.parameters), "steps": steps})
+    yield {
+        "name": rig.name,
+        "verdict": found.verdict,
+        "ill": found.ill,
+        "evidence": str(found.regime).splitlines(),
+        "numbers": [list(pair) for pair in advise.say.numbers(found)],
+        "margins": [list(row) for row in advise.say.margins(found)],
+        "mitigations": mitigations,
+        "attempts": list(advise.say.attempts(found)),
+        "not_searched": " ".join(advise.say.not_searched(found)),
+        "assumed": {key: str(item) for key, item in rig.assumed.items()},
+    }

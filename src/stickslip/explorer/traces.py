@@ -1,0 +1,383 @@
+"""Measured traces: their slips and regime, and the rig behind them by `quick_fit` and by `fit`. No state."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from stickslip import fitting, measure
+from stickslip.errors import InputError, number, shown, whole
+from stickslip.explorer import documents
+from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed
+from stickslip.fitting.known import newtons
+from stickslip.fitting.known import seconds as seconds_in
+from stickslip.fitting.rigs import compared
+from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
+from stickslip.io import rig_files as rigs
+from stickslip.model import Contacts, constant
+from stickslip.model.quantities import read_quantity
+from stickslip.model.rig import Assumption, Rig
+from stickslip.model.units import engineering
+from stickslip.plot.style import envelope
+from stickslip.simulation import simulate
+
+Options = Mapping[str, str]
+
+LARGEST_TRACE = 50_000_000
+"""Bytes of a measured trace that the page may send."""
+_COARSE = 2_000  # draws of a table that is quick to make
+_SHOWN = 8  # slips in the overlay
+_SERIES = 60  # of slips, for the distribution of drops
+_OVERLAID = 3  # of them, drawn beside the trace
+_TIMED = 20  # draws, to say how long a table takes
+_DAMPING = 0.15
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The trace
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def trace(content: bytes, name: str, options: Options, width: int, watch: Watch) -> Iterator[Plain]:
+    """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
+    watch(0.0)
+    data = _read(content, name, options)
+    found = measure.drops(data)
+    yield {
+        **force_trace(data, width),
+        "name": name,
+        "rows": int(data.attrs["rows"]),
+        "note": str(data.attrs.get("note", "")),
+        "statistics": [["found", measure.counted(found)], *(list(line) for line in measure.statistics(found))],
+    }
+
+
+def _read(content: bytes, name: str, options: Options) -> xr.Dataset:
+    step = None
+    if text := options.get("step", "").strip():
+        try:
+            step = read_quantity(text, "s", "0.5 ms", bare=True)
+        except InputError as error:
+            raise InputError(f"step = {shown(text)}: {error}") from None
+    columns = {key: text for key in ("force", "time") if (text := options.get(key, "").strip())}
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "trace"
+        file.write_bytes(content)
+        try:
+            return measure.read_trace(
+                file, force=columns.get("force"), time=None if step is not None else columns.get("time"), step=step
+            )
+        except InputError as error:
+            words = str(error).replace(str(file), name)
+            raise InputError(re.sub(r"\(--(force|time|step)\b[^)]*\)", _field_of, words)) from None
+
+
+def _field_of(option: re.Match[str]) -> str:
+    """The field of the page that stands for an option of the command line."""
+    return f"(in the field {'seconds per row' if option[1] == 'step' else f'{option[1]} column'})"
+
+
+def sample(watch: Watch) -> Iterator[bytes]:
+    """A trace to try: slips of a rig whose truth is known, as a force sensor with noise would have recorded them."""
+    watch(0.0)
+    run = fitting.synthetic_trace()
+    rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)]
+    yield "\n".join(["time [s],force [N]", *rows, ""]).encode()
+
+
+def too_large(size: float, most: float) -> str:
+    """Say that a file is too large."""
+    return (
+        f"this file has {size / 1e6:.3g} MB, more than {most / 1e6:g}; keep every n-th row or a part of it, "
+        "or use `stickslip measure`"
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# A rig of a few readings
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def fit(content: bytes, name: str, options: Options, seconds: float, watch: Watch) -> Iterator[Plain]:
+    """The readings of a trace, the rig that they make by closed forms beside the trace, and what intervals would take.
+
+    `options` may hold readings and what is known of the bench, as texts with units.
+    """
+    watch(0.0)
+    events = fitting.pick_events(_read(content, name, options))
+    force, seconds_of = newtons(events), seconds_in(events)
+    zeta = _damping(options)
+    overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
+    troughs = float(events.troughs.mean())
+    readings = {
+        "static": events.mean_peak * force,
+        # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
+        "kinetic": (troughs + overshoot * events.mean_peak) / (1.0 + overshoot) * force,
+        "rate": events.loading_rate * force / seconds_of,
+    }
+    yield {"slips": str(events).splitlines(), "readings": {key: f"{value:.4g}" for key, value in readings.items()}}
+    given: dict[str, object] = {key: options.get(key, "").strip() for key in (*_NEEDED, *readings)}
+    given |= {key: value for key, value in readings.items() if not given[key]}
+    if missing := [title for key, title in _NEEDED.items() if not given[key]]:
+        yield {"missing": f"For a rig, give {_listed(missing)}: a force trace alone tells no length, time or mass."}
+    else:
+        yield {"quick": _quick(events, given, options.get("half", "").strip(), zeta, force, seconds_of, seconds, watch)}
+    yield {"table": _plan(events)}
+
+
+_NEEDED = {"stiffness": "the stiffness of the driving spring", "speed": "its speed", "mass": "the mass of the slider"}
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _damping(options: Options) -> float:
+    text = options.get("damping", "").strip()
+    try:
+        value = float(text) if text else _DAMPING
+    except ValueError:
+        raise InputError(f"damping ratio = {shown(text)}: must be a number, such as 0.15") from None
+    return number("damping ratio", value, at_least=0, at_most=0.95)
+
+
+def _quick(
+    events: fitting.Events,
+    given: Mapping[str, object],
+    half: str,
+    zeta: float,
+    force: float,
+    seconds_of: float,
+    seconds: float,
+    watch: Watch,
+) -> Plain:
+    rig = fitting.quick_fit(
+        static_friction=given["static"],
+        kinetic_friction=given["kinetic"],
+        loading_rate=given["rate"],
+        stiffness=given["stiffness"],
+        speed=given["speed"],
+        mass=given["mass"],
+        half_speed=half or None,
+        damping_ratio=zeta,
+    )
+    if not half:
+        rig = _with_delay(rig, events, seconds_of)
+    standard_deviation = rig.interface.thresholds.standard_deviation()
+    overlay, words = _overlay(rig, events, force, seconds_of, seconds, watch)
+    return {
+        **_rig(rig),
+        "words": words,
+        "numbers": [
+            ["total contact strength, N f_s", rig.in_units(1.0, "force")],
+            ["breaking displacement, x_s", rig.in_units(1.0, "length")],
+            ["standard deviation of the thresholds, over their mean", f"{standard_deviation:.2g}"],
+            ["delay of re-attachment", rig.in_units(rig.interface.delay.moment(1), "time")],
+        ],
+        "assumed": [f"{key}: {item}" for key, item in rig.assumed.items()],
+        "overlay": overlay,
+    }
+
+
+def _with_delay(rig: Rig, events: fitting.Events, seconds_of: float) -> Rig:
+    """The rig with a delay as long as a slip: shorter, and contacts hold again within it; longer, and they are late."""
+    delay = float(f"{events.slip_samples * events.step * seconds_of:.3g}")
+    how = "as long as a slip was recorded to last; the speed at which friction has halved tells it"
+    assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
+    return replace(rig.replace(delay=delay), assumed=assumed)
+
+
+def _rig(rig: Rig) -> Plain:
+    """A rig for the page Simulate, and as a file with the draws of what was fitted."""
+    return {"document": documents.of(replace(rig, fitted={})), "toml": rigs.to_toml(rig)}
+
+
+def _overlay(
+    rig: Rig, events: fitting.Events, force: float, seconds_of: float, seconds: float, watch: Watch
+) -> tuple[Plain, str]:
+    """Some slips of the trace, and those that a rig makes at its steady pace, beside them; and both in words."""
+    begin, end, first = _window(events)
+    settle = 3.0 * events.recurrence * seconds_of
+    lasts = settle + 1.5 * (end - begin) * seconds_of
+    long = replace(rig, drive=constant(rig.natural.velocity, lasts / rig.unit("time")), method=Contacts(1_000, seed=1))
+    short = documents.shortened(long, seconds)
+    documents.check_size(short, seconds)
+    run = simulate(short, progress=watch)
+    times, values = run["time"].to_numpy() / seconds_of, run["spring_force"].to_numpy() / force
+    drops = measure.drops(run)
+    after = drops["start"].to_numpy()
+    settled = after > min(settle, 0.5 * float(run["time"][-1]))
+    shift = first - after[settled][0] / seconds_of if settled.any() else begin - settle / seconds_of
+    seen = (times + shift >= begin) & (times + shift <= end)
+    return {**force_axes(events), "series": [line(times[seen] + shift, values[seen])], **_shown(events, begin, end)}, (
+        _fits(events, xr.Dataset({"spring_force": ("time", values)}, {"time": times}), settle / seconds_of)
+    )
+
+
+def _fits(events: fitting.Events, run: xr.Dataset, settled: float) -> str:
+    """Whether the slips that a rig makes are those of the trace, in words."""
+    run["spring_force"].attrs["units"], run["time"].attrs["units"] = events.force_unit, events.time_unit
+    try:
+        words, agrees = compared(fitting.pick_events(run, smallest=events.smallest, after=settled), events)
+    except InputError:
+        drop = f"{float(events.drops.mean()):.3g} {events.force_unit}".rstrip()
+        return f"This rig does not fit: its run hardly slips, the trace has drops of {drop}."
+    return f"This rig {'fits' if agrees else 'does not fit'}: {words} (mean drop and period, at 90 % confidence)."
+
+
+def _window(events: fitting.Events) -> tuple[float, float, float]:
+    """From when to when the overlay goes, in the trace's unit of time, and when its first slip begins."""
+    at = max((len(events) - _SHOWN) // 2, 0)
+    first = float(events.time[events.peak_at[at]])
+    begin = first - 0.5 * events.recurrence
+    return begin, begin + (_SHOWN + 0.2) * events.recurrence, first
+
+
+def force_axes(events: fitting.Events) -> Plain:
+    """Names and units of the force and of time, as the trace has them."""
+    return {
+        "time": {"title": "time", "unit": events.time_unit},
+        "force": {"title": "force", "unit": events.force_unit},
+    }
+
+
+def _shown(events: fitting.Events, begin: float, end: float) -> Plain:
+    seen = (events.time >= begin) & (events.time <= end)
+    return {"trace": line(events.time[seen], events.force[seen]), "span": [begin, end]}
+
+
+def line(x: Array, y: Array) -> Plain:
+    """A line, thinned out to a screen's width."""
+    x, y = envelope(x, y, 2_400)
+    return {"x": packed(x), "y": packed(y)}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Intervals
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=8)
+def _cost(slips: int) -> float:
+    """Seconds of one core for a draw of the table, measured."""
+    simulate_block(fitting.Prior(), 0, 1, 30, 0)  # compiles
+    begun = time.perf_counter()
+    simulate_block(fitting.Prior(), 0, _TIMED, slips, 0)
+    return (time.perf_counter() - begun) / _TIMED
+
+
+def _plan(events: fitting.Events) -> Plain:
+    """What intervals would take: seconds for each size of the table that is offered; and why there can be none."""
+    try:
+        fitting.check(events)
+    except InputError as error:
+        return {"refused": str(error)}
+    ready, each = draws_kept(fitting.Prior(), SLIPS), _cost(SLIPS) / (os.cpu_count() or 1)
+    return {"sizes": [{"draws": draws, "seconds": max(draws - ready, 0) * each} for draws in (_COARSE, DRAWS)]}
+
+
+def posterior(content: bytes, name: str, options: Options, may_simulate: bool, watch: Watch) -> Iterator[Plain]:
+    """The fit with its intervals: what the trace says of each parameter, series of its draws, and the rig.
+
+    The table of simulations is made where it is not kept yet, if that is allowed.
+    """
+    watch(0.0)
+    events = fitting.pick_events(_read(content, name, options))
+    draws = whole(
+        "draws", int(text) if (text := options.get("draws", "")).isdecimal() else text, at_least=_COARSE, at_most=DRAWS
+    )
+    if not may_simulate and draws_kept(fitting.Prior(), SLIPS) < draws:
+        raise InputError(
+            "intervals need a table of simulations that takes minutes; a shared explorer does not make it: run "
+            "`stickslip fit` on this machine once, or a fit in an explorer that is not shared"
+        )
+    known = {key: text for key in ("stiffness", "speed", "mass") if (text := options.get(key, "").strip())}
+    found = fitting.fit(events, known=known, draws=draws, progress=watch)
+    try:
+        rig = _rig(found.rig(name=f"fit of {name}"))
+    except InputError as error:
+        rig = {"no_rig": str(error)}
+    yield {
+        **rig,
+        "slips": len(events),
+        "draws": draws,
+        "parameters": _parameters(found),
+        "quantities": [[one.title, str(one)] for one in found.quantities],
+        "notes": list(found.notes),
+        "overlay": _predicted(found, events),
+        "drops": _drops(found, events),
+        "test": [{**one._asdict(), "here": min(max(one.here, -4.0), 4.0)} for one in found.test],
+    }
+
+
+_SAYS = {
+    "identified": "identified: the trace tells it",
+    "weak": "weak: the trace tells little of it",
+    "not identified": "not identified: the interval is hardly narrower than what was held possible",
+    "at a bound": "at a bound of what was held possible",
+}
+
+
+def _parameters(found: fitting.Fit) -> list[Plain]:
+    """Each parameter: in words, and where its interval lies within what was held possible, 0 to 1."""
+    parts = np.quantile(found.prior.parts(found.values), (0.05, 0.5, 0.95), axis=0)
+    return [
+        {
+            "title": one.title,
+            "text": str(one),
+            "verdict": one.verdict,
+            "says": _SAYS[str(one.verdict)],
+            "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
+            "part": [float(value) for value in parts[:, row]],
+        }
+        for row, one in enumerate(found.parameters)
+    ]
+
+
+def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
+    """Some slips of the trace, and series of slips of some draws, loaded as the trace was."""
+    begin, end, first = _window(events)
+    rate, falls = events.loading_rate, events.slip_samples * events.step
+    series = []
+    for row in range(len(found)):
+        peaks, troughs = found.series(row, 3 * _SHOWN + 20, np.random.default_rng([0, row]))
+        if peaks.size < 3 * _SHOWN:
+            continue
+        P, T = peaks[10:], troughs[10:]
+        knots = np.cumsum(np.column_stack([np.full(P.size - 1, falls), (P[1:] - T[:-1]) / rate]).ravel())
+        t = first + np.concatenate([[0.0], knots])
+        F = np.concatenate([P[:1], np.column_stack([T[:-1], P[1:]]).ravel()])
+        seen = t <= end
+        series.append(line(t[seen], F[seen]))
+        if len(series) == _OVERLAID:
+            break
+    return {**force_axes(events), "series": series, **_shown(events, begin, end)}
+
+
+def _drops(found: fitting.Fit, events: fitting.Events) -> Plain:
+    """Which fraction of the slips is up to which drop: of the trace, and of series of as many slips of the draws."""
+    at = np.linspace(0.0, 1.25 * float(events.drops.max()), 120)
+    below = []
+    for row in range(min(_SERIES, len(found))):
+        peaks, troughs = found.series(row, min(len(events), 400), np.random.default_rng([0, row]))
+        drops = peaks - troughs
+        if (drops := drops[drops >= events.smallest]).size:
+            below.append((drops[:, None] <= at).mean(axis=0))
+    low, high = np.quantile(below, (0.05, 0.95), axis=0)
+    here = (events.drops[:, None] <= at).mean(axis=0)
+    return {
+        "drop": {"title": "force drop", "unit": events.force_unit, "values": packed(at)},
+        "trace": packed(here),
+        "low": packed(low),
+        "high": packed(high),
+    }

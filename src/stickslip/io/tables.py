@@ -1,0 +1,185 @@
+"""TOML files read table by table: every mistake in one line that names place, value and remedy."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from stickslip.errors import InputError, shortened, shown, together
+from stickslip.io import files
+from stickslip.io.keys import Either, Key, toml
+
+Made = TypeVar("Made")
+
+LARGEST_FILE = 1_000_000
+"""Bytes beyond which a file is no description of anything."""
+
+
+def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
+    """Read the content of a TOML file; errors say what it should be, ``"rig file"``, and name an example.
+
+    Raises `InputError` if the file is missing, empty, binary or no TOML.
+    """
+    content = files.read(path, kind, largest=LARGEST_FILE)
+    if not content.strip():
+        raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
+    try:
+        text = content.decode()
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
+    return parse_toml(text, str(path), kind)
+
+
+def parse_toml(text: str, place: str, kind: str) -> dict[str, Any]:
+    """Read TOML text; `place` begins the message of an error, and `kind` is what the text should be."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{place}: is not valid TOML: {shortened(str(error))}") from None
+    except RecursionError:
+        raise InputError(f"{place}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
+    except ValueError:  # Python reads no integer of more than 4300 digits
+        raise InputError(f"{place}: holds a whole number of thousands of digits; no {kind} needs one") from None
+
+
+class MistakesError(Exception):
+    """What stands in the file cannot be read on."""
+
+
+class MissingError(InputError):
+    """A key is missing; the example is a value that it could have."""
+
+    def __init__(self, place: str, example: Any) -> None:
+        super().__init__(f"{place}: is missing; write, for example, {place} = {toml(example)}", place)
+        self.example = toml(example)
+
+
+_MOST_EACH = 40
+"""Mistakes that are told each at its key, too: a form has no more; a file of thousands is no rig file."""
+
+
+class Tables:
+    """Reads the tables of a file one after the other, and notes every mistake on the way.
+
+    Parameters
+    ----------
+    natural : bool
+        Whether quantities are plain numbers in natural units.
+    renamed : mapping of str to str
+        Keys that were, by their paths, and what to write now.
+    """
+
+    def __init__(self, *, natural: bool = False, renamed: Mapping[str, str] | None = None) -> None:
+        self.natural = natural
+        self.mistakes: list[InputError] = []
+        self._renamed = renamed or {}
+
+    def wrong(self, place: str, what: str) -> None:
+        """Note a mistake."""
+        self.mistakes.append(InputError(f"{place}: {what}", place))
+
+    def refuse(self, place: str, value: object, what: str) -> NoReturn:
+        """Note that a value cannot be, and read this part no further."""
+        self.mistakes.append(InputError(f"{place} = {shown(value)}: {what}", place))
+        raise MistakesError
+
+    def missing(self, place: str, key: Key) -> None:
+        """Note that a key is missing, once."""
+        if all(mistake.place != place for mistake in self.mistakes):
+            self.mistakes.append(MissingError(place, 1.0 if self.natural and key.unit else key.example))
+
+    def table(self, content: object, keys: Mapping[str, Key], place: str = "") -> dict[str, Any]:
+        """Values of a table, quantities in SI units or natural ones; tables in it as they stand."""
+        if not isinstance(content, Mapping):
+            self.mistakes.append(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
+            return {}
+        path = f"{place}." if place else ""
+        for name in content:
+            if name not in keys:
+                self.wrong(path + str(name)[:60], self._unknown(path, str(name), keys))
+        found: dict[str, Any] = {}
+        for name, key in keys.items():
+            if name in content:
+                try:
+                    value = content[name]
+                    found[name] = value if key.is_left(value) else key.read(value, path + name, natural=self.natural)
+                except InputError as error:
+                    self.mistakes.append(error)
+            elif key.required and key.is_table:
+                found[name] = {}
+            elif key.required:
+                self.missing(path + name, key)
+            elif key.default is not None:
+                found[name] = key.default
+        return found
+
+    def choose(self, content: object, rule: Either, keys: Mapping[str, Key], place: str) -> None:
+        """Note what a rule has against a table."""
+        if not isinstance(content, Mapping):
+            return  # told of already
+        given = rule.given(content)
+        if len(given) > 1:
+            self.wrong(place, rule.clash)
+        elif given or rule.needed:
+            way = given[0] if given else rule.ways[rule.natural if self.natural else 0]
+            for name in way:
+                if name not in content:
+                    self.missing(f"{place}.{name}", keys[name])
+
+    def kind(self, content: object, place: str, word: str, kinds: Mapping[str, type], example: Any) -> type[Any]:
+        """The record that a table names."""
+        if not isinstance(content, Mapping):
+            self.refuse(place, content, f"must be a table, such as {toml(example)}")
+        if content.get(word) in tuple(kinds):
+            return kinds[str(content[word])]
+        key = f"{place}.{word}"
+        given = f"{key} = {shown(content[word])}" if word in content else key
+        known = f"must be one of the known {word}s {', '.join(map(repr, kinds))}, as in {toml(example)}"
+        self.mistakes.append(InputError(f"{given}: {known}", key))
+        raise MistakesError
+
+    def make(self, place: str, make: Callable[[], Made], names: Mapping[str, str] | None = None) -> Made:
+        """Make a record; its complaint about a field becomes one about the key, which `names` may name."""
+        try:
+            return make()
+        except InputError as error:
+            field = error.place.partition(".")[2]
+            key = (names or {}).get(field, field)
+            self.mistakes.append(error.at(f"{place}.{key}" if key else place))
+            raise MistakesError from None
+
+    def part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
+        """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
+        try:
+            return None if content is None else read(content, place)
+        except MistakesError:
+            return None
+
+    def stop(self, before: int = 0) -> None:
+        """Read no further if there was a mistake, besides the first so many."""
+        if len(self.mistakes) > before:
+            raise MistakesError
+
+    def in_one_line(self, place: str) -> InputError:
+        """One error for every mistake in a file, as far as a line reaches."""
+        missing = [mistake for mistake in self.mistakes if isinstance(mistake, MissingError)]
+        lines = [str(mistake) for mistake in self.mistakes if not isinstance(mistake, MissingError)]
+        if len(missing) == 1:
+            lines.append(str(missing[0]))
+        elif missing:
+            examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
+            lines.append(f"missing, here with example values: {examples}")
+        key = self.mistakes[0].place if len(self.mistakes) == 1 else ""
+        each = tuple(self.mistakes) if len(self.mistakes) <= _MOST_EACH else ()
+        return InputError(f"{place}: {together(lines)}", key, each)
+
+    def _unknown(self, path: str, name: str, keys: Mapping[str, Key]) -> str:
+        if renamed := self._renamed.get(path + name):
+            return renamed
+        near = difflib.get_close_matches(name, keys, n=1, cutoff=0.5)
+        return f"unknown key; did you mean {near[0]!r}?" if near else f"unknown key; known here: {', '.join(keys)}"

@@ -1,0 +1,152 @@
+"""The rule by which contacts break whose rate of breaking, or threshold, is not fixed: thinning, exact.
+
+While a contact's stretching stays within a box, and for a time, its rate of breaking is at most that of the box. A
+break is proposed at this rate, and accepted with the probability that the true rate has of it; where the contact leaves
+its box before, or the time is over, or the proposal is rejected, it gets another box: wide where it seldom breaks,
+narrow where it is about to, in view of how fast the slider is. Some ten boxes do for a life. Nothing is assumed about
+how the slider moves: it may turn, slip and rest.
+
+A threshold that grows without temperature needs no time: a box reaches up to the threshold of the moment, and is
+followed by another where the threshold has grown meanwhile. A contact whose threshold grows from 0 has no box to begin
+with: it holds if the threshold leads the stretching at the speed of the moment.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .growth import EXPONENTIAL, Growth, ageing_time, threshold_at
+from .hazard import Hazard, largest_rate, rate, steepness
+
+Floats = NDArray[np.float64]
+
+_CHANCE = 0.2
+"""Proposals that a contact may expect on its way through a box."""
+_MET = 1.0 - 1e-9
+"""Part of its threshold at which a contact breaks: boxes come nearer to a growing one without end."""
+YOUTH = 0.01
+"""Times of growth for which a threshold that grows from 0 is taken on trust, and after which it is tried again."""
+
+
+class Rule(NamedTuple):
+    """How contacts break and how their thresholds grow.
+
+    `as_stiff`: contacts are as stiff as their strengths are large, see `Interface.areas`, and thresholds that grow are
+    forces; else of stiffness 1.
+    """
+
+    hazard: Hazard
+    growth: Growth
+    as_stiff: bool = False
+
+
+class Box(NamedTuple):
+    """How far a contact may be stretched, for how long, and its largest rate there; no time: it breaks at once."""
+
+    reach: float
+    time: float
+    most: float
+
+
+@inlined
+def threshold_now(rule: Rule, strength: float, age: float) -> float:
+    """Stretching at which a contact of this strength and age breaks."""
+    if rule.as_stiff:  # the rule of growth is one of forces
+        return threshold_at(rule.growth, strength * strength, age) / strength
+    return threshold_at(rule.growth, strength, age)
+
+
+@inlined
+def grows_from_nothing(growth: Growth) -> bool:
+    """Whether newborns have no threshold."""
+    return growth.kind == EXPONENTIAL and growth.second <= 0.0
+
+
+@inlined
+def can_hold(rule: Rule, strength: float, speed: float) -> bool:
+    """Whether a threshold that grows from 0 leads the stretching at this speed."""
+    return threshold_now(rule, strength, math.inf) * rule.growth.first > abs(speed)
+
+
+@bare
+def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> Box:
+    """Box of a contact that is stretched by ``|x|``, with the slider at this speed."""
+    x = abs(x)
+    growth, hazard = rule.growth, rule.hazard
+    threshold = threshold_now(rule, strength, age)
+    if threshold <= 0.0 and x == 0.0 and can_hold(rule, strength, speed):
+        # At constant speed the stretching leads again only after twice as many times of growth as this.
+        lead = 1.0 - abs(speed) / (threshold_now(rule, strength, math.inf) * growth.first)
+        time = min(YOUTH, 0.5 * lead) / growth.first
+        return Box(threshold_now(rule, strength, time), time, 0.0)
+    if x >= threshold * _MET:
+        return Box(x, 0.0, 0.0)
+    time = ageing_time(growth, age)
+    lowest = threshold
+    if time < math.inf:
+        lowest = min(threshold, threshold_now(rule, strength, age + time))
+        while lowest <= x:  # a threshold that sinks
+            time *= 0.5
+            if time <= 1e-13 * (1.0 + age):
+                return Box(x, 0.0, 0.0)
+            lowest = min(threshold, threshold_now(rule, strength, age + time))
+    if hazard.attempts == 0.0:
+        return Box(lowest, time if lowest < threshold else math.inf, 0.0)
+    finest = 0.5 * steepness(hazard, x, lowest)
+    width = max(0.5 * lowest, finest)
+    while True:
+        reach = min(x + width, lowest)
+        most = largest_rate(hazard, reach, lowest)
+        too_wide = width > finest and most * width > _CHANCE * abs(speed)
+        if not too_wide:
+            return Box(reach, time, most)
+        width = max(0.5 * width, finest)
+
+
+@bare
+def lives(rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats) -> int:
+    """Draw the stretchings at which newborn contacts break at a steady velocity.
+
+    Parameters
+    ----------
+    rule : Rule
+    start, strength : ndarray, shape (n,)
+        With which stretchings and strengths they attach.
+    velocity : float
+        Above 0.
+    variates : ndarray, shape (m,)
+        Numbers between 0 and 1.
+    reached : ndarray, shape (n,)
+        Filled; the caller goes on with the rest where the numbers did not do.
+
+    Returns
+    -------
+    int
+        How many are filled.
+    """
+    used = 0
+    for i in range(strength.size):
+        x = start[i]
+        while True:
+            if used + 2 > variates.size:
+                return i
+            box = box_of(rule, x, strength[i], (x - start[i]) / velocity, velocity)
+            if box.time == 0.0:
+                break
+            end = min(box.reach, x + velocity * box.time)
+            used += 1
+            wait = -math.log(1.0 - variates[used - 1]) / box.most if box.most > 0.0 else np.inf
+            on = x + velocity * wait
+            if on >= end:
+                x = end
+                continue
+            x = on
+            used += 1
+            threshold = threshold_now(rule, strength[i], (x - start[i]) / velocity)
+            if variates[used - 1] * box.most < rate(rule.hazard, x, threshold):
+                break
+        reached[i] = x
+    return int(strength.size)

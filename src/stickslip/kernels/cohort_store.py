@@ -1,0 +1,105 @@
+"""Cohorts of the solvers of second order: what attached in a step, and what has broken since, for the delays."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PLACE, MASS, REACH, ALIVE = range(4)
+"""Rows of cohorts: where they attached, how many did, the largest stretching so far, how many are left."""
+
+
+class Delays(NamedTuple):
+    """Times until a broken contact re-attaches, and their weights; none: it never does."""
+
+    time: Array
+    weight: Array
+
+
+class History(NamedTuple):
+    """What has broken up to each of the last steps, in a ring, for one population or n.
+
+    Attributes
+    ----------
+    times, broken : ndarray, shape (kept,) and (kept, n)
+    entered : ndarray of int, shape (1,)
+        Steps entered so far.
+    cursor : ndarray of int, shape (delays,)
+        Step at or before the time one delay ago.
+    """
+
+    times: Array
+    broken: Array
+    entered: IntArray
+    cursor: IntArray
+
+
+def first_history(delays: Delays, rate: float, kept: int, n: int = 1) -> History:
+    """Return the history at time 0, after breaks at a constant rate."""
+    times, broken = np.zeros(kept), np.zeros((kept, n))
+    times[0] = -max([1.0, *delays.time])
+    broken[0] = rate * times[0]
+    return History(times, broken, np.array([2]), np.zeros(delays.time.size, np.int64))
+
+
+def longer(history: History) -> History:
+    """Return a history with twice the room."""
+    kept, entered = history.times.size, int(history.entered[0])
+    steps = np.arange(max(entered - kept, 0), entered)
+    times, broken = np.zeros(2 * kept), np.zeros((2 * kept, history.broken.shape[1]))
+    times[steps % (2 * kept)], broken[steps % (2 * kept)] = history.times[steps % kept], history.broken[steps % kept]
+    return history._replace(times=times, broken=broken)
+
+
+@inlined
+def has_room(history: History) -> bool:
+    """Whether another step can be entered, and nothing is lost that has still to re-attach."""
+    oldest = history.entered[0] - 1
+    for k in range(history.cursor.size):
+        oldest = min(oldest, history.cursor[k])
+    return bool(history.entered[0] - oldest < history.times.size)
+
+
+@bare
+def due(history: History, delays: Delays, dt: float, found: Array) -> float:
+    """Find all that is to have re-attached a time `dt` after the last step, of what broke before it.
+
+    Returns the fraction of what breaks in that time that re-attaches in it, too.
+    """
+    times, kept, last = history.times, history.times.size, history.entered[0] - 1
+    now = times[last % kept]
+    fraction = 0.0
+    for j in range(found.size):
+        found[j] = 0.0
+    for k in range(delays.time.size):
+        i, then, weight = history.cursor[k], now + dt - delays.time[k], delays.weight[k]
+        while i < last - 1 and times[(i + 1) % kept] <= now - delays.time[k]:
+            i += 1
+        history.cursor[k] = i
+        if then >= now:
+            fraction += weight * (then - now) / dt
+            for j in range(found.size):
+                found[j] += weight * history.broken[last % kept, j]
+            continue
+        while i < last - 1 and times[(i + 1) % kept] <= then:
+            i += 1
+        a, b = i % kept, (i + 1) % kept
+        u = (then - times[a]) / (times[b] - times[a])
+        for j in range(found.size):
+            found[j] += weight * (history.broken[a, j] + u * (history.broken[b, j] - history.broken[a, j]))
+    return fraction
+
+
+@inlined
+def join(cohort: Array, i: int, place: float, alive: float, reach: float) -> None:
+    """Let what attached at a place join a cohort close by, at the place that is their mean."""
+    total = alive + cohort[ALIVE, i]
+    part = alive / total
+    cohort[PLACE, i] += part * (place - cohort[PLACE, i])
+    cohort[REACH, i] += part * (reach - cohort[REACH, i])
+    cohort[ALIVE, i] = total

@@ -1,0 +1,383 @@
+"""Cohorts: the contacts that attached in one panel, at as many places as Gauss quadrature has nodes.
+
+A contact that attached at ``b`` is stretched by ``X - b``; of a mass ``m`` of them ``m J_c(r)`` are attached when their
+largest stretching so far is ``r``. The sum over the nodes of a cohort is the integral over its panel, to an order that
+follows the smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated in parts.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
+from .survival import Table, value_and_slope, value_at
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+COHORT_ROWS = 5
+PLACE, MASS, REACH, WHOLE, COUNT = range(COHORT_ROWS)
+"""Rows of an array of cohorts, shape (5, room, Q): where they attached, mass of newborns, largest stretching; `WHOLE`
+is 1 for a cohort whose nodes are those of Gauss on one panel; `COUNT` is the number attached where they are counted."""
+
+
+class Reading(NamedTuple):
+    """Room for what the slider may break in a step, filled by `gather`.
+
+    Attributes
+    ----------
+    active : ndarray, shape (3, n)
+        Place, mass and reach of nodes that may break.
+    sums : ndarray, shape (3,)
+        Moments of the mass of all nodes that cannot: they add up.
+    kinked : ndarray of int
+        How many cohorts a knot may pass through, and which.
+    """
+
+    active: Array
+    sums: Array
+    kinked: IntArray
+
+
+@bare
+def _is_kinked(cohorts: Array, g: int, origin: float, table: Table, low: float, high: float) -> bool:
+    """Whether a knot of the thresholds passes through a cohort of nodes while the slider is from `low` to `high`."""
+    a, b = cohorts[PLACE, g, 0] - origin, cohorts[PLACE, g, Q - 1] - origin
+    least, most = min(a, b), max(a, b)
+    if most - least < 1e-9 or cohorts[WHOLE, g, 0] == 0.0:
+        return False
+    if low != high and _is_passed(cohorts, g, origin, table, low, high):
+        return True
+    for j in range(Q):
+        if cohorts[REACH, g, j] > abs(origin - cohorts[PLACE, g, j]) + 1e-12:
+            return False  # its reach stays what it was
+    edge = 0.2 * (most - least)
+    ahead = origin - cohorts[PLACE, g, 0] >= 0.0
+    if low != high and ahead != (high > -low):
+        return False  # the slider moves back to where they attached
+    for i in range(table.knots.size):
+        knot = table.knots[i]
+        if ahead and high - least + edge > knot > low - most - edge:
+            return True
+        if not ahead and most - low + edge > knot > least - high - edge:
+            return True
+    return False
+
+
+@bare
+def _is_passed(cohorts: Array, g: int, origin: float, table: Table, low: float, high: float) -> bool:
+    """Whether some of a cohort come to be stretched further than ever, one after the other."""
+    sign = 1.0 if high > -low else -1.0
+    first, last, widest = np.inf, -np.inf, 0.0
+    for j in range(Q):
+        r, x = cohorts[REACH, g, j], origin - cohorts[PLACE, g, j]
+        widest = max(widest, r)
+        way = r - sign * x  # until it passes
+        first, last = min(first, way), max(last, way)
+    far = max(high, -low)
+    return bool(last - first > 1e-9 and last > 1e-12 and first < far and widest + far > table.bottom)
+
+
+@inlined
+def _inside(cohorts: Array, row: int, g: int, u: float) -> float:
+    """Place of birth, or births per unit of `u`, at ``0 <= u <= 1`` in the panel that a cohort stands for."""
+    total = 0.0
+    for a in range(Q - 1, -1, -1):
+        c = 0.0
+        for b in range(Q):
+            value = cohorts[row, g, b]
+            if row == MASS:
+                value /= WEIGHT[b]
+            c += GAUSS_MONOMIAL[a, b] * value
+        total = total * u + c
+    return total
+
+
+_EVER = -1.0
+"""In place of a knot: the largest stretching so far."""
+
+
+@inlined
+def _beyond(cohorts: Array, g: int, X: float, knot: float, sign: float, u: float) -> float:
+    """How far the contacts at a place in a panel are stretched beyond a knot, or beyond their reach."""
+    x = X - _inside(cohorts, PLACE, g, u)
+    return abs(x) - _inside(cohorts, REACH, g, u) if knot == _EVER else x * sign - knot
+
+
+@bare
+def _cut(cohorts: Array, g: int, X: float, knot: float) -> float:
+    """Where in a panel the contacts are stretched by `knot`, or as far as ever; outside of (0, 1) nowhere."""
+    sign = 1.0 if X - cohorts[PLACE, g, 0] >= 0.0 else -1.0
+    a, b = 0.0, 1.0
+    fa, fb = _beyond(cohorts, g, X, knot, sign, a), _beyond(cohorts, g, X, knot, sign, b)
+    if fa * fb >= 0.0 or max(abs(fa), abs(fb)) < 1e-9:
+        return 2.0
+    for _ in range(50):
+        u = 0.5 * (a + b)
+        if _beyond(cohorts, g, X, knot, sign, u) * fa > 0.0:
+            a = u
+        else:
+            b = u
+    return 0.5 * (a + b)
+
+
+@bare
+def _next_cut(cohorts: Array, g: int, X: float, table: Table, after: float) -> float:
+    """The first cut after a place in a panel, by a knot or by the limit of what is stretched further than ever."""
+    end = 1.0
+    u = _cut(cohorts, g, X, _EVER)
+    if after + 1e-9 < u < end:
+        end = u
+    for i in range(table.knots.size):
+        u = _cut(cohorts, g, X, table.knots[i])
+        if after + 1e-9 < u < end:
+            end = u
+    return end
+
+
+@bare
+def _in_parts(cohorts: Array, g: int, origin: float, table: Table, y: float) -> tuple[float, float, float, float]:
+    """Force, attached fraction, slope and energy of a cohort, integrated between the knots that lie in it."""
+    F = A = S = E = 0.0
+    begin = 0.0
+    X = origin + y
+    while begin < 1.0:
+        end = _next_cut(cohorts, g, X, table, begin)
+        for j in range(Q):
+            u = begin + (end - begin) * GAUSS[j]
+            m = (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u)
+            x = X - _inside(cohorts, PLACE, g, u)
+            r = _inside(cohorts, REACH, g, u)
+            if abs(x) > r - 1e-12:
+                J, slope = value_and_slope(table, abs(x))
+                S += m * (J + abs(x) * slope)
+            else:
+                J = value_at(table, r)
+                S += m * J
+            A += m * J
+            F += m * J * x
+            E += m * J * x * x
+        begin = end
+    return F, A, S, E
+
+
+@bare
+def gather(cohorts: Array, used: int, origin: float, reading: Reading, table: Table, low: float, high: float) -> int:
+    """Nodes that may break while the slider is from `low` to `high`; the others are added up."""
+    m0 = m1 = m2 = 0.0
+    count = 0
+    active = reading.active
+    kinks = 0
+    for g in range(used):
+        if _is_kinked(cohorts, g, origin, table, low, high):
+            kinks += 1
+            reading.kinked[kinks] = g
+            continue
+        for j in range(Q):
+            m = cohorts[MASS, g, j]
+            if m == 0.0:
+                continue
+            d = cohorts[PLACE, g, j] - origin
+            r = cohorts[REACH, g, j]
+            if r >= table.top:
+                continue
+            if r < table.bottom and high - d < table.bottom and d - low < table.bottom:
+                m0 += m
+                m1 += m * d
+                m2 += m * d * d
+            else:
+                active[0, count] = d
+                active[1, count] = m
+                active[2, count] = r
+                count += 1
+    reading.sums[0], reading.sums[1], reading.sums[2] = m0, m1, m2
+    reading.kinked[0] = kinks
+    return count
+
+
+@bare
+def force_at(
+    reading: Reading, cohorts: Array, origin: float, count: int, table: Table, y: float
+) -> tuple[float, float, float, float]:
+    """Force, attached fraction, slope of the force, energy of what was attached before, at `y` from the origin."""
+    sums, active = reading.sums, reading.active
+    F, A, S = sums[0] * y - sums[1], sums[0], sums[0]
+    E = sums[0] * y * y - 2.0 * sums[1] * y + sums[2]
+    for i in range(count):
+        x = y - active[0, i]
+        r = active[2, i]
+        m = active[1, i]
+        a = abs(x)
+        if a > r:
+            J, slope = value_and_slope(table, a)
+            S += m * (J + a * slope)
+        else:
+            J = value_at(table, r)
+            S += m * J
+        mJ = m * J
+        A += mJ
+        F += mJ * x
+        E += mJ * x * x
+    for i in range(reading.kinked[0]):
+        f, a, s, e = _in_parts(cohorts, reading.kinked[i + 1], origin, table, y)
+        F += f
+        A += a
+        S += s
+        E += e
+    return F, A, S, 0.5 * E
+
+
+@bare
+def kink_at(cohorts: Array, used: int, table: Table, level: float) -> float:
+    """How much the slope of the force falls where the slider passes a place at which it has turned."""
+    jump = 0.0
+    for g in range(used):
+        for j in range(Q):
+            r = cohorts[REACH, g, j]
+            if table.bottom < r < table.top and abs(abs(level - cohorts[PLACE, g, j]) - r) < 1e-9:
+                jump -= cohorts[MASS, g, j] * r * value_and_slope(table, r)[1]
+    return abs(jump)
+
+
+@bare
+def divide(cohorts: Array, used: int, X: float, table: Table, room: int) -> int:
+    """Divide the cohorts through which a knot passes, as there is room: when the slider turns, their reach stays.
+
+    Returns the number of cohorts.
+    """
+    count = used
+    for g in range(used):
+        if not _is_kinked(cohorts, g, X, table, 0.0, 0.0):
+            continue
+        first = begin = _next_cut(cohorts, g, X, table, 0.0)
+        while begin < 1.0 and count < room - 1:
+            end = _next_cut(cohorts, g, X, table, begin)
+            _part(cohorts, g, count, X, begin, end)
+            count += 1
+            begin = end
+        if first < 1.0 and begin == 1.0:
+            _part(cohorts, g, count, X, 0.0, first)
+            for j in range(Q):
+                for row in range(4):
+                    cohorts[row, g, j] = cohorts[row, count, j]
+    return count
+
+
+@bare
+def divide_passed(cohorts: Array, used: int, X: float, table: Table, room: int) -> int:
+    """Divide cohorts of which some are stretched further than ever, and others not. Returns the number of cohorts."""
+    count = used
+    for g in range(used):
+        ahead, widest = 0, 0.0
+        for j in range(Q):
+            x = abs(X - cohorts[PLACE, g, j])
+            widest = max(widest, x)
+            if x > cohorts[REACH, g, j]:
+                ahead += 1
+        if ahead == 0 or ahead == Q or widest < table.bottom or cohorts[WHOLE, g, 0] == 0.0:
+            continue
+        u = _cut(cohorts, g, X, _EVER)
+        if u < 1.0 and count < room - 1:
+            _part(cohorts, g, count + 1, X, 0.0, u)
+            _part(cohorts, g, count, X, u, 1.0)
+            for j in range(Q):
+                for row in range(4):
+                    cohorts[row, g, j] = cohorts[row, count + 1, j]
+            count += 1
+    return count
+
+
+@bare
+def _part(cohorts: Array, g: int, n: int, X: float, begin: float, end: float) -> None:
+    """Make cohort `n` of a part of the panel of cohort `g`."""
+    for j in range(Q):
+        u = begin + (end - begin) * GAUSS[j]
+        b = _inside(cohorts, PLACE, g, u)
+        cohorts[PLACE, n, j], cohorts[MASS, n, j] = b, (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u)
+        cohorts[REACH, n, j] = max(abs(X - b), _inside(cohorts, REACH, g, u))
+        cohorts[WHOLE, n, j] = 1.0
+
+
+def merged(cohorts: Array, used: int, table: Table, width: float) -> Array:
+    """Join cohorts that lie close to each other and reach equally far: their moments stay up to order ``2 Q - 1``.
+
+    A slider that rings for long attaches contacts in many short panels on the same few places.
+    """
+    b, m, r = cohorts[PLACE, :used], cohorts[MASS, :used], cohorts[REACH, :used]
+    # A reach that was made by the slider at one place is that place less where they attached, or the reverse.
+    ahead, back = r + b, b - r
+    free = np.all(r < table.bottom, axis=1)
+    forth = ~free & (np.ptp(ahead, axis=1) < 1e-10)
+    kind = np.where(free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3)))
+    level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
+    order = np.lexsort((b.mean(axis=1), np.round(level, 9), kind))
+    extent = width * (0.02 if table.knots.size else 0.5)
+    made: list[Array] = []
+    run: list[int] = []
+
+    def close() -> None:
+        if len(run) == 1:
+            made.append(cohorts[:, run[0]])
+        elif run:
+            x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
+            k = kind[run[0]]
+            reach = level[run[0]] - x if k == 1 else x - level[run[0]] if k == 2 else np.full(Q, r[run].max())
+            made.append(np.stack([x, weight, reach, np.zeros(Q), np.zeros(Q)]))
+        run.clear()
+
+    for g in order.tolist():
+        if run:
+            h = run[0]
+            low, high = min(b[run].min(), b[g].min()), max(b[run].max(), b[g].max())
+            same = kind[g] == kind[h] != 3 and abs(level[g] - level[h]) < 1e-8
+            if not same or high - low > extent:
+                close()
+        run.append(g)
+    close()
+    return np.stack(made, axis=1) if made else cohorts[:, :0]
+
+
+def gauss_rule(x: Array, weight: Array, count: int = Q) -> tuple[Array, Array]:
+    """Nodes and weights with the moments of many masses: the three-term recursion of Lanczos, and its eigenvalues."""
+    total = weight.sum()
+    positive = np.maximum(weight, 0.0)
+    if total <= 0.0 or positive.sum() <= 0.0:
+        return np.full(count, x.mean()), np.full(count, total / count)
+    share = positive / positive.sum()
+    centre, half = share @ x, max(0.5 * float(np.ptp(x)), 1e-300)
+    t = (x - centre) / half
+    vectors = [np.sqrt(share)]
+    diagonal, beside = [], []
+    for _ in range(count):
+        v = t * vectors[-1]
+        diagonal.append(float(vectors[-1] @ v))
+        for _ in range(2):
+            for u in vectors:
+                v = v - (u @ v) * u
+        size = float(np.sqrt(v @ v))
+        if size < 1e-10 or len(vectors) == count:
+            break
+        beside.append(size)
+        vectors.append(v / size)
+    matrix = np.diag(diagonal) + np.diag(beside[: len(diagonal) - 1], 1) + np.diag(beside[: len(diagonal) - 1], -1)
+    place, vector = np.linalg.eigh(matrix)
+    nodes, masses = np.full(count, centre), np.zeros(count)
+    nodes[: place.size], masses[: place.size] = centre + half * place, total * vector[0] ** 2
+    return nodes, masses
+
+
+def spread_out(cohorts: Array, spacing: float) -> tuple[Array, Array, Array]:
+    """Places, masses and reaches of all cohorts; those of whole panels at as many places as their length needs."""
+    whole = cohorts[WHOLE, :, 0] > 0.0
+    parts = [cohorts[:3, ~whole].reshape(3, -1)]
+    for cohort in np.moveaxis(cohorts[:3, whole], 1, 0):
+        count = max(int(np.ptp(cohort[PLACE]) / spacing), Q)
+        u = (np.arange(count) + 0.5) / count
+        powers = np.vander(u, Q, increasing=True) @ GAUSS_MONOMIAL
+        mass = powers @ (cohort[MASS] / WEIGHT)
+        mass *= cohort[MASS].sum() / mass.sum() if mass.sum() != 0.0 else 0.0
+        parts.append(np.stack([powers @ cohort[PLACE], mass, np.maximum(powers @ cohort[REACH], 0.0)]))
+    place, mass, reach = np.concatenate(parts, axis=1)
+    return place, mass, reach

@@ -1,0 +1,423 @@
+"""A finite number of contacts on panels: how many of each node break and re-attach in a step is drawn.
+
+The contacts of a node of Gauss attached at one place. Which of them break while the slider stretches them further is
+decided only when it does: of ``n`` that have held up to a stretching ``r``, a binomial number breaks on the way to
+``r'``, each with the probability ``1 - J_c(r')/J_c(r)``. Where they attach, in a step, and how long they wait is
+binomial, too. So the counts have the distribution of independent contacts, at a cost that depends on the number of
+nodes only.
+
+A step is solved for the mean of what may happen in it, given the counts at its start; its length follows from that
+mean, so that no outcome is ever rejected. Then the counts are drawn. What more or less has broken than on average does
+so at one random moment in the step, of which the slider feels the rest: force, velocity and position then have the
+variances and correlations that they have if every break has a moment of its own.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .cohorts import COHORT_ROWS, COUNT, MASS, PLACE, REACH, WHOLE
+from .drive import drive_at
+from .oscillator import is_rigid, response
+from .panel_state import WAITING, Case, State, Work
+from .panel_step import element_at, reach
+from .reattachment import in_panel
+from .records import Record
+from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, value
+from .survival import value_at, values_at
+
+Array = NDArray[np.float64]
+
+_GONE = 1e-13
+"""Fraction of contacts so small that none of them is left."""
+_COARSE = 0.02
+"""Largest error of merging two cohorts, in units of the tolerance."""
+
+
+@inlined
+def _drawn(case: Case, count: float, held: float) -> float:
+    """How many of a number break if each holds with a probability."""
+    if held >= 1.0 or count == 0.0:
+        return 0.0
+    if held <= 0.0:
+        return count
+    return float(case.finite.rng.binomial(np.int64(count), 1.0 - held))
+
+
+@bare
+def deviation(work: Work, case: Case, t: float, row: Record, force: float, velocity: float) -> None:
+    """Add to a row of samples at a time what the deviation from the mean has done by then.
+
+    `force` and `velocity` are those of the mean.
+    """
+    extra = work.fluctuation
+    h = t - extra.time
+    if h < 0.0 or (extra.force == 0.0 and extra.fraction == 0.0):
+        return
+    D, L = extra.fraction, extra.energy
+    way = extra.velocity * h
+    x = 0.0
+    slider = case.slider
+    if not is_rigid(slider):
+        K, M, eta = slider.stiffness, slider.mass, slider.damping
+        _, r, r1, r2, r3 = response(h, eta, extra.frequency2)
+        a, b = extra.force / M, D * extra.velocity / M
+        v, x, area = a * r + b * r1, a * r1 + b * r2, a * r2 + b * r3
+        row.position += x
+        row.velocity += v
+        row.work -= K * drive_at(case.drive, t - 0.5 * h)[1] * area
+        squares = 2.0 * (velocity * x - extra.acceleration * area)
+        if eta > 0.0:  # from the energy of the free oscillation, and what the forces do
+            free = 0.5 * (v * v + extra.frequency2 * x * x)
+            squares += max(a * x + b * (h * x - area) - free, 0.0) / eta
+        row.damped += M * eta * squares
+        row.lost += extra.loss_rate * area
+    row.lost += L
+    stiffness = max(extra.frequency2 * slider.mass - slider.stiffness, 0.0) if x != 0.0 else 0.0
+    row.contact_force += stiffness * x - extra.force - D * way
+    far = way + x
+    row.stored += force * x + 0.5 * (stiffness + D) * x * x - L - extra.force * far - 0.5 * D * far * far
+    row.attached -= extra.detached
+
+
+@bare
+def deviate(row: Record, t: float, start: Record, end: Record, work: Work, case: Case) -> None:
+    """Add the deviation from the mean to a sample of it, with energy lost no sooner than it is."""
+    part = work.nodes[P].lost
+    part = min(max((row.lost - start.lost) / part, 0.0), 1.0) if part != 0.0 else 0.0
+    deviation(work, case, t, row, row.contact_force, row.velocity)
+    row.attached = min(max(row.attached, 0.0), 1.0)
+    total = row.stored + row.lost
+    row.lost = min(start.lost + part * (end.lost - start.lost), total)
+    row.stored = total - row.lost
+
+
+@bare
+def settle(state: State, work: Work, case: Case, dt: float, start: Record, way: float) -> None:
+    """Draw what breaks and re-attaches in a step that has been solved, and taken, for the mean.
+
+    The cohorts are still those of its start, of which `start` holds the motion; the slider moved the way `way`.
+    """
+    cohorts, motion, nodes, extra, N = state.cohorts, state.motion, work.nodes, work.fluctuation, case.finite.contacts
+    table, origin = case.table, start.position
+    low, high = reach(nodes)
+    u = case.finite.rng.random()
+    place = value(nodes.x, work.curves.x, u)
+    e = element_at(state, case, place) if case.sliding_force > 0.0 else 0.0
+    total = excess = force = energy = 0.0
+    for g in range(state.used.cohorts):
+        for j in range(Q):
+            n = cohorts[COUNT, g, j]
+            if n == 0.0:
+                continue
+            b, r = cohorts[PLACE, g, j], cohorts[REACH, g, j]
+            most = max(r, origin + high - b, b - origin - low)
+            if most > r and most > table.bottom:
+                held = min(max(N * cohorts[MASS, g, j] * value_at(table, most) / n, 0.0), 1.0)
+                k = _drawn(case, n, held)
+                more = k - n * (1.0 - held)
+                x = origin + place - b
+                excess += more
+                force += more * (x - e)
+                energy += 0.5 * more * (x * x - e * e)
+                cohorts[COUNT, g, j] = n - k
+                total += k
+            cohorts[REACH, g, j] = most
+    h = max((1.0 - u) * dt, 1e-300)
+    extra.time, extra.force = start.time + u * dt, force / N
+    extra.fraction, extra.energy = excess / N, energy / N
+    away = 1.0
+    for i in range(case.delays.time.size):
+        if case.delays.time[i] == 0.0:
+            away -= case.delays.weight[i]
+    extra.detached = away * extra.fraction
+    extra.velocity, extra.acceleration = (nodes[P].x - place) / h, (nodes[P].v - value(nodes.v, work.curves.v, u)) / h
+    slope = (nodes[P].force - value(nodes.force, work.curves.force, u)) / h
+    extra.loss_rate = nodes[P].attached * extra.velocity - slope
+    if not is_rigid(case.slider):
+        held = max(nodes[P].attached - extra.fraction, 0.0)
+        extra.frequency2 = (case.slider.stiffness + held) / case.slider.mass
+    deviation(work, case, motion.time, motion, nodes[P].force, nodes[P].v)
+    if case.sliding_force > 0.0:
+        motion.element = element_at(state, case, motion.position - origin)
+    total += _go_on(state, case)
+    motion.broken = start.broken
+    _keep(state, work, case, start, dt, total)
+    reattached = _arrivals(state, case, start.time, motion.time)
+    motion.reattached = start.reattached + reattached / N
+    if reattached > 0.0:
+        _keep(state, work, case, start, dt, _attach(state, work, case, origin, way, reattached))
+    count_up(state, case)
+
+
+@bare
+def _go_on(state: State, case: Case) -> float:
+    """Break what does not hold where the slider has come to lie, and leave out empty nodes; how many broke."""
+    cohorts, table, X = state.cohorts, case.table, state.motion.position
+    total = 0.0
+    kept = 0
+    for g in range(state.used.cohorts):
+        for j in range(Q):
+            n, b, r = cohorts[COUNT, g, j], cohorts[PLACE, g, j], cohorts[REACH, g, j]
+            cohorts[COUNT, g, j] = cohorts[MASS, g, j] = 0.0
+            if n == 0.0:
+                continue
+            x, J = abs(X - b), value_at(table, r)
+            if x > r:
+                before, J, r = J, value_at(table, x), x
+                k = _drawn(case, n, J / before if before > _GONE else 0.0)
+                total += k
+                n -= k
+            kept += _put(cohorts, kept, case, n, b, r)
+    state.used.cohorts = (kept + Q - 1) // Q
+    return total
+
+
+@inlined
+def _put(cohorts: Array, place: int, case: Case, n: float, b: float, r: float) -> int:
+    """Put contacts that attached at `b`, and hold up to `r`, into a place among the nodes; whether there are any."""
+    if n == 0.0:
+        return 0
+    g, j = place // Q, place % Q
+    J = value_at(case.table, r)
+    cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[WHOLE, g, j], cohorts[COUNT, g, j] = b, r, 0.0, n
+    cohorts[MASS, g, j] = n / (case.finite.contacts * J) if J > _GONE else 0.0
+    return 1
+
+
+@inlined
+def _joins(cohorts: Array, place: int, case: Case, n: float, b: float, r: float, X: float) -> bool:
+    """Let contacts join those at a place among the nodes if that is as good as where they attached."""
+    g, j = place // Q, place % Q
+    if place < 0 or n == 0.0 or max(r, cohorts[REACH, g, j]) > case.table.bottom:
+        return False
+    total, way = n + cohorts[COUNT, g, j], b - cohorts[PLACE, g, j]
+    error = total / case.finite.contacts * way * way
+    if abs(way) > case.finite.grain or error > _COARSE * case.accuracy.tolerance:
+        return False
+    b = cohorts[PLACE, g, j] + way * n / total
+    _put(cohorts, place, case, total, b, max(r, cohorts[REACH, g, j], abs(X - b)))
+    return True
+
+
+@bare
+def _keep(state: State, work: Work, case: Case, start: Record, dt: float, more: float) -> None:
+    """Let what has broken in a step, or more of it, wait for its re-attachment."""
+    panels, nodes, delays, motion = state.panels, work.nodes, case.delays, state.motion
+    motion.broken += more / case.finite.contacts
+    if more == 0.0 or delays.time.size + delays.fraction == 0.0:
+        return
+    n = state.used.panels
+    if n > 0 and panels[n - 1, 0] == start.time:
+        n -= 1
+    else:
+        state.used.panels = n + 1
+        panels[n, 0], panels[n, 1] = start.time, dt
+        for i in range(WAITING, panels.shape[1]):
+            panels[n, i] = 0.0
+    for k in range(P + 1):
+        part = nodes[k].broken / nodes[P].broken if nodes[P].broken > 1e-15 else NODE[k]
+        panels[n, 2 + k] = start.broken + min(max(part, 0.0), 1.0) * (motion.broken - start.broken)
+    _wait(panels[n], case, more)
+
+
+@bare
+def _wait(panel: Array, case: Case, more: float) -> None:
+    """Divide what broke in a panel between the delays, and what has a delay from a distribution between its nodes."""
+    delays = case.delays
+    left, rest = more, 1.0
+    for i in range(delays.time.size):
+        k = _drawn(case, left, 1.0 - delays.weight[i] / rest)
+        panel[WAITING + i] += k
+        left -= k
+        rest = max(rest - delays.weight[i], 1e-300)
+    if delays.fraction == 0.0:
+        return
+    k = _drawn(case, left, 1.0 - delays.fraction / rest)
+    left, rest = k, 1.0
+    full = panel[2 + P] - panel[2]
+    for j in range(Q):
+        part = 0.0
+        for a in range(P + 1):
+            part += INCREASE[P - 1, j, a] * (panel[2 + a] - panel[2])
+        part = max(part / full, 0.0)
+        k = left if j == Q - 1 else _drawn(case, left, 1.0 - part / rest)
+        panel[WAITING + delays.time.size + j] += k
+        left -= k
+        rest = max(rest - part, 1e-300)
+
+
+@bare
+def _arrivals(state: State, case: Case, before: float, now: float) -> float:
+    """Draw how many re-attach between two times; they wait no longer."""
+    panels, delays, N = state.panels, case.delays, case.finite.contacts
+    total = 0.0
+    longest = delays.continuous.top if delays.fraction > 0.0 else 0.0
+    for i in range(delays.time.size):
+        longest = max(longest, delays.time[i])
+    for p in range(state.used.panels - 1, -1, -1):
+        start, length = panels[p, 0], panels[p, 1]
+        if start + length < before - longest:
+            break
+        full = panels[p, 2 + P] - panels[p, 2]
+        for i in range(delays.time.size):
+            n, until = panels[p, WAITING + i], now - delays.time[i]
+            if n == 0.0 or until <= start:
+                continue
+            held = 0.0
+            if until < start + length:
+                gone = (in_panel(panels, p, before - delays.time[i]) - panels[p, 2]) / full
+                held = (1.0 - (in_panel(panels, p, until) - panels[p, 2]) / full) / max(1.0 - gone, 1e-14)
+            k = _drawn(case, n, held)
+            panels[p, WAITING + i] = n - k
+            total += k
+        if delays.fraction == 0.0:
+            continue
+        for j in range(Q):
+            i = WAITING + delays.time.size + j
+            n, panels[p, 3 + P + j] = panels[p, i], 0.0
+            if n == 0.0:
+                continue
+            age = now - start - GAUSS[j] * length
+            left = value_at(delays.continuous, max(age, 0.0))
+            first = value_at(delays.continuous, max(age - (now - before), 0.0))
+            k = _drawn(case, n, left / first if first > _GONE else 0.0)
+            total += k
+            panels[p, i] = n - k
+            if left > _GONE:
+                panels[p, 3 + P + j] = (n - k) / (N * delays.fraction * left)
+    return total
+
+
+@bare
+def _attach(state: State, work: Work, case: Case, origin: float, way: float, reattached: float) -> float:
+    """Put what re-attaches in a step where the slider is on the way; how many have broken again by its end."""
+    cohorts, nodes, newborn = state.cohorts, work.nodes, case.newborn
+    X, place = state.motion.position, Q * state.used.cohorts
+    broken = 0.0
+    left, rest = reattached, 1.0
+    for j in range(Q):
+        part = b = 0.0
+        for a in range(1, P + 1):
+            part += INCREASE[P - 1, j, a] * nodes[a].reattached
+            b += PART[P - 1, j, a] * nodes[a].x
+        part = max(part / nodes[P].reattached, 0.0) if nodes[P].reattached > 1e-15 else WEIGHT[j]
+        here = left if j == Q - 1 else _drawn(case, left, 1.0 - part / rest)
+        left -= here
+        rest = max(rest - part, 1e-300)
+        more, other = here, 1.0
+        for i in range(newborn.stretching.size):
+            n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
+            more -= n
+            other = max(other - newborn.fraction[i], 1e-300)
+            at, r = origin + b - way * newborn.stretching[i], abs(newborn.stretching[i])
+            x = abs(X - at)
+            if x > r:
+                k = _drawn(case, n, value_at(case.table, x) / value_at(case.table, r))
+                broken += k
+                n -= k
+                r = x
+            if not _joins(cohorts, place - 1, case, n, at, r, X):
+                place += _put(cohorts, place, case, n, at, r)
+    _fill_up(state, place)
+    return broken
+
+
+@bare
+def _fill_up(state: State, place: int) -> None:
+    """Let the cohorts end after some places; the rest of the last is empty."""
+    state.used.cohorts = (place + Q - 1) // Q
+    for i in range(place, Q * state.used.cohorts):
+        for row in range(COHORT_ROWS):
+            state.cohorts[row, i // Q, i % Q] = 0.0
+
+
+@bare
+def attach_all(state: State, case: Case) -> None:
+    """Let all that is detached re-attach where the slider is, stretched the way it has moved last."""
+    motion, newborn, N = state.motion, case.newborn, case.finite.contacts
+    more, other, place = N * motion.mass_out + 0.5, 1.0, Q * state.used.cohorts
+    more = math.floor(more)
+    for i in range(newborn.stretching.size):
+        x = motion.direction * newborn.stretching[i]
+        n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
+        more -= n
+        other = max(other - newborn.fraction[i], 1e-300)
+        place += _put(state.cohorts, place, case, n, motion.position - x, abs(x))
+    _fill_up(state, place)
+    count_up(state, case)
+
+
+@bare
+def count_up(state: State, case: Case) -> None:
+    """Take force, attached fraction and energy from the counts; energy that is no longer stored is lost."""
+    cohorts, motion, N = state.cohorts, state.motion, case.finite.contacts
+    A = F = E = 0.0
+    for g in range(state.used.cohorts):
+        for j in range(Q):
+            n, x = cohorts[COUNT, g, j], motion.position - cohorts[PLACE, g, j]
+            A += n
+            F += n * x
+            E += n * x * x
+    e = motion.element
+    stored = 0.5 * (E + (N - A) * e * e) / N
+    motion.contact_force = (F + (N - A) * e) / N
+    motion.attached = motion.mass_in = A / N
+    motion.mass_out = (N - A) / N
+    motion.lost += motion.stored - stored
+    motion.stored = stored
+
+
+def counted(state: State, case: Case, count: int) -> State:
+    """Return a state as `initial_state` makes it with a number of contacts in place of fractions of infinitely many."""
+    table, delays, rng = case.table, case.delays, case.finite.rng
+    state = copy.deepcopy(state)
+    used, cohorts, panels, motion = state.used, state.cohorts, state.panels, state.motion
+    n, N = used.cohorts, float(count)
+    reach = cohorts[REACH, :n]
+    alive = values_at(table, reach.ravel()).reshape(reach.shape)
+    weight = cohorts[MASS, :n] * np.maximum(alive, 1e-12)
+    attached = round(count * float(weight.sum()))
+    held = rng.multinomial(attached, (weight / weight.sum()).ravel()).reshape(weight.shape)
+    cohorts[COUNT, :n], cohorts[MASS, :n], cohorts[WHOLE, :n] = held, held / (N * np.maximum(alive, 1e-12)), 0.0
+    if attached < count:
+        past, t = panels[: used.panels], motion.time
+        end = past[:, :1] + past[:, 1:2] + delays.time - t
+        parts = np.zeros((len(past), delays.time.size + Q))
+        parts[:, : delays.time.size] = delays.weight * np.clip(end, 0.0, past[:, 1:2])
+        if delays.fraction > 0.0:
+            age = t - past[:, :1] - GAUSS * past[:, 1:2]
+            left = values_at(delays.continuous, age.ravel()).reshape(age.shape)
+            parts[:, delays.time.size :] = delays.fraction * past[:, 1:2] * WEIGHT * left
+        past[:, WAITING:] = rng.multinomial(count - attached, (parts / parts.sum()).ravel()).reshape(parts.shape)
+        if delays.fraction > 0.0:
+            waiting = past[:, WAITING + delays.time.size :]
+            parted = N * delays.fraction * np.maximum(left, _GONE)
+            past[:, 3 + P : WAITING] = np.where(left > _GONE, waiting / parted, 0)
+    x = motion.position - cohorts[PLACE, :n]
+    e = motion.element
+    motion.attached = motion.mass_in = attached / N
+    motion.mass_out = (count - attached) / N
+    motion.contact_force = (float(np.sum(held * x)) + (count - attached) * e) / N
+    motion.stored = 0.5 * (float(np.sum(held * x * x)) + (count - attached) * e * e) / N
+    return state
+
+
+def joined(cohorts: Array, used: int, case: Case) -> Array:
+    """Join nodes that lie close to each other and reach nearly as far; none of the contacts is lost."""
+    birth, reach, count = (cohorts[row, :used].ravel() for row in (PLACE, REACH, COUNT))
+    cell = np.round(np.stack([birth, reach])[:, count > 0] / (0.3 * case.finite.grain))
+    birth, reach, count = birth[count > 0], reach[count > 0], count[count > 0]
+    kinds, which = np.unique(cell, axis=1, return_inverse=True)
+    total = np.bincount(which.ravel(), count, kinds.shape[1])
+    b, r = (np.bincount(which.ravel(), count * value, kinds.shape[1]) / total for value in (birth, reach))
+    made = np.zeros((COHORT_ROWS, -(-total.size // Q) * Q))
+    alive = values_at(case.table, r)
+    made[PLACE, : b.size], made[REACH, : b.size], made[COUNT, : b.size] = b, r, np.round(total)
+    made[MASS, : b.size] = np.where(alive > _GONE, total / (case.finite.contacts * np.maximum(alive, _GONE)), 0.0)
+    return made.reshape(COHORT_ROWS, -1, Q)

@@ -1,0 +1,311 @@
+"""The slider between two events of contacts, and the sums over contacts that its force needs.
+
+Between two events the slider is a damped oscillator of known stiffness, `flight`, and samples are read off its closed
+form. There are two limits: rigid motion, and a slider without mass, which is in balance at every moment and leaps when
+a contact breaks.
+
+Detached contacts share one stretching ``y``, which follows the slider with stiffness 1 and slides at ``+-f_d``.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
+from .flight import NEAR, Flight, at, energies, take_off
+from .oscillator import Slider
+
+Floats = NDArray[np.float64]
+
+
+class Motion:
+    """Where the slider is, what is summed over the contacts, and how far samples and random numbers are used.
+
+    A record of an array, which numba reads and writes by these names.
+    """
+
+    time: float
+    position: float
+    velocity: float
+    births: float
+    """Sum of stiffness times position of birth, about `reference`, of the attached contacts."""
+    squares: float
+    """The same of the squares."""
+    reference: float
+    stiffness: float
+    """Of all attached contacts together."""
+    work: float
+    damped: float
+    broken: float
+    sliding_force: float
+    anchor: float
+    """Position of the slider at which the detached contacts, while elastic, have no force."""
+    looked: float
+    """Position of the slider at the time of a look."""
+    least: float
+    """No attached contact has a smaller key in the queue of those behind."""
+    attached: int
+    sample: int
+    events: int
+    breaks: int
+    breaks_at_arrest: int
+    """Breaks up to the last arrest."""
+    slides: int
+    """Sign of the motion in which the detached contacts slide, 0 while they are elastic."""
+    slid: int
+    """The side to which they slid just now, until the slider turns round: 1, -1, or 0 for none."""
+    direction: int
+    """In which the slider moved last: 1 or -1."""
+    keeps_behind: int
+    """Whether the queue of those behind is kept."""
+    attachments: int
+    """Since the last summing up."""
+    thresholds_used: int
+    delays_used: int
+    variates_used: int
+
+
+MOTION = np.dtype([(name, kind) for name, kind in Motion.__annotations__.items()])
+
+
+def make_motion(X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.0, slides: int = 0) -> Sequence[Motion]:
+    """Return the array of the one record; `slides` is 1 or -1 if the detached contacts slide already."""
+    motion: Any = np.zeros(1, MOTION).view(np.recarray)
+    motion.position = motion.anchor = motion.reference = X
+    motion.velocity, motion.sliding_force, motion.slides = velocity, sliding_force, slides
+    motion.direction = -1 if velocity < 0 else 1
+    return motion  # type: ignore[no-any-return]
+
+
+class Piece(NamedTuple):
+    """A piece of the drive up to `end`, or to a condition seen at a sample.
+
+    `look` is a time at which the caller wants to look at the contacts: the engine then returns before the flight that
+    passes it, so that looking changes nothing.
+    """
+
+    drive: Quadratic
+    end: float
+    stop: Stop = Stop()
+    look: float = math.inf
+
+
+class Sampling(NamedTuple):
+    """Rising times at which to sample, shape (n,), and the samples, shape (n, 8), filled with `COLUMNS`.
+
+    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the
+    start, work of the drive, energy lost to damping and in breaks; all per contact.
+    """
+
+    times: Floats
+    samples: Floats
+
+
+COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
+
+
+class Constants(NamedTuple):
+    """Constants of a call: Eq. (11), the sliding force of detached contacts, the number of contacts.
+
+    `near` is the time up to which the short Taylor expansion does.
+    """
+
+    K: float
+    inverse_mass: float
+    eta: float
+    drag: float
+    near: float
+    f_d: float
+    N: float
+    part: float
+    rigid: bool
+    massless: bool
+
+
+class Leg(NamedTuple):
+    """A flight from one event towards the next: where it begins, with which forces, and its motion.
+
+    `n` is the stiffness of the attached contacts, `free` the number of the detached if they carry a force.
+    """
+
+    t: float
+    X: float
+    n: float
+    free: float
+    F_d: float
+    drive_v: float
+    motion: Flight
+
+
+@inlined
+def constants(slider: Slider, f_d: float, N: float, stiffest: float) -> Constants:
+    """Return the constants of a call; `stiffest` is the largest mean stiffness that the contacts can reach."""
+    part = 1.0 / N
+    if math.isinf(slider.stiffness):
+        return Constants(0.0, 0.0, 0.0, 0.0, math.inf, f_d, N, part, True, False)
+    if slider.mass == 0.0:
+        return Constants(slider.stiffness, 0.0, 0.0, 0.0, math.inf, f_d, N, part, False, True)
+    inverse_mass = 1.0 / slider.mass
+    drag = slider.damping / inverse_mass
+    fastest = slider.damping + math.sqrt((slider.stiffness + stiffest) * inverse_mass)
+    return Constants(slider.stiffness, inverse_mass, slider.damping, drag, NEAR / fastest, f_d, N, part, False, False)
+
+
+@inlined
+def detached_stretching(m: Motion, X: float) -> float:
+    """Common stretching of the detached contacts with the slider at `X`."""
+    return m.slides * m.sliding_force if m.slides != 0 else X - m.anchor
+
+
+@inlined
+def contact_force(m: Motion, N: float) -> float:
+    """Friction force, per contact."""
+    force = m.stiffness * (m.position - m.reference) - m.births
+    if m.sliding_force > 0.0:
+        force += (N - m.attached) * detached_stretching(m, m.position)
+    return force / N
+
+
+@inlined
+def set_out(m: Motion, drive: Quadratic, c: Constants) -> Leg:
+    """Motion from here on, if nothing happened."""
+    t, X = m.time, m.position
+    D, drive_v = drive_at(drive, t)
+    n = m.stiffness
+    free = c.N - m.attached if c.f_d > 0.0 else 0.0
+    F_d = c.K * (D - X)
+    stiffness = n + free if m.slides == 0 else n
+    if c.rigid or c.massless:
+        v = drive_v if c.rigid else c.K * drive_v / (c.K + stiffness * c.part)
+        return Leg(t, X, n, free, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0))
+    F_c = n * (X - m.reference) - m.births
+    if c.f_d > 0.0:
+        F_c += free * detached_stretching(m, X)
+    flight = take_off(
+        c.eta,
+        (c.K + stiffness * c.part) * c.inverse_mass,
+        c.near,
+        m.velocity,
+        (F_d - F_c * c.part) * c.inverse_mass,
+        c.K * drive_v * c.inverse_mass,
+        0.5 * c.K * drive.acceleration * c.inverse_mass,
+    )
+    return Leg(t, X, n, free, F_d, drive_v, flight)
+
+
+@inlined
+def balance(m: Motion, drive: Quadratic, c: Constants) -> float:
+    """Where a slider without mass is in balance."""
+    pull = c.K * drive_at(drive, m.time)[0] + (m.stiffness * m.reference + m.births) * c.part
+    stiffness = c.K + m.stiffness * c.part
+    if c.f_d > 0.0:
+        free = (c.N - m.attached) * c.part
+        if m.slides == 0:
+            pull += free * m.anchor
+            stiffness += free
+        else:
+            pull -= free * m.slides * c.f_d
+    return pull / stiffness
+
+
+@inlined
+def sample(m: Motion, row: Floats, leg: Leg, part: float, a: float, c: Constants) -> None:
+    """Fill a row with what the flight passes a time `part` after its beginning."""
+    n = leg.n
+    y, u = at(leg.motion, part)
+    x = leg.X + y - m.reference
+    row[0] = leg.X + y
+    row[1] = u
+    row[2] = (n * x - m.births) * c.part
+    row[3] = m.attached / c.N
+    row[4] = 0.5 * (n * x * x - 2.0 * x * m.births + m.squares) * c.part
+    row[5], row[6], row[7] = m.work, m.damped, m.broken
+    if c.f_d > 0.0:
+        free = leg.free * c.part
+        slid = detached_stretching(m, row[0])
+        row[2] += free * slid
+        row[4] += 0.5 * free * slid * slid
+        row[7] += free * m.slides * c.f_d * y
+    if not c.rigid:
+        work, squares = energies(leg.motion, part, y, u, leg.F_d, c.K, leg.drive_v, a)
+        row[5] += work
+        row[6] += c.drag * squares
+
+
+@inlined
+def sample_until(m: Motion, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants) -> bool:
+    """Fill the samples up to `end`, or to the first at which the condition holds, and go there; whether it does."""
+    drive = piece.drive
+    while m.sample < sampling.times.size and sampling.times[m.sample] <= end:
+        time, row = sampling.times[m.sample], sampling.samples[m.sample]
+        sample(m, row, leg, time - leg.t, drive.acceleration, c)
+        m.sample += 1
+        if piece.stop.kind != NOWHERE:
+            D = drive_at(drive, time)[0]
+            if holds(piece.stop, row[0], c.K * (D - row[0])):
+                m.time, m.position, m.velocity = time, row[0], row[1]
+                m.work, m.damped, m.broken = row[5], row[6], row[7]
+                return True
+    return False
+
+
+@inlined
+def fly(m: Motion, leg: Leg, h: float, y: float, u: float, a: float, c: Constants) -> None:
+    """Make the end of the flight the state, but for its time."""
+    if not c.rigid:
+        work, squares = energies(leg.motion, h, y, u, leg.F_d, c.K, leg.drive_v, a)
+        m.work += work
+        m.damped += c.drag * squares
+    if c.f_d > 0.0:
+        m.broken += leg.free * c.part * m.slides * c.f_d * y
+    m.velocity = u
+    m.position = leg.X + y
+    m.events += 1
+    if u != 0.0:
+        m.direction = 1 if u > 0.0 else -1
+
+
+@inlined
+def detached_energy(m: Motion, c: Constants) -> float:
+    """Energy that one detached contact holds, per contact."""
+    if c.f_d == 0.0:
+        return 0.0
+    return 0.5 * c.part * detached_stretching(m, m.position) ** 2
+
+
+@inlined
+def count_in(m: Motion, birth: float, k: float, c: Constants) -> None:
+    """Count a contact of stiffness `k` that attaches: it lets go of the force it slid with, and may be stretched."""
+    x = m.position - birth
+    m.broken += detached_energy(m, c) - 0.5 * k * x * x * c.part
+    y = birth - m.reference
+    m.births += k * y
+    m.squares += k * y * y
+    m.stiffness += k
+    m.attached += 1
+
+
+@inlined
+def count_out(m: Motion, birth: float, k: float, c: Constants) -> None:
+    """Count a contact of stiffness `k` that breaks: what it stored is lost, but for what a detached one holds."""
+    x = m.position - birth
+    m.broken += 0.5 * k * x * x * c.part - detached_energy(m, c)
+    y = birth - m.reference
+    m.births -= k * y
+    m.squares -= k * y * y
+    m.stiffness -= k
+    m.attached -= 1
+    m.breaks += 1
+
+
+@bare
+def leap(m: Motion, to: float, c: Constants) -> None:
+    """Move a slider without mass at once."""
+    if m.slides != 0:
+        m.broken += (c.N - m.attached) * c.part * m.slides * c.f_d * (to - m.position)
+    m.direction = 1 if to >= m.position else -1
+    m.position = to

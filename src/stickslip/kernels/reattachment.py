@@ -1,0 +1,158 @@
+"""Mass that re-attaches during a step: from breaks one delay earlier, and from breaks within the step."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .panel_state import Delays, State, Work
+from .rules import GAUSS, INCREASE, NODE, P, Q, between
+from .survival import value_at
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@bare
+def _broken_at(state: State, i: int, t: float) -> float:
+    """Mass broken up to time `t`, which is before now; the cursor of delay `i` follows."""
+    panels, n = state.panels, state.used.panels
+    k = state.cursor[i]
+    while k < n - 1 and panels[k + 1, 0] <= t:
+        k += 1
+    while k > 0 and panels[k, 0] > t:
+        k -= 1
+    state.cursor[i] = k
+    return in_panel(panels, k, t)
+
+
+@inlined
+def in_panel(panels: Array, k: int, t: float) -> float:
+    """Mass broken up to a time by the polynomial of a panel; before and after it, up to its ends."""
+    return between(panels[k, 2 : 3 + P], min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0))
+
+
+@bare
+def known_reattachment(state: State, work: Work, delays: Delays, dt: float) -> None:
+    """What broke before this step and re-attaches up to each node of it."""
+    nodes = work.nodes
+    t = state.motion.time
+    for k in range(P + 1):
+        nodes[k].known = 0.0
+    for i in range(delays.time.size):
+        tau, weight = delays.time[i], delays.weight[i]
+        if tau == 0.0:
+            continue
+        start = _broken_at(state, i, t - tau)
+        for k in range(1, P + 1):
+            at = t - tau + NODE[k] * dt
+            if at >= t:
+                nodes[k].known += weight * (state.motion.broken - start)
+            else:
+                nodes[k].known += weight * (_broken_at(state, i, at) - start)
+    if delays.fraction > 0.0:
+        _add_spread_delays(state, work, delays, dt)
+
+
+@bare
+def _add_spread_delays(state: State, work: Work, delays: Delays, dt: float) -> None:
+    """Add what re-attaches after a delay of the continuous part."""
+    panels, nodes, table = state.panels, work.nodes, delays.continuous
+    t = state.motion.time
+    for p in range(state.used.panels - 1, -1, -1):
+        if panels[p, 0] + panels[p, 1] < t - table.top:
+            break
+        for j in range(Q):
+            m = panels[p, 3 + P + j]
+            if abs(m) < 1e-17:
+                continue
+            age = t - panels[p, 0] - GAUSS[j] * panels[p, 1]
+            left = value_at(table, age)
+            if left == 0.0:
+                continue
+            for k in range(1, P + 1):
+                nodes[k].known += delays.fraction * m * (left - value_at(table, age + NODE[k] * dt))
+
+
+@bare
+def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
+    """All that re-attaches up to each node: what was known, and what breaks in the step itself."""
+    nodes = work.nodes
+    for k in range(1, P + 1):
+        nodes[k].reattached = nodes[k].known
+    for i in range(delays.time.size):
+        tau, weight = delays.time[i], delays.weight[i]
+        if tau >= dt:
+            continue
+        for k in range(1, P + 1):
+            if tau == 0.0:
+                nodes[k].reattached += weight * nodes[k].broken
+                continue
+            u = NODE[k] - tau / dt
+            if u > 0.0:
+                nodes[k].reattached += weight * between(nodes.broken, u)
+    if delays.fraction > 0.0:
+        for k in range(1, P + 1):
+            total = 0.0
+            for j in range(Q):
+                m = 0.0
+                for a in range(1, P + 1):
+                    m += INCREASE[k - 1, j, a] * nodes[a].broken
+                total += m * (1.0 - value_at(delays.continuous, NODE[k] * (1.0 - GAUSS[j]) * dt))
+            nodes[k].reattached += delays.fraction * total
+
+
+@bare
+def next_front(state: State, delays: Delays, t: float, smallest: float) -> float:
+    """The next time at which what broke at a rough moment re-attaches."""
+    front = math.inf
+    n = state.used.rough
+    size = state.rough.size
+    for i in range(delays.time.size):
+        k = state.front[i]
+        while k < n and state.rough[k % size] + delays.time[i] <= t + smallest:
+            k += 1
+        state.front[i] = k
+        if k < n:
+            front = min(front, state.rough[k % size] + delays.time[i])
+    return float(front)
+
+
+@bare
+def mark_rough(state: State, t: float) -> None:
+    """Remember a moment at which what breaks has no smooth rate."""
+    n, size = state.used.rough, state.rough.size
+    if n == 0 or state.rough[(n - 1) % size] < t:
+        state.rough[n % size] = t
+        state.used.rough = n + 1
+        for i in range(state.front.size):
+            state.front[i] = max(state.front[i], n + 1 - size)
+
+
+@bare
+def forget(state: State, delays: Delays, spare: int) -> bool:
+    """Forget panels of which all has re-attached; whether there is room now, for `spare` cohorts among others."""
+    n = state.used.panels
+    if n == state.panels.shape[0]:
+        first = n - 1
+        t = state.motion.time
+        for i in range(delays.time.size):
+            k = state.cursor[i]
+            while k > 0 and state.panels[k, 0] > t - delays.time[i]:
+                k -= 1
+            first = min(first, k)
+        if delays.fraction > 0.0:
+            while first > 0 and state.panels[first, 0] + state.panels[first, 1] > t - delays.continuous.top:
+                first -= 1
+        if first < n // 2:
+            return False
+        for k in range(first, n):
+            for a in range(state.panels.shape[1]):
+                state.panels[k - first, a] = state.panels[k, a]
+        for i in range(state.cursor.size):
+            state.cursor[i] = max(state.cursor[i] - first, 0)
+        state.used.panels = n - first
+    return bool(state.used.cohorts + spare <= state.cohorts.shape[1])

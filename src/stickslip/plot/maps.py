@@ -1,0 +1,355 @@
+"""Maps: sweeps over one or two parameters, and the stability map around a rig, with what theory says on top."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis, YAxis
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, SymLogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.plot.style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREY,
+    ORANGE,
+    PAGE,
+    VERMILLION,
+    YELLOW,
+    Array,
+    dress,
+    house_style,
+    label,
+    letter,
+    minus,
+    new_axes,
+    new_figure,
+)
+
+REGIMES: dict[str, tuple[str, str, str]] = {
+    "smooth sliding": ("#DDEBF3", "o", ""),
+    "sustained oscillation": (ORANGE, "^", ""),
+    "stick-slip": (BLUE, "s", ""),
+    "undecided": ("#FFFFFF", "d", "/////////"),
+    "seeds differ": ("#FFFFFF", "d", "......."),
+    "failed": ("#FFFFFF", "x", "xxxxxxx"),
+    "not run": ("#FFFFFF", "", ""),
+}
+"""Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
+_STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
+_BOUNDARY = "linear boundary, computed"
+_HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
+_LINE: Any = {"color": BLACK, "linewidth": 1.6, "path_effects": _HALO}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Sweeps
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@house_style()
+def sweep_picture(data: xr.Dataset) -> Figure:
+    """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force along one; starts side by side.
+
+    Parameters
+    ----------
+    data : Dataset
+        A sweep with its ``regime``, or a refinement with the regime of its runs; with ``edge_<axis>`` and
+        ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.theory.with_theory`. Axes are in the
+        order of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of
+        them.
+
+    Raises
+    ------
+    InputError
+        If there are no regimes, or more than two axes beside seed and start.
+    """
+    if "regime" not in data:
+        raise InputError("plot: this sweep holds no variable regime; measure it")
+    if "run" in data.dims:
+        across, up = (str(name)[:-3] for name in data.data_vars if str(name).endswith("_at") and name != "start_at")
+        return _plane(data, _draw_runs, across, up)
+    axes = [str(dim) for dim in data["regime"].dims if dim not in ("seed", "start")]
+    if len(axes) > 2:
+        raise InputError(f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; select the others")
+    if not axes and "seed" not in data.dims:
+        raise InputError("plot: this sweep has no axis to draw along")
+    data = data.sortby([*axes, *(dim for dim in ("seed",) if dim in data.dims)])
+    return _plane(data, _draw_cells, *axes) if len(axes) == 2 else _amplitude_along(data, axes[0] if axes else "seed")
+
+
+def _kinds(data: xr.Dataset) -> xr.DataArray:
+    """What became of each case, in words."""
+
+    def decoded(name: str) -> xr.DataArray:
+        flags, known = data[name].attrs, xr.full_like(data[name], "", dtype=object)
+        for code, word in zip(np.asarray(flags["flag_values"]), flags["flag_meanings"].split(), strict=True):
+            known = known.where(data[name] != code, word.replace("_", " "))
+        return known
+
+    regime, status = decoded("regime").where(lambda kind: kind != "", "not run"), decoded("status")
+    return regime.where(~status.isin(["failed", "not run"]), status)
+
+
+def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
+    """A panel for each start, in which `draw` puts the cases, with what theory says; and one legend."""
+    starts: list[Any] = [None]
+    if "start" in data and data["start"].ndim:
+        starts = np.unique(data["start"].to_numpy().astype(str)).tolist()
+    figure = new_figure(PAGE if len(starts) > 1 else 1.2 * COLUMN, 3.5)
+    panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
+    legend: dict[str, Any] = {}
+    for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
+        if start is not None:
+            letter(ax, f"({'abc'[i]}) {_STARTS.get(start, start)}")
+        limits = draw(ax, data, across, up, start, legend)
+        legend |= _draw_theory(ax, data, across, up)
+        axis_of_parameter(ax.xaxis, data[across])
+        axis_of_parameter(ax.yaxis, data[up])
+        ax.set(**limits)
+        ax.label_outer()
+    order = [kind for kind in REGIMES if kind in legend] + [name for name in legend if name not in REGIMES]
+    legend_below(figure, [legend[name] for name in order])
+    return figure
+
+
+def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, legend: dict[str, Any]) -> dict[str, Any]:
+    """Colour the cell of each case; return the limits of the axes."""
+    kinds = _kinds(data)
+    if "seed" in kinds.dims:
+        first = kinds.isel(seed=0, drop=True)
+        kinds = first.where((kinds == first).all("seed"), "seeds differ")
+    here = (kinds if start is None else kinds.sel(start=start)).transpose(up, across).to_numpy()
+    cells = [_cell_edges(data[name]) for name in (across, up)]
+    for kind, (colour, _, hatch) in REGIMES.items():
+        mine = here == kind
+        if not mine.any() or kind == "not run":
+            continue
+        if hatch:
+            ax.add_collection(_hatched(mine, cells, hatch), autolim=False)
+        else:
+            shown = np.where(mine, 1.0, np.nan)
+            ax.pcolormesh(*cells, shown, cmap=ListedColormap([colour]), rasterized=here.size > 10_000, zorder=0.5)
+        legend.setdefault(kind, Patch(facecolor=colour, hatch=hatch, label=kind, edgecolor=GREY, linewidth=0.5))
+    return {"xlim": cells[0][[0, -1]], "ylim": cells[1][[0, -1]]}
+
+
+def _draw_runs(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, legend: dict[str, Any]) -> dict[str, Any]:
+    """Mark the runs of a refinement, and where it found the regime to change."""
+    mine = data.isel(run=data["start"].to_numpy() == start, crossing=data["start_at"].to_numpy() == start)
+    for kind, style, here in _marks(_kinds(mine).to_numpy()):
+        x, y = mine[across].to_numpy()[here], mine[up].to_numpy()[here]
+        (legend[kind],) = ax.plot(x, y, **style, markersize=4, markeredgewidth=0.4, label=kind)
+    bars: Any = {"color": VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
+    bars |= {"xerr": mine[f"{across}_error"], "yerr": mine[f"{up}_error"], "label": "where the regime changes"}
+    legend["crossing"] = ax.errorbar(mine[f"{across}_at"], mine[f"{up}_at"], **bars)
+    return {}
+
+
+def _marks(kinds: NDArray[Any]) -> Iterator[tuple[str, dict[str, Any], NDArray[np.bool_]]]:
+    """The mark of each kind of case that there is, and where."""
+    for kind, (colour, mark, _) in REGIMES.items():
+        here = kinds == kind
+        if mark and here.any():
+            yield kind, {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": BLACK}, here
+
+
+def _hatched(mine: NDArray[np.bool_], cells: list[Array], hatch: str) -> PolyCollection:
+    """Hatch some cells of a grid."""
+    x, y = cells
+    corners = [
+        [(x[j], y[i]), (x[j + 1], y[i]), (x[j + 1], y[i + 1]), (x[j], y[i + 1])] for i, j in np.argwhere(mine).tolist()
+    ]
+    return PolyCollection(corners, facecolor="white", edgecolor=GREY, hatch=hatch, linewidth=0, zorder=0.5)
+
+
+def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, Any]:
+    """Draw the boundary and the lower edge of the bistable band; return their lines by name."""
+    drawn: dict[str, Any] = {}
+    for name, draw in ((across, ax.axvline), (up, ax.axhline)):  # theory knows one of the axes only
+        if f"edge_{name}" in data and "edge_curve" not in data:
+            for value in data[f"edge_{name}"].to_numpy().tolist():
+                drawn["boundary"] = draw(value, **_LINE, label=_BOUNDARY)
+    if "edge_curve" in data:
+        for x, y, _ in _curves(data, across, up, "edge_curve"):
+            (drawn["boundary"],) = ax.plot(x, y, **_LINE, zorder=1.9, label=_BOUNDARY)
+    if f"band_{up}_fold" in data and data.sizes["band"]:
+        fold = data.sortby(f"band_{across}")
+        style: Any = {"color": VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "marker": "o", "markersize": 3}
+        style |= {"path_effects": _HALO, "label": "stick-slip decays (fold), computed"}
+        (drawn["fold"],) = ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **style)
+    return drawn
+
+
+def _curves(data: xr.Dataset, across: str, up: str, number: str) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+    """The curves of a boundary, one by one, and which points are of each."""
+    of, x, y = (data[name].to_numpy() for name in (number, f"edge_{across}", f"edge_{up}"))
+    for curve in np.unique(of):
+        yield x[of == curve], y[of == curve], of == curve
+
+
+def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
+    """The oscillation of the force along one parameter, and what theory says."""
+    if "peak_to_peak" not in data:
+        raise InputError("plot: this sweep holds no variable peak_to_peak; measure it to draw it along an axis")
+    ax = new_axes(1.4 * COLUMN, 3.0)
+    oscillation = data["peak_to_peak"].transpose(axis, ...)
+    starts = [str(start) for start in data["start"].values] if "start" in oscillation.dims else [None]
+    for start, dashes in zip(starts, ("-", (0, (4, 2))), strict=False):
+        mine = oscillation if start is None else oscillation.sel(start=start)
+        middle = mine.median("seed") if "seed" in mine.dims and axis != "seed" else mine
+        name = _STARTS.get(str(start), "")
+        ax.plot(data[axis], middle, color=GREY, linewidth=0.9, linestyle=dashes, label=name, zorder=1)
+    place = data[axis].broadcast_like(oscillation).transpose(*oscillation.dims).to_numpy()
+    for kind, style, here in _marks(_kinds(data).transpose(*oscillation.dims).to_numpy()):
+        if np.isfinite(values := oscillation.to_numpy()[here]).any():
+            ax.plot(place[here], values, **style, markersize=4.5, markeredgewidth=0.5, label=kind)
+    if f"edge_{axis}" in data:
+        for i, value in enumerate(data[f"edge_{axis}"].to_numpy()):
+            ax.axvline(value, color=BLACK, linewidth=1.2, label=None if i else _BOUNDARY, zorder=0.5)
+    if f"band_{axis}_low" in data:
+        ends = (data[f"band_{axis}_{end}"].to_numpy() for end in ("low", "high"))
+        for i, (low, high) in enumerate(zip(*ends, strict=True)):
+            ax.axvspan(low, high, color=YELLOW, alpha=0.3, linewidth=0, label=None if i else "both last, computed")
+    axis_of_parameter(ax.xaxis, data[axis])
+    dress(ax.yaxis, oscillation)
+    ax.set_ylim(bottom=0)
+    found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    figure: Figure = ax.figure  # type: ignore[assignment]
+    legend_below(figure, [handle for name, handle in found.items() if name])
+    return figure
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The stability map
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@house_style()
+def chart(found: xr.Dataset) -> Figure:
+    """Draw a stability map: growth rate as shading, the boundary with its frequency, and the rig's own point.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `stickslip.advise.chart` returns.
+    """
+    across, up = map(str, found["growth_rate"].dims)
+    ax = new_axes(1.6 * COLUMN, 4.6)
+    figure: Figure = ax.figure  # type: ignore[assignment]
+    _shade(ax, found, across, up)
+    handles: dict[str, Any] = {}
+    hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
+    written: list[tuple[float, float]] = []
+    for x, y, mine in _curves(found, across, up, "curve"):
+        (handles["edge"],) = ax.plot(x, y, color=BLACK, lw=1.6, label="limit of smooth sliding")
+        for i in _places(x, y, found[across], found[up], written):
+            style: Any = {"fontsize": 7, "ha": "center", "va": "center"}
+            style["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+            value = hertz[mine][i]
+            ax.annotate(f"{value:.0f}" if value >= 100 else f"{value:.3g}", (x[i], y[i]), **style)
+    if "band" in found.dims and found.sizes["band"]:
+        low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
+        place = found[f"band_{across}"].to_numpy()
+        name = "stick-slip persists, too (bistable)"
+        handles["band"] = ax.vlines(place, low, high, color=BLUE, lw=3.0, alpha=0.7, label=name)
+    here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
+    (handles["here"],) = ax.plot(*here, "o", ms=8, mfc="white", mec=BLACK, mew=1.5, ls="none", label="this rig")
+    for axis, name in ((ax.xaxis, across), (ax.yaxis, up)):
+        axis_of_parameter(axis, found[name].assign_attrs(spacing="log"))
+    ax.set_xlim(float(found[across].min()), float(found[across].max()))
+    ax.set_ylim(float(found[up].min()), float(found[up].max()))
+    unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
+    title = str(found.attrs.get("rig", "")).replace("$", r"\$")
+    numbers = f"numbers: frequency at the limit ({unit}); growth above 0: unstable"
+    ax.set_title(f"{title}\n{numbers}" if title else numbers)
+    legend_below(figure, list(handles.values()))
+    return figure
+
+
+def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
+    """Growth rates as colours about zero, by decades, with their bar."""
+    values = np.ma.masked_invalid(found["growth_rate"].transpose(up, across).to_numpy())
+    largest = float(np.abs(values).max()) if values.count() else 1.0
+    norm = SymLogNorm(linthresh=max(1e-2 * largest, 1e-300), vmin=-largest, vmax=largest)
+    style: Any = {"cmap": "PuOr_r", "norm": norm, "shading": "gouraud", "rasterized": True}
+    shade = ax.pcolormesh(found[across], found[up], values, **style)
+    decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
+    bar = ax.figure.colorbar(shade, ax=ax, ticks=[*-decades, 0.0, *decades[::-1]], pad=0.02)
+    bar.set_label(label(found["growth_rate"]))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
+    bar.ax.yaxis.set_minor_locator(LogLocator(subs=()))
+
+
+def _places(x: Any, y: Any, across: xr.DataArray, up: xr.DataArray, written: list[tuple[float, float]]) -> list[int]:
+    """Where along a curve its frequency is written: on the limit itself, inside the axes, and apart from each other."""
+    u = np.log(x / float(across.min())) / np.log(float(across.max()) / float(across.min()))
+    v = np.log(y / float(up.min())) / np.log(float(up.max()) / float(up.min()))
+    fits = (u > 0.06) & (u < 0.94) & (v > 0.04) & (v < 0.96)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(u), np.diff(v)))])
+    inside = np.flatnonzero(fits)
+    if inside.size == 0 or length[-1] < 0.2:
+        return []
+    found = []
+    for part in (0.2, 0.5, 0.8) if length[-1] > 0.8 else (0.5,):
+        i = int(inside[np.argmin(np.abs(length[inside] - part * length[-1]))])
+        if all(abs(u[i] - a) > 0.15 or abs(v[i] - b) > 0.06 for a, b in written):
+            written.append((float(u[i]), float(v[i])))
+            found.append(i)
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Axes and legends
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def axis_of_parameter(axis: Axis, variable: xr.DataArray) -> None:
+    """Label an axis; one of equal ratios is logarithmic, with plain numbers."""
+    dress(axis, variable)
+    if variable.attrs.get("spacing") != "log":
+        return
+    written = axis.get_major_formatter()
+    (axis.axes.set_yscale if isinstance(axis, YAxis) else axis.axes.set_xscale)("log")
+    values = variable.to_numpy()
+    wide = values.max() > 3000 * values.min()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(written if isinstance(written, FuncFormatter) else FuncFormatter(lambda v, _: f"{v:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def axis_of_speeds(axis: Axis, ends: tuple[float, float], unit: str) -> None:
+    """A logarithmic axis of speeds between two ends."""
+    attributes = {"long_name": "speed", "units": unit, "spacing": "log"}
+    axis_of_parameter(axis, xr.DataArray(np.array(ends), attrs=attributes))
+    axis.axes.set_xlim(*ends)
+
+
+def _cell_edges(axis: xr.DataArray) -> Array:
+    """Edges of the cells about the values of an axis."""
+    log = axis.attrs.get("spacing") == "log"
+    values = np.asarray(axis.to_numpy(), dtype=float)
+    places = np.log(values) if log else values
+    if places.size == 1:
+        edges = places + np.array([-0.5, 0.5])
+    else:
+        middle = 0.5 * (places[1:] + places[:-1])
+        edges = np.concatenate([[2 * places[0] - middle[0]], middle, [2 * places[-1] - middle[-1]]])
+    return np.asarray(np.exp(edges) if log else edges)
+
+
+def legend_below(figure: Figure, handles: list[Any]) -> None:
+    """Put the legend below all axes, where it hides no data."""
+    columns = len(handles) if len(handles) <= 4 else -(-len(handles) // 2)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4)

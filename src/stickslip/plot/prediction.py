@@ -1,0 +1,167 @@
+"""Pictures of a prediction: the motion at each speed, the margins, and the waves of an elastic slider."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from stickslip.model.parameters import parameter_named
+from stickslip.plot.maps import REGIMES, axis_of_speeds, legend_below
+from stickslip.plot.runs import force_trace
+from stickslip.plot.style import BLACK, DASHED, GREY, PAGE, VERMILLION, house_style, new_figure
+
+Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
+
+_CYCLES_SHOWN = 12
+_COLOURS = {kind: REGIMES[kind][0] for kind in ("smooth sliding", "sustained oscillation", "stick-slip")}
+_COLOURS |= {"unstable": "#BFBFBF", "stable": "#FFFFFF"}
+_BY_THEORY = {
+    "unstable": "unstable (linear, without noise)",
+    "stable": "stable (linear, without noise)",
+    "unknown": "not known",
+}
+_EDGE: Any = {"edgecolor": GREY, "linewidth": 0.5}
+_BAR: Any = {"height": 0.62, "linewidth": 0}
+
+
+@house_style()
+def prediction(answer: Prediction) -> Figure:
+    """Draw an answer: the motion at each speed, the force at the rig's speed, and how far each parameter may be varied.
+
+    Parameters
+    ----------
+    answer : Prediction
+        What `stickslip.predict` returns.
+    """
+    rows = len(answer.margins)
+    heights = [0.45, 2.0, *([0.24 * rows + 0.1] if rows else [])]
+    figure = new_figure(PAGE, 2.0 + sum(heights))
+    axes = figure.subplots(len(heights), 1, height_ratios=heights)
+    figure.suptitle(_title(answer.rig, answer.headline), x=0.01, ha="left", fontsize=9)
+    handles = _strip_of_speeds(axes[0], answer)
+    _force_at_its_speed(axes[1], answer)
+    if rows:
+        handles |= _margins(axes[2], answer)
+    legend_below(figure, list(handles.values()))
+    return figure
+
+
+def _title(rig: Any, sentence: str) -> str:
+    words = re.sub(r"(?<= )u(?=m|s|N)", "µ", f"{rig.name}: {sentence}")
+    words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)  # a number stays with its unit
+    return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
+
+
+def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
+    """Colour the speeds by their motion; mark those of the rig."""
+    handles: dict[str, Any] = {}
+    for band in answer.bands:
+        look: Any = {"facecolor": _COLOURS.get(band.kind, "#FFFFFF")}
+        look["hatch"] = "....." if band.kind == "unknown" else None
+        ax.axvspan(band.low, band.high, edgecolor=GREY, linewidth=0, **look)
+        handles.setdefault(band.kind, Patch(label=_BY_THEORY.get(band.kind, band.kind), **_EDGE, **look))
+        if band.bistable:
+            ax.axvspan(band.low, band.high, facecolor="none", edgecolor="white", hatch="/////", linewidth=0)
+            also: Any = {"label": "... or smooth: bistable (without noise)", "hatch": "/////"}
+            handles.setdefault("bistable", Patch(facecolor=GREY, edgecolor="white", **also))
+    rig, operation = answer.rig, answer.rig.operation
+    ax.axvline(rig.velocity, color=BLACK, linewidth=1.6)
+    place = ax.get_xaxis_transform()
+    ax.plot([rig.velocity], [1.0], "v", color=BLACK, markersize=6, clip_on=False, transform=place)
+    for speed, _ in answer.at_speeds:
+        ax.plot([speed] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2)))
+    if answer.between is not None:
+        ax.plot(answer.between, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
+    axis_of_speeds(ax.xaxis, answer.speeds_searched, rig.unit_name("x_s/time"))
+    ax.set(ylim=(0.0, 1.0), yticks=[])
+    ax.spines["left"].set_visible(False)
+    others = "; dashed, its other speeds" if len(operation.speeds) > 1 else ""
+    others = "; the bar is its range" if answer.between is not None else others
+    ax.set_title(f"motion at each speed; the mark is this rig{others}", fontsize=8)
+    return handles
+
+
+def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
+    run, period = answer.run, answer.regime.period
+    if math.isfinite(period) and period > 0:
+        end = float(run["time"][-1])
+        run = run.sel(time=slice(max(float(run["time"][0]), end - _CYCLES_SHOWN * period), None))
+    force_trace(run, ax)
+    ax.axhline(answer.static_friction, color=GREY, linewidth=0.9, linestyle=DASHED)
+    where: Any = {"xycoords": ("axes fraction", "data"), "xytext": (0, 2), "textcoords": "offset points", "ha": "right"}
+    ax.annotate("static friction", (1.0, answer.static_friction), fontsize=8, color=GREY, **where)
+    ax.set_title("force at its speed", fontsize=8)
+
+
+def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
+    """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
+    singles = [each for each in answer.mitigations if len(each.parameters) == 1]
+    names = [margin.parameter for margin in answer.margins]
+    names += dict.fromkeys(each.parameters[0] for each in singles if each.parameters[0] not in names)
+    here = _COLOURS["unstable"] if answer.unstable_modes else _COLOURS["smooth sliding"]
+    there = _COLOURS["smooth sliding"] if answer.unstable_modes else _COLOURS["unstable"]
+    widest = 1.0
+    for k, margin in enumerate(answer.margins):
+        low, high = (end / margin.value for end in margin.searched)
+        widest = max(widest, high, 1.0 / low)
+        lower = low if margin.lower is None else margin.lower / margin.value
+        upper = high if margin.upper is None else margin.upper / margin.value
+        for a, b, colour in ((low, lower, there), (lower, upper, here), (upper, high, there)):
+            if b > a:
+                ax.barh(k, b - a, left=a, color=colour, **_BAR)
+        for edge in (margin.lower, margin.upper):
+            if edge is not None:
+                ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
+    unstable = Patch(label=_BY_THEORY["unstable"], facecolor=_COLOURS["unstable"], **_EDGE)
+    handles: dict[str, Any] = {"unstable": unstable}
+    mark: Any = {"color": VERMILLION, "markersize": 5, "markeredgecolor": "white", "linestyle": "none"}
+    mark |= {"clip_on": False, "label": "mitigation (simulated)"}
+    for each in singles:
+        if each.stops is not None:
+            at = each.stops[0] / each.values[0]
+            (handles["stops"],) = ax.plot(at, names.index(each.parameters[0]), "D", **mark)
+    ax.axvline(1.0, color=BLACK, linewidth=0.8)
+    ax.set(xscale="log", xlim=(1 / widest, widest))
+    ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"× {v:.3g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.invert_yaxis()
+    ax.tick_params(axis="y", length=0)
+    ax.set_title("smooth sliding, each parameter varied alone: by this factor", fontsize=8)
+    return handles
+
+
+@house_style()
+def waves(answer: Any) -> Figure:
+    """Draw at which speeds each wave on an elastic slider grows.
+
+    Parameters
+    ----------
+    answer : ElasticPrediction
+        What `stickslip.predict` returns of a `Chain` or a `Sheet`.
+    """
+    rows = max(len(answer.waves), 1)
+    figure = new_figure(PAGE, 1.4 + 0.3 * rows)
+    ax = figure.add_subplot()
+    grows, decays = _COLOURS["unstable"], _COLOURS["smooth sliding"]
+    for row, wave in enumerate(answer.waves):
+        for (begin, end), colour in [(answer.speeds_searched, decays), *((pair, grows) for pair in wave.speeds)]:
+            ax.barh(row, end - begin, left=begin, color=colour, **_BAR)
+    ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
+    axis_of_speeds(ax.xaxis, answer.speeds_searched, answer.rig.unit_name("x_s/time"))
+    ax.set_ylim(rows - 0.5, -0.5)
+    ax.set_yticks(range(len(answer.waves)), [wave.name for wave in answer.waves])
+    ax.tick_params(axis="y", length=0)
+    ax.spines["left"].set_visible(False)
+    figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
+    named = ((grows, "grows (linear)"), (decays, "decays"))
+    legend_below(figure, [Patch(facecolor=colour, label=name, **_EDGE) for colour, name in named])
+    return figure

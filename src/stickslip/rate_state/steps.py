@@ -1,0 +1,159 @@
+"""A velocity step cut out of a run or of a measured trace, as it is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, number, whole
+
+Array = NDArray[np.float64]
+
+_FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
+"""Variables that may hold the friction, in the order in which they are looked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """A velocity step as it is fitted: friction over the displacement of the load point, 0 at the step.
+
+    Attributes
+    ----------
+    displacement, friction : ndarray, shape (n,)
+        In bins, rising.
+    before, after : float
+        Velocities of the load point.
+    at : float
+        Time at which it was said to come.
+    measured : bool
+        Whether the displacement was measured; else it is the velocities times the time since the step.
+    length_unit, time_unit, friction_unit : str
+        Of the data; empty where it has none.
+    """
+
+    displacement: Array
+    friction: Array
+    before: float
+    after: float
+    at: float = 0.0
+    measured: bool = True
+    length_unit: str = ""
+    time_unit: str = ""
+    friction_unit: str = ""
+
+    @property
+    def ratio(self) -> float:
+        """Ratio of the velocities."""
+        return self.after / self.before
+
+    @property
+    def stretch(self) -> float:
+        """What displacement before the given time is worth, if the step came earlier: it went on at another speed."""
+        return 1.0 if self.measured else self.ratio
+
+    @property
+    def near(self) -> float:
+        """How far off the given time the step is looked for, in displacement: as far as there is data before it."""
+        return max(-float(self.displacement.min()) * self.stretch, 1e-9 * float(self.displacement.max()))
+
+    def since(self, late: float) -> Array:
+        """Displacement since the step, if that came so much displacement later than was said."""
+        return np.where(self.displacement < 0, self.stretch, 1.0) * self.displacement - late
+
+    def level(self, late: float = 0.0) -> float:
+        """Friction before the step, if that came so much later."""
+        before = self.friction[self.since(late) <= 0]
+        return float(np.median(before) if before.size else self.friction[0])
+
+    def line(self, rise: Array, *, trend: bool) -> tuple[float, float]:
+        """Level and slope that fit best beside what the friction rises by; a level alone without a trend."""
+        left = self.friction - rise
+        if not trend:
+            return float(left.mean()), 0.0
+        slope, level = np.polyfit(self.displacement, left, 1)
+        return float(level), float(slope)
+
+
+def velocity_step_in(
+    data: xr.Dataset,
+    *,
+    at: float,
+    before: float,
+    after: float,
+    span: tuple[float, float] | None = None,
+    bins: int = 800,
+) -> Step:
+    """Cut a velocity step out of a run or a measured trace, in bins of displacement.
+
+    Parameters
+    ----------
+    data : Dataset
+        As `read_trace` or a run gives it: ``mu``, ``spring_force``, ``friction_force`` or ``friction`` along ``time``.
+        The displacement of the load point is ``measured_displacement`` or ``displacement`` (of a run that is the
+        slider's, and is not used), else the velocities times the time.
+    at : float
+        Time of the step, in the unit of time of the data.
+    before, after : float
+        Velocities of the load point, in displacement per time of the data.
+    span : (float, float), optional
+        How much displacement before and after the step; by default all there is after it, and a tenth of that before.
+    bins : int
+        Into how many bins of equal displacement the data is averaged, at most.
+
+    Raises
+    ------
+    InputError
+        If there is no such variable, or less than 30 samples after the step.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> from stickslip.rate_state import velocity_step_in
+    >>> time = np.linspace(-5.0, 20.0, 251)
+    >>> trace = xr.Dataset({"friction": ("time", 0.6 + 0.01 * (time > 0))}, coords={"time": time})
+    >>> step = velocity_step_in(trace, at=0.0, before=1.0, after=3.0)
+    >>> float(step.displacement.max()), step.measured
+    (60.0, False)
+    """
+    name = next((one for one in _FRICTIONS if one in data), None)
+    if name is None or "time" not in data.coords:
+        raise InputError(f"data: holds no friction along a time; it must have one of {', '.join(_FRICTIONS)}")
+    time = data["time"].to_numpy().astype(float)
+    at = number("at", at, at_least=float(time[0]), at_most=float(time[-1]), hint="time of the step")
+    before = number("before", before, above=0, hint="velocity before the step")
+    after = number("after", after, above=0, hint="velocity after the step")
+    if before == after:
+        raise InputError(f"after = {after:g}: equals the velocity before the step; give another one")
+    names = ("measured_displacement",) if "velocity" in data else ("measured_displacement", "displacement")
+    along = next((one for one in names if one in data), None)
+    if along is None:
+        x = np.where(time < at, before, after) * (time - at)
+    else:
+        place = data[along].to_numpy().astype(float)
+        x = place - float(np.interp(at, time, place))
+    rows = pd.DataFrame({"x": x, "friction": data[name].to_numpy().astype(float)})
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    back, forth = span or (0.1 * float(rows.x.max()), float(rows.x.max()))
+    rows = rows[rows.x.between(-back, forth)]
+    later = int((rows.x > 0).sum())
+    if later < 30:
+        raise InputError(f"at = {at:g}: {later} samples after the step; there must be at least 30")
+    count = min(whole("bins", bins, at_least=30, at_most=100_000), len(rows))
+    edges = np.linspace(rows.x.min(), rows.x.max() * (1 + 1e-12), count + 1)
+    held = rows.groupby(np.clip(np.searchsorted(edges, rows.x, side="right") - 1, 0, count - 1)).mean()
+    units = {one: str(data[one].attrs.get("units", "")) for one in (name, "time", along) if one is not None}
+    return Step(
+        displacement=held.x.to_numpy(),
+        friction=held.friction.to_numpy(),
+        before=before,
+        after=after,
+        at=at,
+        measured=along is not None,
+        length_unit=units.get(along or "", ""),
+        time_unit=units["time"],
+        friction_unit=units[name].removeprefix("1"),
+    )

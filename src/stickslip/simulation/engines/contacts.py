@@ -1,0 +1,275 @@
+"""N contacts, event by event, exact for their number: `stickslip.kernels.events`.
+
+Whatever makes contacts break before a fixed threshold, or after it has grown, is the rule of `stickslip.kernels.boxes`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.model import (
+    Barrier,
+    Bell,
+    Contacts,
+    Delay,
+    ExponentialGrowth,
+    Interface,
+    LogarithmicGrowth,
+    OnArrest,
+    Parabolic,
+)
+from stickslip.simulation.engines.base import (
+    COLUMNS,
+    Advance,
+    Beginning,
+    Engine,
+    Individuals,
+    Leg,
+    Stretchings,
+    slider_constants,
+    solves,
+)
+from stickslip.simulation.engines.beginnings import first_contacts, generators, lives_met, newborns
+from stickslip.sliding.lives import growth_of, hazard_of
+
+if TYPE_CHECKING:
+    from stickslip.kernels import events as kernel
+    from stickslip.kernels.boxes import Rule
+
+Array = NDArray[np.float64]
+
+_BLOCK = 16_384
+"""Random numbers drawn at once. The same seed gives another run with another length."""
+_EVENTS = 400_000
+"""Events in an advance: some 50 ms."""
+_POOL = 65_536
+"""Lives to choose from, at least, for a start in steady sliding."""
+_LIVES = 16
+"""The same for each contact that keeps its strength: its lives are much alike."""
+
+
+def check_newborns(interface: Interface) -> None:
+    """Raise `InputError` for newborns without strength: with temperature they break at once, and without end."""
+    if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
+        raise InputError(
+            "ExponentialGrowth.newborn = 0 with Interface.temperature: newborns without strength break at once and "
+            "without end; give newborn > 0"
+        )
+
+
+@solves(Contacts)
+@solves(Contacts, temperature=(Parabolic, Barrier))
+@solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(type(None), Bell, Parabolic, Barrier))
+class EventByEvent(Engine):
+    """Contacts whose next event is always known; fed with random numbers in blocks of a fixed length."""
+
+    columns = COLUMNS
+    angle = 0.1
+    mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest", "temperature", "areas"})
+
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        from stickslip.kernels import events as kernel
+        from stickslip.kernels.motion import make_motion
+
+        interface, self._delay = beginning.interface, beginning.interface.delay
+        self._interface = interface
+        self._initial, self._thresholds, self._delays, self._births, self._tracks, self._chances = generators(
+            method.seed, 6
+        )
+        self._factor = self._next_track()
+        self.slider = slider_constants(beginning.slider)
+        self._rule = rule_of(interface)
+        x, strength, pending, since = self._first(beginning, method.count)
+        slides = int(beginning.sliding and interface.sliding_force > 0)
+        motion = make_motion(0.0, beginning.slider_velocity, interface.sliding_force, slides)
+        self._state = kernel.make_state(-x, strength, pending, self._delay.moment(1), motion)
+        self._boxes = None
+        if self._rule is not None:
+            own = strength if interface.areas == "site" else np.empty(0)
+            self._boxes = kernel.boxed(self._state, self._rule, since, own)
+        fixed = self._delay.moment(1) if isinstance(self._delay, Delay | OnArrest) else math.nan
+        arrests = bool(interface.mechanisms & {"track_scatter", "on_arrest"})
+        self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, arrests=arrests))
+
+    @staticmethod
+    def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
+        """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
+        if interface.temperature is not None:
+            check_newborns(interface)
+        if interface.areas is not None and interface.track_scatter > 0:
+            raise InputError(
+                f"Interface.areas = {interface.areas!r}: not available with Contacts together with track_scatter = "
+                f"{interface.track_scatter:g}, which says nothing of their stiffness; leave one out",
+                "Interface.areas",
+            )
+        if interface.newborn is None:
+            return
+        if isinstance(interface.ageing, ExponentialGrowth):
+            held = interface.newborn.survival([-interface.ageing.newborn, interface.ageing.newborn])
+            if (lost := 1.0 - float(held[0] - held[1])) > 1e-3:
+                raise InputError(
+                    f"Interface.newborn = {interface.newborn}: {100 * lost:.3g} % of the contacts would re-attach "
+                    f"beyond their first threshold, ExponentialGrowth.newborn = {interface.ageing.newborn:g}; "
+                    "narrow it or bring it nearer to 0",
+                    "Interface.newborn",
+                )
+        if interface.delay.moment(1) == 0 and (interface.track_scatter > 0 or interface.areas == "site"):
+            other = "track_scatter" if interface.track_scatter > 0 else "areas = 'site'"
+            raise InputError(
+                f"Interface.delay = {interface.delay}: with both newborn stretchings and {other} contacts may "
+                "break as soon as they re-attach; give a delay above 0, or leave out one of the two",
+                "Interface.delay",
+            )
+
+    def _first(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array, Array]:
+        """Draw stretchings and strengths of all contacts (detached last), when these re-attach, and when those did.
+
+        Detached contacts that keep their strengths have them, too.
+        """
+        rng, interface, velocity = self._initial, self._interface, beginning.velocity
+        keeps = interface.areas == "site"
+        if self._rule is None or not beginning.sliding:
+            # Growth towards a strength has come to its end; growth without end begins.
+            since = np.full(count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
+            return *first_contacts(beginning, count, rng, self._factor), since
+        start, strength = newborns(interface, count if keeps else max(_POOL, 4 * count), self._factor, rng, rng)
+        if not keeps:
+            reached = lives_of(self._rule, start, strength, velocity, rng)
+            x, strength, pending, gone = lives_met(beginning, count, rng, start, strength, reached)
+            return x, strength, pending, -gone / velocity
+        # Each is met somewhere in one of its own lives and the time after it, the long ones more often.
+        begun = start if start.size else np.zeros(count)
+        reached = lives_of(self._rule, np.repeat(begun, _LIVES), np.repeat(strength, _LIVES), velocity, rng)
+        path = reached.reshape(count, _LIVES) - begun[:, None]
+        length = path + velocity * self._delay.sample(rng, path.size).reshape(path.shape)
+        met = np.argmax(rng.random((count, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
+        path, length = (np.take_along_axis(one, met[:, None], axis=1)[:, 0] for one in (path, length))
+        gone = length * rng.random(count)
+        order = np.argsort(gone >= path, kind="stable")  # the attached first
+        held, gone = np.count_nonzero(gone < path), gone[order]
+        pending = (length[order] - gone)[held:] / velocity
+        return (begun[order] + gone), strength[order], pending, -gone / velocity
+
+    def _next_track(self) -> float:
+        """Draw the factor that the thresholds have in common until the next arrest."""
+        scatter = self._interface.track_scatter
+        if scatter == 0.0:
+            return 1.0
+        variance = math.log1p(scatter * scatter)
+        return math.exp(math.sqrt(variance) * self._tracks.standard_normal() - 0.5 * variance)
+
+    def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
+        """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
+        count = min(_BLOCK, max(2 * self._state.size, 64)) if self._interface.track_scatter else _BLOCK
+        x, threshold = newborns(self._interface, count, self._factor, self._births, self._thresholds)
+        self._state.motion[0].thresholds_used = 0
+        return draws._replace(thresholds=threshold, stretchings=x)
+
+    def _refill(self) -> None:
+        """Draw what is used up."""
+        from stickslip.kernels.events import short_of
+
+        m, draws = self._state.motion[0], self._draws
+        thresholds, delays, variates = short_of(m, draws, self._boxes)
+        if thresholds:
+            draws = self._with_thresholds(draws)
+        if delays:
+            draws = draws._replace(delays=self._delay.sample(self._delays, _BLOCK))
+            m.delays_used = 0
+        if variates:
+            draws = draws._replace(variates=self._chances.random(_BLOCK))
+            m.variates_used = 0
+        self._draws = draws
+
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the slider."""
+        m = self._state.motion[0]
+        return float(m.time), float(m.position)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        from stickslip.kernels.events import force_of
+
+        return force_of(self._state)
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts now."""
+        return self._stretchings(self.here()[1])
+
+    def individuals(self) -> Individuals:
+        """Every contact by itself, now."""
+        from stickslip.kernels import events as kernel
+
+        stretching, attached = np.zeros(self._state.size), np.zeros(self._state.size, dtype=bool)
+        contacts = kernel.attached_contacts(self._state)
+        stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
+        attached[contacts["slot"]] = True
+        return Individuals(stretching, attached)
+
+    def _stretchings(self, X: float) -> Stretchings:
+        from stickslip.kernels import events as kernel
+
+        x = X - kernel.attached_contacts(self._state)["birth"]
+        return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
+
+    def _arrest(self) -> None:
+        """The slider has stopped after a break."""
+        from stickslip.kernels.events import re_attach_all
+
+        if self._interface.track_scatter:
+            self._factor = self._next_track()
+            self._draws = self._with_thresholds(self._draws)
+        if isinstance(self._delay, OnArrest):
+            re_attach_all(self._state)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some events."""
+        from stickslip.kernels import events as kernel
+        from stickslip.kernels.motion import Piece, Sampling
+
+        m = self._state.motion[0]
+        sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
+        seen: list[Stretchings] = []
+        m.sample = 0
+        last = m.events + _EVENTS
+        looks = (*leg.looks, math.inf)
+        while True:
+            piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
+            left = last - m.events
+            why = kernel.advance(self._state, self.slider, piece, sampling, self._draws, left, self._boxes)
+            if why == kernel.DRAWS_USED_UP:
+                self._refill()
+            elif why == kernel.ARRESTED:
+                self._arrest()
+            elif why == kernel.LOOK:  # before the flight that passes it, so that none is cut in two
+                seen.append(self._stretchings(m.looked))
+            else:
+                break
+        while looks[len(seen)] <= m.time:  # at the very end
+            seen.append(self.stretchings())
+        return Advance(sampling.samples[: m.sample], tuple(seen), over=why != kernel.BUDGET_SPENT)
+
+
+def rule_of(interface: Interface) -> Rule | None:
+    """Return how contacts break, if not at thresholds of their own that stay as they are."""
+    from stickslip.kernels.boxes import Rule
+
+    if interface.temperature is None and interface.ageing is None and interface.areas is None:
+        return None
+    return Rule(hazard_of(interface.temperature), growth_of(interface.ageing), interface.areas is not None)
+
+
+def lives_of(rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator) -> Array:
+    """Draw the stretchings at which newborn contacts break in steady sliding."""
+    from stickslip.kernels.boxes import lives
+
+    reached, done = np.empty(strength.size), 0
+    start = start if start.size else np.zeros(strength.size)
+    while done < strength.size:
+        done += lives(rule, start[done:], strength[done:], velocity, rng.random(2**20), reached[done:])
+    return reached

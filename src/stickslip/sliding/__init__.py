@@ -1,0 +1,21 @@
+"""Steady sliding of any interface by one door, `sliding_of`: force, slope and linear response.
+
+`kinetic_friction`, `friction_slope` and `turning_velocities` are the friction law; the linear response `respond`
+carries the stability of smooth sliding, and rate and state.
+"""
+
+from stickslip.sliding.door import respond, sliding_of
+from stickslip.sliding.law import TurningVelocity, friction_slope, kinetic_friction, turning_velocities
+from stickslip.sliding.response import Response
+from stickslip.sliding.steady import Sliding
+
+__all__ = [
+    "Response",
+    "Sliding",
+    "TurningVelocity",
+    "friction_slope",
+    "kinetic_friction",
+    "respond",
+    "sliding_of",
+    "turning_velocities",
+]

@@ -1,0 +1,238 @@
+"""Steady sliding of contacts that break by temperature, or whose thresholds grow by a fixed rule.
+
+With ``M_j`` the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached
+contacts, ``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``. A perturbation ``eps exp(s t)`` of the
+slider changes the hazard of a contact by its rate's slope along its life, and moves the moment at which it meets its
+threshold. With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
+
+    U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx',  Rc = Int_0^x r_x dx'
+    L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>,   Y the same with x before it
+    B = q E L/(1 - E (1 - q S^))
+    kappa = [M_0 - S^ + B W - Y - f_d (B S^ - L)]/(M_0 + v <tau>)
+
+per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, ``E(s) =
+<exp(-s tau)>``. Without temperature and growth it is the response of
+`stickslip.sliding.unaged`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from stickslip.errors import InputError
+from stickslip.model import Bell, Interface
+from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
+from stickslip.sliding.response import Array, ComplexArray, Parts, Precision, Response, check_delay, whole
+from stickslip.sliding.steady import refuse
+
+if TYPE_CHECKING:
+    from stickslip.kernels.lives import Lives
+
+_LIVES = 8.0
+"""How quickly a mode may decay to be looked for, per mean life."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ByLives:
+    """Steady sliding of contacts with temperature, or whose thresholds grow by a fixed rule."""
+
+    interface: Interface
+
+    def __post_init__(self) -> None:
+        grows = "of thresholds that grow" if self.interface.temperature is None else "with temperature"
+        self.interface.allow(("temperature", "sliding_force"), f"smooth sliding {grows}")
+
+    @property
+    def slow_limit(self) -> str | None:
+        """Why there is no limit of slow sliding."""
+        return (
+            "ageing thresholds have no slow limit"
+            if self.interface.ageing
+            else "at a temperature no slow limit is left"
+        )
+
+    def _mean(self, velocity: float) -> tuple[float, float]:
+        """Force, and its slope in ln v."""
+        lives, away = lives_of(self.interface, velocity), velocity * self.interface.delay.moment(1)
+        rest, work = mean_life_and_work(lives)
+        length, detached = rest + away, self.interface.sliding_force
+        if length <= 0:
+            return 0.0, 0.0  # contacts break as soon as they attach
+        if math.isinf(length):
+            return detached, 0.0
+        slower = float(lives.weight @ lives.slope + lives.cap_slope.sum())
+        less = float((lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope)
+        force = (work + detached * away) / length
+        return force, (less + detached * away - force * (slower + away)) / length
+
+    def force(self, velocity: Array) -> Array:
+        """Force per contact."""
+        return np.array([self._mean(v)[0] for v in velocity.tolist()])
+
+    def slope(self, velocity: Array) -> Array:
+        """Slope of the force in ln v."""
+        return np.array([self._mean(v)[1] for v in velocity.tolist()])
+
+    def response(self) -> ActivatedResponse:
+        """Return the linear response."""
+        check_delay(self.interface.delay)
+        return ActivatedResponse(interface=self.interface)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfAreas:
+    """Steady sliding of contacts of different areas: a mean of the work over one of the length, or of their ratio."""
+
+    interface: Interface
+
+    def __post_init__(self) -> None:
+        self.interface.allow(("temperature", "areas", "sliding_force"), "smooth sliding of areas")
+        if self.interface.ageing is not None:
+            raise InputError(
+                f"Interface.areas = {self.interface.areas!r}: smooth sliding is not known together with ageing = "
+                f"{self.interface.ageing}; simulate with Contacts",
+                "Interface.areas",
+            )
+
+    @property
+    def slow_limit(self) -> str | None:
+        """Why there is no limit of slow sliding, if so."""
+        if self.interface.temperature is not None:
+            return "at a temperature no slow limit is left"
+        return None if math.isfinite(self.interface.delay.moment(1)) else "the delay is infinite"
+
+    def force(self, velocity: Array) -> Array:
+        """Force per contact."""
+        return np.array([self._mean(v)[0] for v in velocity.tolist()])
+
+    def slope(self, velocity: Array) -> Array:
+        """Slope of the force in ln v."""
+        return np.array([self._mean(v)[1] for v in velocity.tolist()])
+
+    def _mean(self, velocity: float) -> tuple[float, float]:
+        """Force, and its slope in ln v."""
+        from stickslip.kernels import lives as kernel
+
+        interface = self.interface
+        areas, away = interface.threshold_distribution, velocity * interface.delay.moment(1) if velocity > 0 else 0.0
+        if math.isinf(away):
+            return 0.0, 0.0
+        low, high = areas.support
+        if areas.single:
+            node, weight = np.array([areas.moment(1)]), np.ones(1)
+        else:
+            start = max(low, 0.0)
+            places = [(start, 1e-6), *((knot, 0.05) for knot in areas.knots)]  # the root of a small area is steep
+            node, weight = gauss_nodes(panel_edges(areas, start, high, places, math.inf))
+            weight = weight * areas.density(node)
+        stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
+        # Without temperature the speed does not matter to a life.
+        lives = kernel.march(
+            hazard_of(interface.temperature), growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf
+        )
+        whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
+
+        def of_each(value: Array) -> Array:
+            return np.asarray(np.bincount(whose, weights=lives.weight * value, minlength=node.size), dtype=float)
+
+        length, longer = of_each(lives.survival) + away, of_each(lives.slope) + away
+        pulled = interface.sliding_force * away
+        work, more = (stiffness * of_each(lives.x * value) + pulled for value in (lives.survival, lives.slope))
+        if interface.areas == "fresh":  # one kind of site, with the mean life
+            length, longer, work, more = (np.array([weight @ value]) for value in (length, longer, work, more))
+            weight = np.ones(1)
+        force = work / length
+        return float(weight @ force), float(weight @ ((more - force * longer) / length))
+
+    def response(self) -> Response:
+        """Refuse: the linear response is of contacts of one stiffness."""
+        refuse(self.interface, "areas", "the linear response")
+
+
+def mean_life_and_work(lives: Lives) -> tuple[float, float]:
+    """Return how far the slider goes in the mean life of a contact, and the mean integral of the stretching over it."""
+    held = lives.weight * lives.survival
+    return float(held.sum()), float(held @ lives.x)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActivatedResponse(Response):
+    """The linear response of contacts with temperature or with thresholds that grow by a fixed rule."""
+
+    interface: Interface
+
+    # From octave to octave of the frequency the panels change.
+    precision: ClassVar[Precision] = Precision(accuracy=1e-8, step=1e-4, settled=1e-9, slack=1e-6)
+
+    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+        """Return kappa."""
+        speeds, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        speed, s = speeds.ravel(), points.ravel()
+        kappa = np.zeros(s.shape, dtype=complex)
+        for v in np.unique(speed):
+            # Octaves of the wave number have panels of their own.
+            octave = np.ceil(np.log2(np.maximum(np.abs(s) / v, 4.0)))
+            fast = (np.abs(s) / v > self._fastest) & (s.real > -0.1 * np.abs(s))
+            octave[fast] = math.inf
+            for one in np.unique(octave[(speed == v) & (s != 0)]):
+                here = (speed == v) & (s != 0) & (octave == one)
+                kappa[here] = self._at(float(v), s[here], None if math.isinf(one) else 2.0**one)
+        return whole(kappa.reshape(points.shape))
+
+    def _at(self, v: float, s: ComplexArray, highest: float | None) -> ComplexArray:
+        from stickslip.kernels.lives import perturbed
+
+        lives = lives_of(self.interface, v, highest or 0.0)
+        q = np.ascontiguousarray(s / v, dtype=np.complex128)
+        lost, work, breaks, yields = perturbed(lives, q, highest is None)
+        rest, delay = mean_life_and_work(lives)[0], self.interface.delay
+        missing = np.asarray(delay.absence(s))
+        back = 1.0 - missing
+        births = q * back * breaks / (missing + back * q * (rest - lost))
+        attached = births * (rest - lost) - breaks
+        found = lost + births * work - yields - self.interface.sliding_force * attached
+        return np.asarray(found / (rest + v * delay.moment(1)))
+
+    @cached_property
+    def _std(self) -> float:
+        """Standard deviation of the stretchings at which contacts break, about."""
+        std = self.interface.threshold_distribution.standard_deviation()
+        temperature = self.interface.temperature
+        blur = math.pi / math.sqrt(6.0) * temperature.width if isinstance(temperature, Bell) else 0.0
+        return max(math.hypot(std, blur), 1e-3 * self.interface.threshold_distribution.moment(1))
+
+    @cached_property
+    def _fastest(self) -> float:
+        """Wave number beyond which nothing is left of the memory of a life."""
+        return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
+
+    def frequencies(self, velocity: float, top: float) -> Array:
+        """Angular frequencies that follow every turn of kappa."""
+        del top
+        distribution, delay = self.interface.threshold_distribution, self.interface.delay
+        mean = distribution.moment(1)
+        reach = float(distribution.inverse_survival(np.array(1e-3))) + velocity * delay.longest
+        top = max(12.0 / self._std, 60.0 / mean)
+        step = max(0.2 / reach, top / 8000.0)
+        y = np.concatenate(
+            [
+                np.geomspace(1e-4 / reach, step, 60, endpoint=False),
+                np.arange(step, top, step),
+                np.geomspace(top, 1e3 * top, 90),
+            ]
+        )
+        return np.asarray(velocity * y)
+
+    def leftmost(self, velocity: float) -> float:
+        """Real part left of which no mode is looked for."""
+        return -_LIVES / self.cycle(velocity)
+
+    def cycle(self, velocity: float) -> float:
+        """Mean time between two attachments of a contact."""
+        rest = mean_life_and_work(lives_of(self.interface, velocity))[0]
+        return rest / velocity + self.interface.delay.moment(1)

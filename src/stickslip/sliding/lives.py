@@ -1,0 +1,329 @@
+"""Lives of contacts in steady sliding that break by temperature, or whose thresholds grow by a fixed rule.
+
+One life of a contact, from attachment to break, is all there is to steady sliding: the force is its mean work over its
+mean length, and the linear response what a small perturbation changes in it. The lives are laid out once for an
+interface and a speed; `stickslip.sliding.activated` reads them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.model import (
+    AgeingModel,
+    Barrier,
+    Bell,
+    ExponentialGrowth,
+    Interface,
+    LogarithmicGrowth,
+    Parabolic,
+)
+from stickslip.model.distribution import Distribution
+from stickslip.model.quadrature import hashable
+
+if TYPE_CHECKING:
+    from stickslip.kernels.growth import Growth
+    from stickslip.kernels.hazard import Hazard
+    from stickslip.kernels.lives import Lives
+
+Array = NDArray[np.float64]
+
+
+def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lives:
+    """Return the lives of contacts in steady sliding at a speed, for perturbations of wave numbers up to `highest`."""
+    # Panels are halved from octave to octave: few different ones, and they are kept.
+    longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
+    return _lives(
+        hashable(interface.threshold_distribution),
+        hashable(interface.temperature),
+        hashable(interface.ageing),
+        float(velocity),
+        longest,
+    )
+
+
+@lru_cache(maxsize=128)
+def _lives(
+    distribution: Distribution,
+    temperature: Bell | Parabolic | Barrier | None,
+    ageing: AgeingModel | None,
+    velocity: float,
+    longest: float,
+) -> Lives:
+    from stickslip.kernels import lives as kernel
+
+    low, high = distribution.support
+    inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
+    growth, hazard = growth_of(ageing), hazard_of(temperature)
+    one_variable = temperature is None or (
+        (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
+        and distribution.standard_deviation() > 2.0 * temperature.width
+    )
+    if distribution.single:
+        return kernel.march(hazard, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
+    if one_variable and not inner:
+        return _in_one(distribution, hazard, growth, velocity, longest)
+    if distribution.support[1] > 1e3 * distribution.moment(1) and temperature is not None:
+        longest = math.inf if longest == 1.0 else longest
+    start = max(low, 0.0)
+    places = [(start, 0.01), *((knot, 0.05) for knot in distribution.knots)]
+    if isinstance(temperature, Bell):
+        bend = temperature.width * math.log1p(temperature.attempts * temperature.width / velocity)
+        places.append((bend, temperature.width))
+    edges = panel_edges(distribution, start, high, places, math.inf)
+    x, weight = gauss_nodes(edges)
+    weight = weight * distribution.density(x)
+    met = weight > 1e-14 * weight.sum()
+    return kernel.march(hazard, growth, x[met], weight[met], velocity, longest)
+
+
+def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
+    """Return thermal activation as the kernels take it; without it, one that is never tried."""
+    from stickslip.kernels.hazard import BARRIER, BELL, NONE, PARABOLIC, Hazard
+
+    match temperature:
+        case Bell(width=width, attempts=attempts):
+            return Hazard(BELL, attempts, width, 1.0, 0.0)
+        case Parabolic(temperature=scale, attempts=attempts):
+            return Hazard(PARABOLIC, attempts, scale, 1.0, 0.0)
+        case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
+            return Hazard(BARRIER, attempts, height, power, float(kramers))
+    return NONE
+
+
+def growth_of(ageing: AgeingModel | None) -> Growth:
+    """Return a fixed rule of growth as the kernels take it, also for thresholds that do not grow."""
+    from stickslip.kernels.growth import EXPONENTIAL, FIXED, LOGARITHMIC, Growth
+
+    match ageing:
+        case ExponentialGrowth(rate=rate, newborn=newborn):
+            return Growth(EXPONENTIAL, rate, newborn)
+        case LogarithmicGrowth(slope=slope, time=time):
+            return Growth(LOGARITHMIC, slope, time)
+    return FIXED
+
+
+# ---------------------------------------------------------------- panels
+
+
+def _unlimited(x: float) -> float:
+    """No longest panel anywhere."""
+    del x
+    return math.inf
+
+
+def panel_edges(
+    distribution: Distribution,
+    start: float,
+    end: float,
+    places: list[tuple[float, float]],
+    longest: float,
+    steepest: Callable[[float], float] = _unlimited,
+) -> Array:
+    """Ends of panels: as fine as the distribution is wide, finer towards each place, down to the scale there.
+
+    `steepest` is the longest panel at a place.
+    """
+    inner, middle, outer = distribution.inverse_survival(np.array([0.84, 0.5, 0.16])).tolist()
+    core = 0.25 * (outer - inner)
+    fine = sorted((place, scale) for place, scale in places if start <= place <= end)
+    edges = [start]
+    while edges[-1] < end:
+        x = edges[-1]
+        step = min(max(core, 0.12 * abs(x - middle)), longest, steepest(x), end - x)
+        for place, scale in fine:
+            step = min(step, 0.6 * scale + 0.5 * abs(x - place))
+            if x < place < x + step:
+                step = place - x
+        edges.append(end if end - x - step < 1e-3 * step else x + step)
+    return np.array(edges)
+
+
+_GAUSS = np.polynomial.legendre.leggauss(8)
+
+
+def gauss_nodes(edges: Array) -> tuple[Array, Array]:
+    """Nodes on panels, and their weights."""
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (1.0 + _GAUSS[0])).ravel(), (half * _GAUSS[1]).ravel()
+
+
+def _radau(edges: Array) -> tuple[Array, Array, Array]:
+    """Lengths of panels, and their nodes and weights."""
+    from stickslip.kernels.lives import INTEGRAL, NODE
+
+    width = np.diff(edges)
+    inside = np.minimum(NODE, 1.0 - 1e-12)  # a density may jump at the end of a panel
+    return width, (edges[:-1, None] + width[:, None] * inside).ravel(), (width[:, None] * INTEGRAL[-1]).ravel()
+
+
+# ---------------------------------------------------------------- all thresholds in one variable
+
+
+_FOLLOWED = 60.0
+"""Slope of ageing over the activation width up to which the fall of the rate after birth is followed."""
+
+
+def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Lives:
+    """Lives of all contacts at once: of a barrier that falls linearly, or without temperature.
+
+    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
+    """
+    from stickslip.kernels import lives as kernel
+
+    low, high = distribution.support
+    if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lives
+        return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
+    width, x, weight = _radau(_edges_in_one(distribution, hazard, growth, v, longest))
+    strength, steeper, later = _met(growth, x, v)
+    capped = np.maximum(strength, low)
+    density = np.where(strength >= low, distribution.density(capped), 0.0)
+    zero = np.zeros_like(x)
+    if hazard.attempts > 0:
+        A = hazard.scale
+        reached, shape, aged, decay = _reached(hazard, growth, v, width, x)
+        top = (reached - capped) / A
+        z, part = under_gumbel(np.maximum((reached - high) / A, -38.0), np.minimum(top, 4.0))
+        xi = reached[:, None] - A * z
+        ended = np.exp(-np.exp(np.minimum(top, 4.0)))
+        survival = distribution.survival(capped) * ended + np.sum(part * distribution.survival(xi), axis=1)
+        broken = A * np.sum(part * distribution.density(xi), axis=1) / shape
+        density = density * ended
+        slope, push, drop = (shape - aged) * broken, broken / A, broken * shape / A
+    else:
+        survival, slope, push, drop, decay = distribution.survival(np.maximum(strength, 0.0)), zero, zero, zero, zero
+    slope = slope - np.where(strength > 0, density * later, 0.0)
+    cap = weight * density * np.where(strength > 0, steeper, 0.0)
+    fresh = np.zeros(width.size, dtype=bool)
+    fresh[0] = True
+    return kernel.Lives(width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, zero)
+
+
+def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Array:
+    """Ends of panels for all contacts at once, up to where the strongest have broken."""
+    from stickslip.kernels import lives as kernel
+
+    (low, high), A = distribution.support, hazard.scale
+    end = kernel.reach(growth, high, v)
+    thermal = hazard.attempts > 0
+
+    def followed(x: float) -> float:
+        """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
+        factor, addend, _, more = map(float, kernel.rule(growth, np.array([x / v]))[:, 0])
+        strength = (x - addend) / factor
+        if strength > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
+            return math.inf
+        return 2.5 * A / max(abs(1.0 - more / v), 0.4)
+
+    follow = followed if thermal else _unlimited
+    places = [(0.0, _shortest(distribution, hazard, growth, v))]
+    knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
+    if thermal and knots:
+        # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
+        width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, longest, follow))
+        reached = _reached(hazard, growth, v, width, x)[0]
+        places += [(float(np.interp(knot, reached, x)), A) for knot in knots if knot < reached[-1]]
+    met = [kernel.reach(growth, knot, v) for knot in knots if knot > 0 or _from_strength(growth)]
+    places += [(place, A if thermal else 1.0) for place in met]
+    edges = panel_edges(distribution, 0.0, end, [place for place in places if place[0] <= end], longest, follow)
+    if not thermal:
+        return edges
+    # All have broken long before the strongest meet their thresholds.
+    width, x, _ = _radau(edges)
+    broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], high + 4.0 * A)
+    return edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
+
+
+def _from_strength(growth: Growth) -> bool:
+    """Whether thresholds grow, and from the strength on."""
+    from stickslip.kernels.growth import LOGARITHMIC
+
+    return growth.kind == LOGARITHMIC and growth.first > 0.0
+
+
+def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> float:
+    """Length over which the survival or the threshold of a newborn may change."""
+    lengths = [0.05 * distribution.standard_deviation()]
+    if hazard.attempts > 0:
+        lengths.append(max(hazard.scale, 1e-6))
+        if float(distribution.density(1e-9)) * hazard.scale > 1e-4:  # weak contacts break at the rate of attempts
+            lengths.append(max(v / hazard.attempts, 1e-9))
+    if growth.first > 0.0:
+        lengths.append(max(v * growth.second if _from_strength(growth) else v / growth.first, 1e-6))
+    return min(lengths)
+
+
+def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
+    """Strength whose threshold is met at a stretching, its slope in the threshold, and that in ln v."""
+    from stickslip.kernels.lives import rule
+
+    age = x / v
+    factor, addend, steeper, more = rule(growth, age)
+    strength = (x - addend) / factor
+    return strength, 1.0 / factor, age * (more + strength * steeper) / factor
+
+
+def _reached(hazard: Hazard, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
+    """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by age, and ``rho'/rho``."""
+    from stickslip.kernels.lives import relax, rule
+
+    A, age = hazard.scale, x / v
+    _, addend, _, slope = rule(growth, age)
+    # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the time they are born.
+    decay = np.maximum((1.0 - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0)
+    shape = relax(width, decay, np.ones_like(x))
+    aged = relax(width, decay, slope * age / A) if growth.first > 0.0 else np.zeros_like(x)
+    reached = x - addend + A * np.log(hazard.attempts / v * np.maximum(shape, 1e-300))
+    return reached, shape, aged, decay
+
+
+def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
+    """``A ln G`` of Bell activation at stretchings above 0 in steady sliding, ``G`` the hazard of a threshold of 0."""
+    from stickslip.kernels.lives import NODES
+
+    growth, hazard = growth_of(interface.ageing), hazard_of(interface.temperature)
+    order = np.sort(x)
+    first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]
+    between = order[:-1, None] + np.diff(order)[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
+    edges = np.concatenate([[0.0], first, between.ravel(), order[-1:]])
+    width, nodes, _ = _radau(edges)
+    reached = _reached(hazard, growth, velocity, width, nodes)[0]
+    return np.asarray(np.interp(x, edges[1:], reached[NODES - 1 :: NODES]))
+
+
+_INNER = np.polynomial.legendre.leggauss(24)
+
+
+def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
+    """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 48)."""
+    middle = np.clip(-6.0, low, np.maximum(high, low))
+    nodes, weights = [], []
+    for a, b in ((low, middle), (middle, np.maximum(high, low))):
+        half = 0.5 * (b - a)[:, None]
+        nodes.append(a[:, None] + half * (1.0 + _INNER[0]))
+        weights.append(half * _INNER[1])
+    z = np.concatenate(nodes, axis=1)
+    return z, np.concatenate(weights, axis=1) * np.exp(z - np.exp(z))
+
+
+def blurred_survival(distribution: Distribution, width: float, u: Array) -> Array:
+    """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds blurred by a Gumbel distribution.
+
+    The mean of the survival ``J_c(u - A s)`` over ``s = ln E``, ``E`` drawn from ``exp(-E)``.
+    """
+    # Between these the weight exp(s - exp(s)) is more than rounding.
+    edges = np.linspace(-38.0, 3.7, 140)
+    node, share = np.polynomial.legendre.leggauss(6)
+    half = 0.5 * np.diff(edges)
+    s = ((edges[:-1] + half)[:, None] + half[:, None] * node).ravel()
+    weight = (half[:, None] * share).ravel() * np.exp(s - np.exp(s))
+    found = np.zeros_like(u)
+    for shift, part in zip((width * s).tolist(), (weight / weight.sum()).tolist(), strict=True):
+        found += part * distribution.survival(np.maximum(u - shift, 0.0))
+    return found

@@ -1,0 +1,174 @@
+"""The linear response of contacts in steady sliding, whatever makes it: force over displacement for ``exp(s t)``.
+
+A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts answer with their dynamic stiffness
+``kappa(s)``, per contact, in units of ``k``. Nothing here knows what holds the slider: with a rig the response makes
+the modes of `stickslip.stability`.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from functools import lru_cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError
+from stickslip.model import DelayModel
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
+
+SCAN_LIMIT = 1 << 21
+"""Largest number of frequencies in a scan."""
+STEP = 0.2
+"""Phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3."""
+
+
+class Precision(NamedTuple):
+    """How far a response can be trusted, for what is computed from it."""
+
+    accuracy: float
+    """Of kappa, per contact: a mode nearer to neutral than that is undecided."""
+    step: float
+    """Difference of logarithms at which a slope is least in error."""
+    settled: float
+    """Convergence tolerance of Newton's method, in logarithms; 0 to go on down to rounding."""
+    slack: float
+    """Relative distance between a crossing and the change of the count that belongs to it."""
+
+
+class Parts(NamedTuple):
+    """Numerator and denominator of ``kappa``, both without poles; the denominator tends to 1 for fast perturbations."""
+
+    numerator: ComplexArray
+    denominator: ComplexArray
+
+
+class Discs(NamedTuple):
+    """Discs through 0 on the imaginary axis that hold kappa whatever the delay."""
+
+    omega: Array
+    centre: ComplexArray
+    worst: float
+    """Bound of their radii beyond the last quarter of the frequencies, and there alone."""
+    deficit: float
+    """Bound on how far they reach below the real axis, there."""
+
+
+class Response(ABC):
+    """The linear response of the contacts of an interface in steady sliding.
+
+    A model of contacts gives `parts` and `frequencies`, the scales `cycle` and `leftmost`, and its `precision`; if
+    `parts` is slow, a table on the axis as `axis_parts`.
+    """
+
+    precision: ClassVar[Precision]
+    certain: ClassVar[bool] = False
+    """Whether the response can be followed along lines left of the axis, so that roots there can be counted."""
+
+    @property
+    def inert(self) -> bool:
+        """Whether ``kappa = 0`` at every `s`."""
+        return False
+
+    @property
+    def origin(self) -> int:
+        """Order of the common zero of numerator and denominator at ``s = 0``."""
+        return 0
+
+    @abstractmethod
+    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+        """Numerator and denominator of ``kappa(s)``, also off the axis; not finite where they overflow."""
+
+    @abstractmethod
+    def frequencies(self, velocity: float, top: float) -> Array:
+        """Rising angular frequencies that follow every turn of kappa, up to `top`, or to where it turns no more."""
+
+    @abstractmethod
+    def cycle(self, velocity: float) -> float:
+        """Mean time between two attachments of a contact."""
+
+    @abstractmethod
+    def leftmost(self, velocity: float) -> float:
+        """Real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow, or diverge."""
+
+    def pace(self, velocity: float) -> float:
+        """Time by which growth and decay are measured."""
+        return self.cycle(velocity)
+
+    def memory(self, velocity: float) -> float:
+        """Longest time over which the response remembers."""
+        return self.cycle(velocity)
+
+    def fastest(self, velocity: float) -> float:
+        """Frequency beyond which kappa turns no more by itself, or infinite."""
+        del velocity
+        return math.inf
+
+    def discs(self, velocity: float, top: float) -> Discs | None:
+        """Return bounds on kappa along the axis up to `top` at least; None if there are none."""
+        del velocity, top
+        return None
+
+    def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
+        """`parts` at ``s = i omega``."""
+        return self.parts(velocity, 1j * omega)
+
+    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
+        """Return frequencies up to `top` that follow every turn of kappa, and its parts there."""
+        if math.isinf(top):
+            return _whole_axis(self, velocity)
+        omega = self.frequencies(velocity, top)
+        return omega, self.axis_parts(velocity, omega)
+
+    def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """``kappa(s)`` on the imaginary axis; `velocity` and `s` broadcast."""
+        return _ratio(self.axis_parts(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex).imag))
+
+    def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """``kappa(s)`` as accurate as may be, off the axis as well; `velocity` and `s` broadcast.
+
+        Raises
+        ------
+        InputError
+            If `s` lies where the response does not exist.
+        """
+        points = np.asarray(s, dtype=complex)
+        with np.errstate(over="ignore", invalid="ignore"):
+            kappa = _ratio(self.parts(np.asarray(velocity, dtype=float), points))
+        if not np.all(np.isfinite(kappa)):
+            raise InputError(
+                f"s = {float(np.min(points.real)):g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay "
+                "nearer 0"
+            )
+        return kappa
+
+
+@lru_cache(maxsize=64)
+def _whole_axis(response: Response, velocity: float) -> tuple[Array, Parts]:
+    """Sample a response that is known to where it turns no more: the same for all rigs."""
+    omega = response.frequencies(velocity, math.inf)
+    return omega, response.axis_parts(velocity, omega)
+
+
+def _ratio(parts: Parts) -> ComplexArray:
+    numerator, denominator = parts
+    found = np.zeros(np.broadcast_shapes(numerator.shape, denominator.shape), dtype=complex)
+    return np.asarray(np.divide(numerator, denominator, out=found, where=denominator != 0))
+
+
+def whole(kappa: ComplexArray) -> Parts:
+    """Return the parts of a response that is known as one number."""
+    return Parts(kappa, np.ones_like(kappa))
+
+
+def check_delay(delay: DelayModel) -> None:
+    """Raise `InputError` if contacts never re-attach."""
+    if not math.isfinite(delay.moment(1)):
+        raise InputError(
+            "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
+            "give a finite delay"
+        )

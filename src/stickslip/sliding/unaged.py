@@ -1,0 +1,178 @@
+"""The linear response of contacts whose thresholds do not age, in closed form.
+
+With ``P^`` the Laplace transform of the distribution of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q =
+s/v``, ``h(q) = Int x J_c(x) exp(-q x) dx`` and ``f_d`` the force of a detached contact,
+
+    kappa(s) = (1 - E(s)) W(q) / [(m1 + v <tau>) (1 - E(s) P^(q))],   W = f_d (1 - P^) - q h(q)
+
+per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the delay, linearised about
+the steady state. Two facts carry the search for unstable modes:
+
+* ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no pole there;
+* whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc through 0 about
+  ``c = W (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc
+  holds no mode. At high frequencies ``q h`` vanishes and ``f_d`` stays: a disc about ``f_d/(m1 + v <tau>)``.
+
+Contacts that re-attach with one and the same stretching ``x_0`` answer like unstretched ones with the thresholds ``x_s
+- x_0`` and the sliding force ``f_d - x_0``, which may be negative.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import InputError, UndecidedError
+from stickslip.model import DelayModel
+from stickslip.model.distributions import Distribution
+from stickslip.model.quadrature import hashable
+from stickslip.sliding.response import (
+    SCAN_LIMIT,
+    STEP,
+    Array,
+    ComplexArray,
+    Discs,
+    Parts,
+    Precision,
+    Response,
+    whole,
+)
+from stickslip.sliding.transforms import Axis, axis_table, transforms
+
+_MOST_STEPS = 6_000
+"""Steps of a line of frequencies before the delay alone sets them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnagedResponse(Response):
+    """The linear response of contacts with a distribution of thresholds and a delay."""
+
+    distribution: Distribution
+    delay: DelayModel
+    sliding_force: float = 0.0
+
+    precision: ClassVar[Precision] = Precision(accuracy=1e-12, step=1e-6, settled=0.0, slack=1e-12)
+    certain: ClassVar[bool] = True
+
+    @cached_property
+    def _mean(self) -> float:
+        return self.distribution.moment(1)
+
+    @cached_property
+    def _mean_delay(self) -> float:
+        return self.delay.moment(1)
+
+    @property
+    def inert(self) -> bool:
+        """Whether contacts come back at once."""
+        return self._mean_delay == 0
+
+    @property
+    def origin(self) -> int:
+        """Numerator and denominator vanish together at ``s = 0``."""
+        return 0 if self.inert else 1
+
+    def leftmost(self, velocity: float) -> float:
+        """Abscissa of convergence of the transform of the distribution."""
+        return -math.inf if self.inert else self.distribution.leftmost * velocity
+
+    def _path(self, velocity: float | Array) -> Array:
+        """``m1 + v <tau>``: mean distance the slider goes between two attachments of a contact, in ``x_s``."""
+        return np.asarray(self._mean + velocity * self._mean_delay)
+
+    def cycle(self, velocity: float) -> float:
+        """Mean time between two attachments of a contact."""
+        return float(self._path(velocity)) / velocity
+
+    def pace(self, velocity: float) -> float:
+        """Time by which growth and decay are measured: the cycle of a contact, or the delay if it slides with a force.
+
+        At high frequencies the delay is all that is left of the response, and ``f_d`` keeps it from fading.
+        """
+        cycle = self.cycle(velocity)
+        return cycle if self.sliding_force == 0 or self.inert else min(cycle, self._mean_delay)
+
+    def fastest(self, velocity: float) -> float:
+        """Frequency beyond which the scatter of the thresholds has wiped out their memory."""
+        return 8.0 * velocity / self.distribution.standard_deviation() if not self.inert else 0.0
+
+    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+        """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
+        if self.inert:
+            return whole(np.zeros(np.broadcast_shapes(np.shape(velocity), np.shape(s)), dtype=complex))
+        return self._joined(velocity, s, *transforms(self.distribution, s / velocity))
+
+    def _joined(self, velocity: float | Array, s: ComplexArray, complement: ComplexArray, shape: ComplexArray) -> Parts:
+        missing = np.asarray(self.delay.absence(s))
+        given_up = -shape if self.sliding_force == 0 else self.sliding_force * complement - shape
+        return Parts(given_up * missing / self._path(velocity), missing + (1.0 - missing) * complement)
+
+    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
+        """Return frequencies up to `top` or just beyond, and parts there from a table of the distribution."""
+        if self.inert:
+            return super().sampled(velocity, top)
+        axis = self._table(velocity * self.memory(velocity), top / velocity)
+        axis = axis.up_to(int(np.searchsorted(velocity * axis.y, top)) + 2)
+        omega = velocity * axis.y
+        return omega, self._joined(velocity, 1j * omega, axis.complement, axis.shape)
+
+    def frequencies(self, velocity: float, top: float) -> Array:
+        """Angular frequencies up to `top`, as close as the memory of contacts asks, then as their delay does."""
+        step = STEP / self.memory(velocity)
+        omega = np.arange(0.5, min(top / step, _MOST_STEPS)) * step
+        if self.sliding_force == 0 or self.inert or top <= _MOST_STEPS * step:
+            return omega
+        begin = _MOST_STEPS * step
+        coarse = max(STEP / self.delay.longest, (top - begin) / _MOST_STEPS)
+        return np.append(omega, np.arange(begin, top, coarse))
+
+    def discs(self, velocity: float, top: float) -> Discs:
+        """Return the discs that hold kappa whatever the delay, up to `top` at least."""
+        axis = self._table(self._largest, top / velocity)
+        last, path = slice(-(axis.y.size // 4), None), float(self._path(velocity))
+        # |1 - P^|^2/(1 - |P^|^2) <= (1 + |P^|)/(1 - |P^|), which tends to 1
+        far = float(np.max(np.abs(1.0 - axis.complement[last])))
+        force = abs(self.sliding_force) * (1.0 + far) / max(1.0 - far, 1e-300)
+        centre = axis.centre[last]
+        worst = float(np.max(np.abs(centre))) + force
+        deficit = float(np.max(np.abs(centre) * (1 - 1e-14) - centre.imag)) + force
+        disc = axis.centre + self.sliding_force * axis.loss
+        return Discs(velocity * axis.y, disc / path, worst / path, deficit / path)
+
+    def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """``kappa(s)`` where the transform of the distribution exists; `velocity` and `s` broadcast."""
+        furthest = float(np.min(np.asarray(s, dtype=complex).real, initial=0.0))
+        limit = self.distribution.leftmost * float(np.min(np.asarray(velocity)))
+        if furthest <= limit and furthest < 0:
+            raise InputError(
+                f"s = {furthest:g}: the distribution of thresholds has no transform at or left of "
+                f"Re s = {limit:g}; stay to its right"
+            )
+        return super().exact(velocity, s)
+
+    def _table(self, reach: float, top: float) -> Axis:
+        # Steps and counts are powers of 2, so that neighbouring speeds share a table.
+        step = 2.0 ** math.floor(math.log2(STEP / reach))
+        count = 1 << max(6, math.ceil(math.log2(top / step + 2)))
+        if count > SCAN_LIMIT:
+            raise UndecidedError(
+                f"the response has to be followed over more than {SCAN_LIMIT} frequencies: the contacts remember "
+                f"{reach:g} x_s, and may outweigh the rig up to wavelengths of {2 * math.pi / top:g} x_s; "
+                "give the rig some damping, or the thresholds more standard deviation"
+            )
+        return axis_table(hashable(self.distribution), step, count)
+
+    def memory(self, velocity: float) -> float:
+        """Longest time over which the response remembers: the largest threshold and the longest delay."""
+        return self._largest / velocity + self.delay.longest
+
+    @cached_property
+    def _largest(self) -> float:
+        # One contact in 1e5 beyond it moves the response by no more than 1e-5.
+        distribution = self.distribution
+        return distribution.moment(1) if distribution.single else float(distribution.inverse_survival(np.array(1e-5)))

@@ -1,0 +1,193 @@
+"""Bad input: one table of what is refused, and in which words; what the checks behind it let through.
+
+Any other argument of any public function is drawn at random by tests/test_fuzz.py.
+"""
+
+import math
+import subprocess
+import sys
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import stickslip as ss
+from stickslip.errors import (
+    LARGEST,
+    LONGEST_MESSAGE,
+    SMALLEST,
+    InputError,
+    instance,
+    number,
+    numbers,
+    sequence,
+    together,
+    whole,
+)
+from stickslip.model import Scales, SteadyState
+
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+INTERFACE = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, duration=1.0))
+
+
+def interface(**parts):
+    return ss.Interface(**({"thresholds": TENTH} | parts))
+
+
+def number_with(value, **bounds):
+    return lambda: number("place", value, **bounds)
+
+
+REFUSED = [
+    # numbers
+    *((number_with(value), r"^place = .*: must be a number$") for value in ("2", None, True, 2j, [2], Decimal(2))),
+    (number_with(np.timedelta64(1, "s")), "^place = .*: must be a number$"),
+    (number_with(math.nan), "^place = nan: must be a finite number$"),
+    (number_with(-math.inf, infinite=True, at_least=0), "^place = -inf: must be a number at least 0$"),
+    (number_with(1, below=1), "^place = 1: must be a finite number below 1$"),
+    (number_with(3, above=0, at_most=1), "^place = 3: must be a finite number above 0 and at most 1$"),
+    (number_with("1", above=0, hint="in N"), r"^place = '1': must be a number above 0 \(in N\)$"),
+    (number_with(10**400, above=0), "^place = an integer of about 401 digits: must be a number above 0$"),
+    (number_with(0.9 * SMALLEST, at_least=0), "^place = 9e-31: must be between 1e-30 and 1e"),
+    (number_with(1.1 * LARGEST), r"^place = 1\.1e\+30: must be between 1e-30 and 1e"),
+    (lambda: whole("n", 2.5, at_least=1, hint="contacts"), r"^n = 2\.5: must be a whole number \(contacts\)$"),
+    (lambda: whole("n", 0, at_least=1, at_most=9), "^n = 0: must be a finite number at least 1 and at most 9$"),
+    (lambda: instance("place", [], int | str, "a number"), r"^place = \[\]: must be a number$"),
+    # distributions
+    (lambda: ss.Gaussian(mean=1, std=-0.1), r"^Gaussian\.std = -0\.1: must be a finite number at least 0"),
+    (lambda: ss.Gaussian(mean="1", std=0.1), r"^Gaussian\.mean = '1': must be a number"),
+    (lambda: ss.Gaussian(mean=1, std=0.1, lower=2), r"^Gaussian\.lower = 2: less than one .* raise the mean \(1\)"),
+    (lambda: ss.Gaussian(mean=-1, std=0.1).positive(), r"^Gaussian\.lower = 0: less than one value in a million"),
+    (lambda: ss.Uniform(low=1, high=1), r"^Uniform\.high = 1: must be a finite number above 1"),
+    (lambda: ss.Uniform(low=-2, high=-1).positive(), r"^Uniform\.high = -1: must be above 0"),
+    (lambda: ss.Exponential(mean=0), r"^Exponential\.mean = 0: must be a finite number above 0"),
+    (lambda: ss.Gamma(1, 0), r"^Gamma\.std = 0: must be a finite number above 0"),
+    (lambda: ss.LogNormal(1, None), r"^LogNormal\.std = None: must be a number above 0"),
+    (lambda: ss.Weibull(1, 0.01), r"^Weibull\.shape = 0\.01: must be a finite number at least 0\.1"),
+    (lambda: ss.Empirical((0, 1), (1, 2)), r"^Empirical: 2 edges and 2 weights: must be one edge more"),
+    (lambda: ss.Empirical((0, 2, 1), (1, 2)), r"^Empirical\.edges: must rise"),
+    (lambda: ss.Empirical((0, 1, 2), (1, -2)), r"^Empirical\.weights\[1\] = -2: must be .* at least 0"),
+    (lambda: ss.Empirical((0, 1, 2), (0, 0)), r"^Empirical\.weights: must have a positive sum"),
+    (lambda: ss.Empirical((-2, -1), (1,)).positive(), r"^Empirical\.edges\[-1\] = -1: a distribution of thr"),
+    (lambda: ss.Empirical.from_samples([]), r"^Empirical\.from_samples: is empty"),
+    (lambda: ss.Empirical.from_samples([1.0, 1.0]), r"^Empirical\.from_samples: needs at least two different"),
+    (lambda: ss.Empirical.from_samples(["a"]), r"^Empirical\.from_samples = .*: must be a number or an array"),
+    (lambda: SteadyState(thresholds=3.0), r"^SteadyState\.thresholds = 3\.0: must be a distribution"),
+    (lambda: TENTH.laplace(1.0, 2), r"^laplace\(order=2\): only orders 0 and 1"),
+    # other records
+    (lambda: ss.Delay(-0.1), r"^Delay\.time = -0\.1: must be a number at least 0 \(the delay time tau_d\)"),
+    (lambda: ss.RandomDelay(mean=1, std=0), r"^RandomDelay\.std = 0: must be a finite number above 0"),
+    (lambda: ss.RandomDelay(mean=0.1, std=1e-20), r"^RandomDelay\.std = 1e-20: .* use Delay"),
+    (
+        lambda: ss.RandomDelay(mean=1, std=1, negative="drop"),
+        r"^RandomDelay\.negative = 'drop': must be 'clip' or 'redraw' or 'fold'$",
+    ),
+    (lambda: ss.Langevin(rate=0), r"^Langevin\.rate = 0: must be a finite number above 0 \(beta\)"),
+    (lambda: ss.LogarithmicGrowth(slope=-1, time=1), r"^LogarithmicGrowth\.slope = -1: must be .* at least 0"),
+    (lambda: ss.Slider(stiffness=0, mass=1, damping=1), r"^Slider\.stiffness = 0: must be .* above 0 \(K/N\)"),
+    (lambda: ss.Slider(stiffness="2 MN/m", mass=1, damping=1), r"'2 MN/m': .* give SI to read_rig or Rig\.replace"),
+    (lambda: ss.Chain(blocks=2, coupling=1, mass=1, damping=0, ends="open"), r"^Chain\.ends = 'open': must be 'fr"),
+    (lambda: ss.MasterEquation(memoryless=3), r"^MasterEquation\.memoryless = 3: must be True or False"),
+    (lambda: ss.Output(snapshots=3.0), r"^Output\.snapshots = 3\.0: must be times"),
+    (lambda: Scales(force="1 N", stretching=1.0), r"^Scales\.force = '1 N': must be .*in N"),
+    (lambda: interface(thresholds=ss.Gaussian), r"^Interface\.thresholds = <class .*: must be a distribution, such as"),
+    (lambda: interface(delay=0.2), r"^Interface\.delay = 0\.2: must be a delay, such as Delay"),
+    (lambda: interface(ageing=1.5), r"^Interface\.ageing = 1\.5: must be an ageing model, such"),
+    (lambda: interface(areas="some"), r"^Interface\.areas = 'some': must be 'fresh' or 'site'$"),
+    (lambda: interface(initial=ss.Gaussian(3, 0.1)), r"^Interface\.initial = .*100 % of the .* \(1\.83.*\); narrow"),
+    (lambda: interface(thresholds=ss.Gaussian(1.0, 1e11)), "units of x_s, the breaking displacement"),
+    # verbs
+    (lambda: ss.kinetic_friction(INTERFACE, -1.0), "^velocity = -1: must be a finite number at least 0"),
+    (lambda: ss.kinetic_friction(3, 1.0), "^kinetic_friction: interface = 3: must be an Interface"),
+    (lambda: ss.simulate(3), "must be a Rig"),
+    (lambda: ss.simulate(RIG, progress="no"), "progress = 'no'"),
+    (lambda: ss.predict("slider"), "must be a Rig"),
+    (lambda: ss.critical(RIG, "velocity", between=(1.0,)), r"^between = \(1\.0,\): must be two values"),
+    (lambda: ss.critical_stiffness(INTERFACE, reattachment=3), "reattachment = 3"),
+    (lambda: ss.critical_stiffness(interface(thresholds=ss.Gaussian(1.0, 1e-29))), "next to equal"),
+    (lambda: ss.static_friction(interface(thresholds=ss.Gaussian(1.0, 1e-6))), "points are needed"),
+    (lambda: ss.regime(3.0), "must be"),
+    (lambda: ss.load(3.0), "the name of a file"),
+    (lambda: ss.rerun("no"), "no"),
+    (lambda: ss.cycles.cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"), "tolerance = '1 m/s'"),
+    (lambda: ss.bistable_range(RIG, "velocity", between=(0.6, 1.0), tolerance=[0.1]), "tolerance = "),
+    (lambda: ss.cycles.is_sustained(RIG, patience=True), "patience = True"),
+    (lambda: ss.velocity_step(RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
+    (lambda: ss.stability_map(RIG, over=("velocity", "load"), values=([1], [1])), "use one of stiffness"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), REFUSED, ids=[str(i) for i in range(len(REFUSED))])
+def test_what_is_refused_and_in_which_words(call, message):
+    with pytest.raises(InputError, match=message) as caught:
+        call()
+    assert len(str(caught.value)) <= LONGEST_MESSAGE
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)])
+def test_number_takes_every_real_number_and_gives_a_float(value):
+    assert type(number("place", value)) is float
+    assert number("place", value) == 2.0
+    assert type(whole("place", value, at_least=1)) is int
+
+
+def test_what_lies_on_a_bound_is_taken():
+    for size in (0, SMALLEST, 1.0, LARGEST):
+        assert number("place", size, at_least=0) == size
+    assert number("place", 1, at_most=1) == 1
+    assert number("place", -1e-300) == -1e-300  # a speed may come that near to 0
+    assert number("place", math.inf, infinite=True) == math.inf
+    assert math.copysign(1.0, number("place", -0.0)) == 1.0
+    assert whole("place", 2**127 + 1, at_least=0) == 2**127 + 1  # a seed has no size, and keeps every digit
+    assert numbers("place", [[0, 1], [2, 3]], at_least=0).dtype == float
+    assert sequence("place", np.array([1.0, 2.0]), "numbers") == (1.0, 2.0)
+    speeds = np.array([[0.5, 1.0], [2.0, 4.0]])
+    assert ss.kinetic_friction(INTERFACE, speeds).shape == (2, 2)
+
+
+def test_messages_are_one_short_line_that_steers_no_terminal():
+    assert issubclass(InputError, ValueError)
+    assert together(["a: is missing", "b = 1: must be 2"]) == "a: is missing; b = 1: must be 2"
+    assert together(["a" * 320, "b", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
+    assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
+    said = str(InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
+    assert said.isprintable()
+    message = str(InputError("place: " + "x" * 4_000_000 + ": remedy"))
+    assert len(message) <= LONGEST_MESSAGE
+    assert message.startswith("place: x")
+    assert message.endswith("x: remedy")
+
+
+def test_a_run_whose_numbers_stop_being_finite_names_the_moment(monkeypatch):
+    from stickslip.kernels import events
+
+    advance = events.advance
+
+    def overflow(state, slider, piece, sampling, *rest):
+        why = advance(state, slider, piece, sampling, *rest)
+        sampling.samples[10:, 0] = np.nan
+        return why
+
+    monkeypatch.setattr(events, "advance", overflow)
+    with pytest.raises(InputError, match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass"):
+        ss.simulate(RIG, method=ss.Contacts(10, seed=1), output=ss.Output(interval=0.01))
+
+
+def test_a_snapshot_without_attached_contacts_is_empty():
+    never = interface(delay=ss.Delay(math.inf))
+    rig = ss.Rig(never, SLIDER, ss.constant(1, 5), method=ss.MasterEquation(), output=ss.Output(snapshots=(0.3, 4.0)))
+    run = ss.simulate(rig)
+    assert float(run["attached"][-1]) == 0
+    assert float(run["stretching_density"][0].sum() * np.diff(run["x"])[0]) == pytest.approx(1.0)
+    assert not run["stretching_density"][1].any()
+
+
+def test_a_system_without_locks_of_files_is_told_at_the_import():
+    script = "import sys; sys.platform = 'win32'\ntry: import stickslip\nexcept ImportError as error: print(error)"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert "under Windows, use WSL" in told
