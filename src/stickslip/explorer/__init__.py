@@ -40,24 +40,9 @@ def serve(
     ready: Callable[[str], None] | None = None,
     share: bool = False,
 ) -> None:
-    """Serve the app until interrupted, on the loopback interface unless it is shared.
+    """Serve the app until interrupted, on the loopback interface unless it is shared (`EXPOSED`).
 
-    Parameters
-    ----------
-    rig : Path, optional
-        A rig file to begin with.
-    port : int, optional
-        0 for any free one.
-    ready : callable, optional
-        Called with the address once the server listens.
-    share : bool
-        Serve it to the local network, behind a token in the address that cannot be guessed, with bounded work for each
-        visitor.
-
-    Raises
-    ------
-    InputError
-        If the extra is not installed, the rig file cannot be used, or the port is in use.
+    `rig` is a file to begin with, port 0 any free one; `ready` is called with the address once the server listens.
     """
     if missing := [name for name in NEEDS if find_spec(name) is None]:
         raise InputError(f"explore: needs {', '.join(missing)}; pip install 'stickslip[explorer]'")

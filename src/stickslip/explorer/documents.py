@@ -65,13 +65,7 @@ _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 
 
 def from_json(content: str | bytes) -> object:
-    """Read what a page sends: JSON of bounded size with finite numbers and texts that can be written.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Read what a page sends: JSON of bounded size with finite numbers and texts that can be written."""
     if len(content) > LARGEST_REQUEST:
         raise InputError(f"this message has {len(content) / 1e6:.1f} MB, more than {LARGEST_REQUEST / 1e6:g}")
     try:
@@ -83,13 +77,7 @@ def from_json(content: str | bytes) -> object:
 
 
 def rig_of(document: object) -> Rig:
-    """Make the rig that a document describes, with one slider.
-
-    Raises
-    ------
-    InputError
-        As `stickslip.io.rig_files.from_document`, and if the slider is elastic.
-    """
+    """Make the rig that a document describes, with one slider; an elastic one is refused."""
     rig = any_rig_of(document)
     if isinstance(rig.slider, ElasticBody):
         raise InputError("rig: an elastic slider is shown on the page Fronts; here, give [slider]")
@@ -294,19 +282,7 @@ def complaints(error: Exception) -> list[dict[str, str]]:
 
 
 def turned(document: Document, values: Mapping[str, Any]) -> Document:
-    """Return a document with some parameters varied.
-
-    Parameters
-    ----------
-    document : dict
-    values : mapping of str to float
-        Parameter and value, in the basic unit of the document's own system (N/m, m/s, kg, 1/s, s, m; or natural).
-
-    Raises
-    ------
-    InputError
-        If the rig has no such parameter.
-    """
+    """Return a document with some parameters varied, in the basic units of its own system (N/m, m/s, kg; natural)."""
     rig = rig_of(document)
     for name, value in values.items():
         if name not in QUANTITIES:
@@ -329,7 +305,7 @@ def with_damping(document: Document, ratio: bool) -> Document:
 def in_units(document: Document, units: str, scales: object = None) -> Document:
     """Return a document in the other system of units, and the scales of the one in SI, for the way back.
 
-    A rig in natural units has no scales; it gets those that it is given, or those of the PMMA bench among the examples.
+    Without scales, those of the PMMA bench among the examples are taken.
     """
     if units not in ("SI", "natural"):
         raise InputError(f"units = {shown(units)}: must be 'SI' or 'natural'")

@@ -105,10 +105,7 @@ def _closer(run: xr.Dataset, events: list[dict[str, Any]], sound: float) -> Iter
 
 
 def _front(part: xr.Dataset, sound: float) -> Plain:
-    """Where slip began in an event, and how fast it reached the farther end of what slipped, over the speed of sound.
-
-    A block slips from when it moves at a tenth of the largest velocity of the event.
-    """
+    """Where slip began in an event, and the speed at which it reached the farther end, over that of sound."""
     velocity = np.abs(part["velocity"].transpose("time", "block").to_numpy())
     slips = velocity >= _SLIPS * velocity.max()
     reached = np.flatnonzero(slips.any(axis=0))

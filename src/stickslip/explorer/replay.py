@@ -48,21 +48,7 @@ class _Tells(Protocol):
 
 
 def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
-    """Frames from about a time on; times and forces in the rig's units, displacements in ``x_s``.
-
-    Parameters
-    ----------
-    rig : Rig
-    at : float
-        The time, as a fraction of the drive.
-    watch : callable
-        Called with the fraction of the work that is done.
-
-    Raises
-    ------
-    InputError
-        If a piece of the drive ends on a condition, or the solver does not know its contacts one by one.
-    """
+    """Frames from a fraction of the drive on; times and forces in the rig's units, displacements in ``x_s``."""
     case = rig.natural
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError("drive.pieces: the drawing follows drives whose pieces end at a given time only")

@@ -109,10 +109,7 @@ def too_large(size: float, most: float) -> str:
 
 
 def fit(content: bytes, name: str, options: Options, seconds: float, watch: Watch) -> Iterator[Plain]:
-    """The readings of a trace, the rig that they make by closed forms beside the trace, and what intervals would take.
-
-    `options` may hold readings and what is known of the bench, as texts with units.
-    """
+    """The readings of a trace, the rig that they make by closed forms, and what intervals would take."""
     watch(0.0)
     events = fitting.pick_events(_read(content, name, options))
     force, seconds_of = newtons(events), seconds_in(events)
@@ -287,10 +284,7 @@ def _plan(events: fitting.Events) -> Plain:
 
 
 def posterior(content: bytes, name: str, options: Options, may_simulate: bool, watch: Watch) -> Iterator[Plain]:
-    """The fit with its intervals: what the trace says of each parameter, series of its draws, and the rig.
-
-    The table of simulations is made where it is not kept yet, if that is allowed.
-    """
+    """The fit with its intervals: what the trace says of each parameter, series of its draws, and the rig."""
     watch(0.0)
     events = fitting.pick_events(_read(content, name, options))
     draws = whole(

@@ -107,13 +107,7 @@ def run_cases(
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
-    """Open the results of a sweep, finished or not, as `run_cases` and `refine` return them.
-
-    Raises
-    ------
-    InputError
-        If there is no store of a sweep, or it is damaged.
-    """
+    """Open the results of a sweep, finished or not, as `run_cases` and `refine` return them."""
     with Table(Path(store)) as table:
         return grid_dataset(table.head, table.rows()) if "axes" in table.head else refined_dataset(table)
 
@@ -150,13 +144,7 @@ class Status:
 
 
 def status_of(store: str | PathLike[str]) -> Status:
-    """Say how far the sweep of a store is, also while it runs.
-
-    Raises
-    ------
-    InputError
-        As `open_sweep`.
-    """
+    """Say how far the sweep of a store is, also while it runs."""
     path = Path(store)
     with Table(path, weigh=False) as table:
         head, writer = table.head, writer_of(path)

@@ -253,13 +253,7 @@ def sweep(
 
 
 def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
-    """Open the results of a sweep of a rig, finished or not, as `Plan.run` returns them.
-
-    Raises
-    ------
-    InputError
-        As `stickslip.sweep.open_sweep`.
-    """
+    """Open the results of a sweep of a rig, finished or not, as `Plan.run` returns them."""
     found = open_sweep(store)
     return plan_of(found).select(found) if NOTE in found.attrs else found
 
@@ -298,14 +292,7 @@ _RUN = ("method", "contacts", "rtol", "seed", "start", *(each.name for each in f
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
-    """Read a sweep file.
-
-    Raises
-    ------
-    InputError
-        If the file, or the rig file that it names, cannot be read, has an unknown key, or a value that cannot be; the
-        message names file, key, value and remedy.
-    """
+    """Read a sweep file, and the rig file that it may name."""
     source = Path(path)
     return from_document(read_toml(source, "sweep file", EXAMPLE), source.name, source.parent)
 
