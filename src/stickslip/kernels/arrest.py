@@ -53,18 +53,8 @@ def _threshold(rng: np.random.Generator, std: float, factor: float, least: float
 def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: float) -> tuple[float, float, bool]:
     """Distance and velocity where the slider has gone a distance `gap`, or where it first stops, and whether it does.
 
-    Time in units of ``sqrt(M/K)``.
-
-    Parameters
-    ----------
-    velocity : float
-        At least 0.
-    force, stiffness : float
-        Unbalanced force, and its loss per distance, both over the stiffness K of the driving spring.
-    ratio : float
-        Damping ratio on the driving spring alone.
-    gap : float
-        Above 0; infinite with no contact left.
+    Time in units of ``sqrt(M/K)``; unbalanced force and its loss per distance over the stiffness K of the driving
+    spring, of which `ratio` is the damping ratio.
     """
     rest = force / stiffness  # where the slider would settle
     omega = math.sqrt(stiffness - ratio * ratio)
@@ -111,18 +101,8 @@ def slips(
 ) -> int:
     """Fill in the force, per contact, before and after each slip; return how many there were.
 
-    Parameters
-    ----------
-    model : Arrest
-    floor : float
-        Drops and rises below this part of the peak before are no slips of their own.
-    most : int
-        Contacts that may break.
-    rng : Generator
-    peaks, troughs : array
-        Are filled as far as it goes.
-    breaks_at : array
-        Room: a tournament of the positions of the slider at which the contacts break.
+    Drops and rises below a part `floor` of the peak before are no slips of their own; `most` contacts may break.
+    `breaks_at` is room: a tournament of the positions of the slider at which the contacts break.
     """
     count, kappa, residual = model.contacts, model.stiffness, model.residual
     attached_at = np.empty(count)  # positions of the slider

@@ -38,24 +38,13 @@ class Case(NamedTuple):
 
 
 class Cohorts(NamedTuple):
-    """Cohorts of n blocks, and what has broken on them.
+    """Cohorts of n blocks, and what has broken on them."""
 
-    Attributes
-    ----------
-    cohort : ndarray, shape (n, 4, room)
-        `PLACE`, `MASS`, `REACH`, `ALIVE`.
-    used : ndarray of int, shape (n, 2)
-        How many there are, and how many of them are extinct.
-    history : History
-    due, attached : ndarray, shape (n,)
-        What re-attaches in the step, and all that has been due.
-    """
-
-    cohort: Floats
-    used: Counts
+    cohort: Floats  # shape (n, 4, room): `PLACE`, `MASS`, `REACH`, `ALIVE`
+    used: Counts  # shape (n, 2): how many there are, and how many of them are extinct
     history: History
-    due: Floats
-    attached: Floats
+    due: Floats  # shape (n,): what re-attaches in the step
+    attached: Floats  # shape (n,): all that has been due
 
 
 class State(NamedTuple):
@@ -75,21 +64,9 @@ def smooth_sliding(table: Table, cells: float, attached: float) -> tuple[Floats,
 
 
 def make_state(motion: Motion, place: Floats, alive: Floats, case: Case, rate: float, room: int, kept: int) -> State:
-    """Return the state of blocks with the same number of cohorts each.
+    """Return the state of blocks with the same number of cohorts each, `place` and `alive` of shape (n, cohorts).
 
-    Parameters
-    ----------
-    motion : Motion
-        Of `leapfrog.at_rest`.
-    place, alive : ndarray, shape (n, cohorts)
-        Places of no stretching, and fractions of all contacts.
-    case : Case
-    rate : float
-        At which contacts broke before time 0.
-    room : int
-        Cohorts that a block may have, at first.
-    kept : int
-        Steps whose breaks are kept.
+    Contacts broke at a `rate` before time 0; at first there is `room` for so many cohorts and `kept` steps of breaks.
     """
     n, count = place.shape
     cohort = np.zeros((n, 4, max(room, count + 1)))

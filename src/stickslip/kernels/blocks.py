@@ -61,16 +61,9 @@ class State(NamedTuple):
 def make_state(
     birth: Floats, threshold: Floats, waiting: Floats, X: Floats, V: Floats, sliding: float, anchored: Floats
 ) -> State:
-    """Return the state of n blocks.
+    """Return the state of n blocks of N contacts; `birth`, `threshold` and `waiting` have shape (n, N).
 
-    Parameters
-    ----------
-    birth, threshold : ndarray, shape (n, N)
-        Where each contact has no stretching, and its threshold; 0 for a detached one.
-    waiting : ndarray, shape (n, N)
-        Times at which detached contacts re-attach, infinite for those that do not.
-    X, V, sliding, anchored
-        As in `leapfrog.at_rest`.
+    A contact without threshold is detached, and attaches at the time `waiting`; the rest as in `leapfrog.at_rest`.
     """
     n, N = birth.shape
     attached = threshold > 0

@@ -47,10 +47,7 @@ class Rates(NamedTuple):
 
 @jit
 def threshold_edges(langevin: Langevin, cells: float) -> Floats:
-    """Edges of the cells of threshold: `cells` per standard deviation, eight times as many near zero.
-
-    The last edge lies beyond all thresholds.
-    """
+    """Edges of `cells` of threshold per standard deviation, eight times as many near zero; the last lies beyond all."""
     end = max(langevin.mean, langevin.newborn) + 8.0 * langevin.std
     widest = langevin.std / cells
     width = widest if langevin.newborn > 0.0 else widest / 8.0
@@ -105,26 +102,12 @@ def relax(mass: Floats, rates: Rates, dt: float) -> None:
 
 @jit
 def closure_friction(velocity: Floats, langevin: Langevin, cells: float = 20.0) -> Floats:
-    """Force in smooth sliding by the paper's closure, Eqs. (1)-(3) with (18). An approximation.
+    """Force per contact in smooth sliding by the paper's closure, Eqs. (1)-(3) with (18). An approximation.
 
     Against `langevin_steady.steady_friction` the force is 23 % too large at u = .01, 9 % too small at .5 and 28 % too
-    small at 1 (standard deviation .1).
-
-    In the steady state ``Q = Gamma J_c``, and P_c is the distribution of a threshold that has aged for an exponential
-    time of rate ``Gamma v``; Gamma follows from ``Gamma <x_s> = 1`` by bisection. Thresholds are kept above 0.
-
-    Parameters
-    ----------
-    velocity : ndarray, shape (n,)
-        Sliding velocities, not 0. The force has the sign of the velocity.
-    langevin : Langevin
-    cells : float
-        Cells per standard deviation.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Force per contact.
+    small at 1 (standard deviation .1). In the steady state ``Q = Gamma J_c``, and P_c is the distribution of a
+    threshold that has aged for an exponential time of rate ``Gamma v``; Gamma follows from ``Gamma <x_s> = 1`` by
+    bisection. Thresholds are kept above 0.
     """
     edges = threshold_edges(langevin, cells)
     n = edges.size - 1
@@ -198,23 +181,8 @@ def advance_closure(
     """Advance the paper's closure, Eqs. (1)-(3) with (18), and the slider. An approximation.
 
     Q is kept as cohorts, which break as the slider moves; the distribution of thresholds loses the same at the same
-    place, ages, and what has broken re-attaches at the newborn's threshold.
-
-    Parameters
-    ----------
-    state : ndarray, shape (5,)
-        Time, X, V, loss per time (see `stepping`), number of cohorts; changed in place.
-    cohorts : Cohorts
-        Changed in place. Once it is full the course breaks off: go on with longer arrays.
-    thresholds : Thresholds
-        The mass is changed in place.
-    course : Course
-    langevin : Langevin
-
-    Returns
-    -------
-    ndarray, shape (n, 5)
-        X, V, F_d, F_c, sum of the weights. At the times that were reached.
+    place, ages, and what has broken re-attaches at the newborn's threshold. `state`, `cohorts` and the mass are
+    changed; once the arrays are full the course breaks off. Returns the samples at the times that were reached.
     """
     place, weight, mass = cohorts.place, cohorts.weight, thresholds.mass
     rates, birth = threshold_rates(thresholds.edges, langevin), _cell(thresholds.edges, langevin.newborn)

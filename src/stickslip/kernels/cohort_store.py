@@ -22,21 +22,12 @@ class Delays(NamedTuple):
 
 
 class History(NamedTuple):
-    """What has broken up to each of the last steps, in a ring, for one population or n.
+    """What has broken up to each of the last steps, in a ring, for one population or n."""
 
-    Attributes
-    ----------
-    times, broken : ndarray, shape (kept,) and (kept, n)
-    entered : ndarray of int, shape (1,)
-        Steps entered so far.
-    cursor : ndarray of int, shape (delays,)
-        Step at or before the time one delay ago.
-    """
-
-    times: Array
-    broken: Array
-    entered: IntArray
-    cursor: IntArray
+    times: Array  # shape (kept,)
+    broken: Array  # shape (kept, n)
+    entered: IntArray  # shape (1,): steps entered so far
+    cursor: IntArray  # shape (delays,): step at or before the time one delay ago
 
 
 def first_history(delays: Delays, rate: float, kept: int, n: int = 1) -> History:

@@ -24,21 +24,11 @@ is 1 for a cohort whose nodes are those of Gauss on one panel; `COUNT` is the nu
 
 
 class Reading(NamedTuple):
-    """Room for what the slider may break in a step, filled by `gather`.
+    """Room for what the slider may break in a step, filled by `gather`."""
 
-    Attributes
-    ----------
-    active : ndarray, shape (3, n)
-        Place, mass and reach of nodes that may break.
-    sums : ndarray, shape (3,)
-        Moments of the mass of all nodes that cannot: they add up.
-    kinked : ndarray of int
-        How many cohorts a knot may pass through, and which.
-    """
-
-    active: Array
-    sums: Array
-    kinked: IntArray
+    active: Array  # shape (3, n): place, mass and reach of nodes that may break
+    sums: Array  # shape (3,): moments of the mass of all nodes that cannot
+    kinked: IntArray  # how many cohorts a knot may pass through, and which
 
 
 @bare
@@ -243,10 +233,7 @@ def kink_at(cohorts: Array, used: int, table: Table, level: float) -> float:
 
 @bare
 def divide(cohorts: Array, used: int, X: float, table: Table, room: int) -> int:
-    """Divide the cohorts through which a knot passes, as there is room: when the slider turns, their reach stays.
-
-    Returns the number of cohorts.
-    """
+    """Divide the cohorts through which a knot passes, as there is room: when the slider turns, their reach stays."""
     count = used
     for g in range(used):
         if not _is_kinked(cohorts, g, X, table, 0.0, 0.0):

@@ -51,10 +51,7 @@ def _drawn(case: Case, count: float, held: float) -> float:
 
 @bare
 def deviation(work: Work, case: Case, t: float, row: Record, force: float, velocity: float) -> None:
-    """Add to a row of samples at a time what the deviation from the mean has done by then.
-
-    `force` and `velocity` are those of the mean.
-    """
+    """Add what the deviation from the mean has done by a time to a row that is the mean, of this force and velocity."""
     extra = work.fluctuation
     h = t - extra.time
     if h < 0.0 or (extra.force == 0.0 and extra.fraction == 0.0):

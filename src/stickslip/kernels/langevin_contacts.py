@@ -44,36 +44,28 @@ class Contacts(NamedTuple):
 class Sleep(NamedTuple):
     """Contacts far from breaking sleep: nothing is done about them until they must be looked at.
 
-    The threshold is that of the time ``seen``. To be looked at is a contact from the time ``until`` on, or once the
-    slider leaves the range ``room`` (low and high end for each contact). Their stretchings are kept less the position
-    of the slider; ``total`` is the sum over those attached, shape (1,).
+    Their stretchings are kept less the position of the slider.
     """
 
-    seen: Floats
-    until: Floats
-    room: Floats
-    total: Floats
+    seen: Floats  # shape (N,): the threshold is that of this time
+    until: Floats  # looked at from this time on,
+    room: Floats  # shape (N, 2): or once the slider leaves this range
+    total: Floats  # shape (1,): sum of the stretchings of those attached
 
 
 class _Step(NamedTuple):
-    """What is the same for all contacts in a step of length `dt`.
-
-    `drift` is that of a margin near the boundary, `decay` and `sigma` belong to the thresholds, `variance` to the
-    bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion. A margin below `certain` is gone
-    by the end whatever happens. `forgotten`: the step holds so many lives that the moment of the first break in it
-    does not matter; `young`: thresholds near the boundary are driven towards it.
-    """
+    """What is the same for all contacts in a step of length `dt`."""
 
     dt: float
     v: float
-    drift: float
-    noise: float
-    decay: float
+    drift: float  # of a margin near the boundary
+    noise: float  # square of its noise, ``<dy^2>/dt``
+    decay: float  # of the thresholds towards their mean
     sigma: float
-    variance: float
-    certain: float
-    forgotten: bool
-    young: bool
+    variance: float  # of the bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion
+    certain: float  # a margin below it is gone by the end whatever happens
+    forgotten: bool  # so many lives in a step that the moment of the first break in it does not matter
+    young: bool  # thresholds near the boundary are driven towards it
 
 
 @jit
@@ -101,27 +93,13 @@ def crossing(start: float, end: float, variance: float, rng: np.random.Generator
 
 @inlined
 def reflected(start: float, drift: float, noise: float, time: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Margin of a contact that re-attaches on its boundary whenever it meets it; and its age.
+    """Margin, after a time, of a contact that re-attaches on its boundary whenever it meets it; and its age.
 
-    The margin is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is
-    below 0, sampled exactly by the distribution of the minimum of a bridge, so that a step may hold any number of
-    breaks. The time since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else:
-    the forces need no more, and two passage times (before the minimum and after it) divide the step in proportion to
-    their depths.
-
-    Parameters
-    ----------
-    start : float
-        Margin at the start, 0 for a newborn.
-    drift, noise : float
-        Drift of the margin, and the square of its noise, ``<dy^2>/dt``.
-    time : float
-        How long it goes on.
-
-    Returns
-    -------
-    margin, age : float
-        The age is -1 where the contact has not broken.
+    The margin is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is below
+    0, sampled exactly by the distribution of the minimum of a bridge, so that a step may hold any number of breaks. The
+    time since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else: the forces
+    need no more, and two passage times (before the minimum and after it) divide the step in proportion to their depths.
+    The age is -1 where the contact has not broken.
     """
     variance = noise * time
     if variance <= 0.0:
@@ -146,8 +124,8 @@ def _drift(langevin: Langevin, noise: float, speed: float, time: float) -> float
     """Constant drift of the margin that stands for ``rate^2 (mean - f) - speed`` near the boundary.
 
     The threshold ``f`` of a contact near its boundary is small, not 0. Long after the last memory (relaxation time
-    noise/drift^2) its effect on the force is that of 2.25 mean margins and 2.8 mean stretchings, the first order of
-    the stationary kinetic equation at large speed; after a short time it is that of the growth so far.
+    noise/drift^2) its effect on the force is that of 2.25 mean margins and 2.8 mean stretchings, the first order of the
+    stationary kinetic equation at large speed; after a short time it is that of the growth so far.
     """
     square = langevin.rate * langevin.rate
     drift = square * langevin.mean - speed
@@ -256,15 +234,12 @@ def _live_hot(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Stretching and threshold at the end of a step of which a time `left` is left, whatever breaks in it.
+    """`_live` at a temperature: the rate of breaking follows the threshold of the moment, which is noisy.
 
-    Below 0, `left` says how long after the end a contact that has broken is attached again.
-
-    The rate of breaking follows the threshold of the moment, which is noisy: a contact breaks where the integral of the
-    rate along its own path reaches a number drawn from ``exp(-E)``, or where it meets its threshold. It takes steps of
-    its own: far from breaking one long step, near it steps in which the logarithm of the rate changes by no more than
-    `FINE`. The threshold at the end of each is exact; within it the rate goes as an exponential, times what the noise
-    adds to its mean.
+    A contact breaks where the integral of the rate along its own path reaches a number drawn from ``exp(-E)``, or where
+    it meets its threshold. It takes steps of its own: far from breaking one long step, near it steps in which the
+    logarithm of the rate changes by no more than `FINE`. The threshold at the end of each is exact; within it the rate
+    goes as an exponential, times what the noise adds to its mean.
     """
     mean, std, square = langevin.mean, langevin.std, langevin.rate * langevin.rate
     while left > 0.0:
@@ -306,8 +281,7 @@ def _age(
 ) -> tuple[float, int]:
     """One step of all contacts while the slider moves; stretchings are kept less the position of the slider.
 
-    Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached
-    (less those that it has detached).
+    Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached.
     """
     step, square, mean = _prepare(langevin, stroke), langevin.rate * langevin.rate, langevin.mean
     base, threshold, attach = contacts.stretching, contacts.threshold, contacts.attach
@@ -444,34 +418,12 @@ def advance_contacts(
 ) -> Floats:
     """Advance N ageing contacts and the slider to the last of the course's times, Eqs. (11) and (13)-(16).
 
-    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking
-    inside the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary
-    the exact distribution of the margin after any number of breaks (`reflected`). Contacts far from breaking are left
-    alone.
-
-    Parameters
-    ----------
-    state : ndarray, shape (4,)
-        Time, X, V and what breaking takes from the force per time (0 at the start; a memory of the step before);
-        changed in place.
-    contacts : Contacts
-        Changed in place.
-    course : Course
-        A longest step of ``0.04/rate^2`` is converged to 2e-3 in steady motion; a reach of 0.02 mean thresholds with
-        a slider, inf for steady rigid motion.
-    langevin : Langevin
-    delays : ndarray, shape (n,)
-        Delays after breaking, one drawn at random for each break; ``[0.]`` for none. A delay needs a newborn
-        threshold above 0.
-    rng : numpy.random.Generator
-    hazard : Hazard
-        Rate of breaking at a temperature; newborns must then have strength.
-
-    Returns
-    -------
-    ndarray, shape (n, 5)
-        X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts, at the times that
-        were reached.
+    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking inside
+    the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary the exact
+    distribution of the margin after any number of breaks (`reflected`). A longest step of ``0.04/rate^2`` is converged
+    to 2e-3 in steady motion, with a reach of 0.02 mean thresholds with a slider and inf for steady rigid motion.
+    `state` (see `stepping`) and `contacts` are changed; each break draws one of the `delays`, ``[0.]`` for none.
+    Returns the samples.
     """
     if langevin.newborn <= 0.0 and np.max(delays) > 0.0:
         raise ValueError("a delay after breaking needs a newborn threshold above 0")

@@ -31,22 +31,11 @@ _ANGLE = 0.35
 
 
 class Cohorts(NamedTuple):
-    """Contacts by where they attached, first the closed cohorts, then the open one, then room for more.
+    """Contacts by where they attached, first the closed cohorts, then the open one, then room for more."""
 
-    Attributes
-    ----------
-    place : ndarray, shape (C,)
-        Slider positions at which the cohorts have stretching 0. C is at least two more than there are closed cohorts;
-        with ``(mean + 8 std)/reach + 3`` rows none has to be joined to another that is not near.
-    mass : ndarray, shape (C, nodes)
-        Fraction of contacts by cohort and margin, sum 1, kept to rounding; none on node 0 but of the open cohort.
-    moment : ndarray, shape (C, nodes)
-        The same times how much farther than `place` these contacts have attached on average.
-    """
-
-    place: Floats
-    mass: Floats
-    moment: Floats
+    place: Floats  # shape (C,), at least two more than closed cohorts: slider positions at which they have stretching 0
+    mass: Floats  # shape (C, nodes): fraction of contacts by margin; none on node 0 but of the open one
+    moment: Floats  # the same times how much farther than `place` these contacts have attached on average
 
 
 class _Grid(NamedTuple):
@@ -57,20 +46,16 @@ class _Grid(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """Room to calculate in, and for each cohort the last node where it held anything.
+    """Room to calculate in."""
 
-    ``up[i]`` leads from node i to i+1, ``down[i]`` to i-1; `pivot` and `carry` are the elimination of the implicit
-    steps, `echo` what one birth a time leaves, and `stage` the mass and the moment in the two stages of a step.
-    """
-
-    up: Floats
-    down: Floats
-    pivot: Floats
-    carry: Floats
+    up: Floats  # rates from node i to i+1,
+    down: Floats  # and to i-1
+    pivot: Floats  # the elimination of the implicit steps,
+    carry: Floats  # and what it carries on
     known: Floats
-    echo: Floats
-    stage: Floats
-    tops: NDArray[np.int64]
+    echo: Floats  # what one birth a time leaves
+    stage: Floats  # mass and moment in the two stages of a step
+    tops: NDArray[np.int64]  # for each cohort the last node where it held anything
 
 
 class _Step(NamedTuple):
@@ -99,10 +84,10 @@ class _Births(NamedTuple):
 
 @jit
 def density_nodes(langevin: Langevin, cells: float) -> Floats:
-    """Nodes of the margin for `advance_density`: `cells` per standard deviation, closer and closer to the boundary.
+    """Nodes of the margin, `cells` per standard deviation, closer to the boundary; the last lies beyond all thresholds.
 
     Contacts that attach on their boundary leave it as the square root of time, and a fast slider presses them against
-    it: the first cells must be small. The last node lies beyond all thresholds.
+    it: the first cells must be small.
     """
     end, widest = max(langevin.mean, langevin.newborn) + 8.0 * langevin.std, langevin.std / cells
     growth, h, k = 1.0 + 1.0 / cells, 0.06 * widest, 0
@@ -288,10 +273,7 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 
 @jit
 def _age(cohorts: Cohorts, grid: _Grid, count: int, stroke: Stroke, langevin: Langevin, work: _Work) -> int:
-    """One step of all cohorts while the slider moves.
-
-    What breaks attaches in the open cohort (row `count`). Returns the number of closed cohorts that are left.
-    """
+    """One step of all cohorts; what breaks attaches in the open one (row `count`). How many closed ones are left."""
     place, mass, moment, tops, nodes = cohorts.place, cohorts.mass, cohorts.moment, work.tops, grid.nodes
     step, X, newborn = _prepare(langevin, stroke), stroke.X, langevin.newborn
     birth, fraction = 0, 0.0
@@ -350,22 +332,8 @@ def _force(cohorts: Cohorts, count: int, X: float) -> tuple[float, float]:
 def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Course, langevin: Langevin) -> Floats:
     """Advance the kinetic equation and the slider to the last of the course's times, Eqs. (11), (13)-(17).
 
-    Parameters
-    ----------
-    state : ndarray, shape (8,)
-        Time, X, V, loss per time (see `stepping`), number of closed cohorts, how far the contacts lag behind X, slope
-        of the loss, last step (0: none). Changed in place.
-    cohorts : Cohorts
-        Changed in place.
-    nodes : ndarray
-        Of `density_nodes`.
-    course : Course
-    langevin : Langevin
-
-    Returns
-    -------
-    ndarray, shape (n, 5)
-        X, V, F_d, F_c, sum of the mass. At the times that were reached.
+    `state` and `cohorts` are changed; returns the samples at the times that were reached, the last column the sum of
+    the mass. With ``(mean + 8 std)/reach + 3`` rows of cohorts none has to be joined to another that is not near.
     """
     count, lag, reach = int(state[COHORTS]), state[LAG], course.reach
     size = nodes.size

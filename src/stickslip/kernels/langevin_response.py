@@ -29,34 +29,16 @@ _ON_FINE = np.polynomial.legendre.legvander(2.0 * _FINE - 1.0, P) @ _LEGENDRE
 
 
 class Excursions(NamedTuple):
-    """Survival at one velocity, on panels of the age: of a contact, and of excursions that begin at some ages.
-
-    Attributes
-    ----------
-    life : Life
-    edges : ndarray
-        Of the panels.
-    age : ndarray, shape (nodes,)
-    start : ndarray, shape (n,)
-        Ages at which the excursions begin.
-    slope : ndarray, shape (n, n)
-        Slopes of a polynomial in the start from its values.
-    survivors : ndarray, shape (nodes,)
-    lives : ndarray, shape (nodes, 3 n)
-        Survivors times the polynomials of the start; then for each start the survival of its excursion, and the same
-        times the age since.
-    alive : ndarray of int, shape (nodes,)
-        How many of the columns of `lives` to regard: later there is nobody.
-    """
+    """Survival at one velocity, on panels of the age: of a contact, and of excursions that begin at some ages."""
 
     life: Life
-    edges: Floats
-    age: Floats
-    start: Floats
-    slope: Floats
-    survivors: Floats
-    lives: Floats
-    alive: NDArray[np.int64]
+    edges: Floats  # of the panels
+    age: Floats  # shape (nodes,)
+    start: Floats  # shape (n,): ages at which the excursions begin
+    slope: Floats  # shape (n, n): slopes of a polynomial in the start from its values
+    survivors: Floats  # shape (nodes,)
+    lives: Floats  # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain and times age
+    alive: NDArray[np.int64]  # shape (nodes,): how many of the columns of `lives` to regard: later there is nobody
 
 
 @jit
@@ -163,19 +145,10 @@ def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -
 
 @jit
 def life_transforms(known: Excursions, p: Complex) -> Complex:
-    """What one life contributes to the dynamic stiffness.
+    """What one life contributes to the dynamic stiffness at Laplace variables `p` in units of rate^2, shape (4, n).
 
-    Parameters
-    ----------
-    known : Excursions
-    p : ndarray of complex, shape (n,)
-        Laplace variable in units of rate^2.
-
-    Returns
-    -------
-    ndarray of complex, shape (4, n)
-        ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of the survivors S by a slider
-        that is perturbed by ``e^{pa}``.
+    ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of the survivors S by a slider that
+    is perturbed by ``e^{pa}``.
     """
     count, u = known.start.size, known.life.u
     real, imaginary = np.empty(3 * count), np.empty(3 * count)

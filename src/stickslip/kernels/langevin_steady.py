@@ -86,29 +86,15 @@ def steady_moments(
 ) -> tuple[float, float]:
     """Moments of one life of a contact in sliding at constant velocity, by the kinetic equation, Eqs. (13)-(17).
 
-    With ``a`` the age in units of 1/rate^2 and ``S(a)`` the survivors, the moments are ``int S da`` and
-    ``int u a S da``; their ratio is the mean stretching of attached contacts in units of the mean threshold.
+    With ``a`` the age in units of 1/rate^2 and ``S(a)`` the survivors, the moments are ``int S da`` and ``int u a S
+    da``; their ratio is the mean stretching of attached contacts in units of the mean threshold. For a newborn without
+    strength they are those of an excursion, per unit of its entrance measure (their slope in the margin, in units of
+    the standard deviation).
 
     The backward (adjoint) equation is solved: what is still to come, as a function of age and margin, is smooth where
     the density is singular. Chang-Cooper / Scharfetter-Gummel rates in the margin, Crank-Nicolson in the age, and one
-    Richardson extrapolation.
-
-    Parameters
-    ----------
-    life : Life
-        For a newborn without strength the moments are those of an excursion, per unit of its entrance measure (their
-        slope in the margin, in units of the standard deviation).
-    cells : int
-        Cells of the coarser grid; 100 gives 1e-5 (for 1e-5 <= u <= 50 and delta >= 0.1).
-    hazard : Hazard
-        Rate at which temperature breaks contacts before they meet their thresholds; newborns must have strength.
-    mean, time : float
-        Mean threshold, and ``1/rate**2``: what the hazard knows of units.
-
-    Returns
-    -------
-    life, work : float
-        ``int S da`` and ``int u a S da``.
+    Richardson extrapolation: 100 cells give 1e-5 for 1e-5 <= u <= 50 and delta >= 0.1. `mean` and `time`
+    (``1/rate**2``) are what the hazard knows of units.
     """
     steepest = mean * abs(log_rate(hazard, 0.5 * mean, mean)[2]) if hazard.attempts > 0.0 else 0.0
     margins, steps = _resolution(life, cells, steepest)
@@ -124,26 +110,10 @@ def steady_moments(
 def steady_friction(
     velocity: Floats, langevin: Langevin, delay: float = 0.0, cells: int = 100, hazard: Hazard = NONE
 ) -> Floats:
-    """Force of the contacts in smooth sliding, N to infinity, from Eqs. (13)-(17).
+    """Force per contact in smooth sliding at velocities, not 0, N to infinity, from Eqs. (13)-(17).
 
-    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``std^2/mean u/(u-1)^2`` at
-    large u.
-
-    Parameters
-    ----------
-    velocity : ndarray, shape (n,)
-        Sliding velocities, not 0. The force has the sign of the velocity.
-    langevin : Langevin
-    delay : float
-        Mean time a broken contact stays detached. With ``newborn = 0`` no contact ever holds for it.
-    cells : int
-    hazard : Hazard
-        See `steady_moments`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Force per contact.
+    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``std^2/mean u/(u-1)^2`` at large u.
+    With ``newborn = 0`` no contact ever holds for a mean `delay`.
     """
     force = np.zeros(velocity.size)
     time = 1.0 / (langevin.rate * langevin.rate)
@@ -160,23 +130,8 @@ def pull_newborns(velocity: float, langevin: Langevin, distance: float, points: 
     """Force while contacts that were all newborn at the start are dragged at constant velocity, Eqs. (7), (13)-(17).
 
     Lives at constant velocity are alike, so births (counted by local time) are a renewal process: ``births * S = 1``
-    and ``F = births * (v a S)``, with the survivors S by age of the stationary solution and ``*`` the convolution.
-    ``max(-dF/dX)`` is the effective stiffness of Fig. 11.
-
-    Parameters
-    ----------
-    velocity : float
-    langevin : Langevin
-        Newborns have no strength, whatever it says.
-    distance : float
-        How far the slider goes.
-    points : int
-        Number of equal steps of the distance.
-
-    Returns
-    -------
-    path, force : ndarray, shape (points,)
-        Distances gone, and the force per contact there.
+    and ``F = births * (v a S)``, with the survivors S by age of the stationary solution and ``*`` the convolution;
+    ``max(-dF/dX)`` is the effective stiffness of Fig. 11. Newborns have no strength. Returns paths and forces.
     """
     life = life_at(velocity, Langevin(langevin.rate, langevin.mean, langevin.std, 0.0))
     u, mean = life.u, langevin.mean

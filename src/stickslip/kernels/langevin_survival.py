@@ -160,16 +160,8 @@ def _remember(
 def survive(edges: Floats, rise: float, start: Floats, margin: Floats) -> Floats:
     """Survivors at the nodes of the panels, shape (panels, P + 1, n); on the first panel times the root of age.
 
-    Parameters
-    ----------
-    edges : ndarray
-        Of the panels, see `panel_edges`.
-    rise : float
-        Of the level with the age.
-    start : ndarray, shape (n,)
-        Levels at age 0, rising: the last are the first with which nobody survives.
-    margin : ndarray, shape (n,)
-        How far above them the newborns' thresholds are; 0 for an excursion.
+    `start` are levels at age 0, rising: the last are the first with which nobody survives; `margin` says how far above
+    them the newborns' thresholds are, 0 for an excursion.
     """
     count, age = start.size, panel_ages(edges)
     survivors = np.zeros((edges.size - 1, P + 1, count))

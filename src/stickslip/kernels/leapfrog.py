@@ -82,17 +82,7 @@ steps of blocks spent, whether there is a row, and the mode of quasi-static moti
 
 
 def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
-    """Return blocks between two steps, their contacts still to be summed.
-
-    Parameters
-    ----------
-    X, V : ndarray, shape (n,)
-        Displacements and velocities at time 0.
-    sliding : float
-        Force of a detached contact while it slides.
-    anchored : ndarray, shape (n,)
-        Stretching of the element of the detached contacts.
-    """
+    """Return blocks between two steps, contacts still to be summed; `anchored` is the stretching of their elements."""
     n = X.size
     blocks = Blocks(
         X=X.astype(float),

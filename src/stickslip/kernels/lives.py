@@ -127,13 +127,7 @@ def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: floa
 def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lives:
     """Lives of contacts one threshold after the other: for barriers that no single variable describes.
 
-    Parameters
-    ----------
-    strengths, weights : ndarray, shape (n,)
-        Nodes of the distribution of thresholds.
-    v : float
-    longest : float
-        Longest panel, for the frequencies that matter.
+    No panel is longer than `longest`, for the frequencies that matter.
     """
     room, panels, nodes = 1024, 0, 0
     width, fresh = np.empty(room), np.empty(room, np.bool_)
@@ -250,20 +244,10 @@ def _gone(z: complex) -> complex:
 
 @jit
 def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
-    """Transforms of a life under a perturbation, at each `q`.
+    """Transforms of a life under a perturbation, at each `q`, shape (4, n): ``M_0 - Sq``, ``W``, ``L``, ``Y``.
 
-    Parameters
-    ----------
-    lives : Lives
-    q : ndarray of complex, shape (n,)
-    fast : bool
-        Whether the perturbation is so fast that nothing is left of ``exp(-q x)`` but what is at ``x = 0``.
-
-    Returns
-    -------
-    ndarray of complex, shape (4, n)
-        ``M_0 - Sq``, ``W``, ``L``, ``Y``: what the survival loses under ``exp(-q x)``, the first moment of what is
-        left, what the perturbation breaks, and the stretching broken.
+    What the survival loses under ``exp(-q x)``, the first moment of what is left, what the perturbation breaks, and the
+    stretching broken. A `fast` one leaves nothing of ``exp(-q x)`` but what is at ``x = 0``.
     """
     found = np.zeros((4, q.size), np.complex128)
     matrix, value = np.empty((NODES, NODES), np.complex128), np.empty(NODES, np.complex128)

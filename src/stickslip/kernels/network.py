@@ -17,32 +17,16 @@ Indices = NDArray[np.int32]
 
 
 class Network(NamedTuple):
-    """What does not change: ``M X'' + M eta X' = pull (D - X) + load + sum of spring (1 + lag d/dt) (X_l - X) - F_c``.
+    """Constants of ``M X'' + M eta X' = pull (D - X) + load + sum of spring (1 + lag d/dt) (X_l - X) - F_c``."""
 
-    Attributes
-    ----------
-    neighbour : ndarray of int, shape (n, m)
-        Neighbours of each block; where there are fewer than `m`, the block itself.
-    spring : ndarray, shape (n, m)
-        Stiffness towards each; 0 where there is none.
-    pull : ndarray, shape (n,)
-        Stiffness of the spring by which the drive pulls each block.
-    load : ndarray, shape (n,)
-        Constant force on each block: what its driving spring carries with drive and block at 0, and what pushes.
-    push : ndarray, shape (n,)
-        What part of `load` does work as the block moves: all that is not the force of a driving spring.
-    mass, damping, lag : float
-        ``M``, ``eta``, and the viscosity of a spring over its stiffness.
-    """
-
-    neighbour: Indices
-    spring: Floats
-    pull: Floats
-    load: Floats
-    push: Floats
+    neighbour: Indices  # shape (n, m); where a block has fewer than `m`, itself
+    spring: Floats  # shape (n, m): stiffness towards each; 0 where there is none
+    pull: Floats  # shape (n,): stiffness of the spring by which the drive pulls each block
+    load: Floats  # shape (n,): constant force: of the driving spring with drive and block at 0, and what pushes
+    push: Floats  # shape (n,): what part of `load` does work as the block moves: all but the force of a driving spring
     mass: float
     damping: float
-    lag: float
+    lag: float  # viscosity of a spring over its stiffness
 
 
 class Pull(NamedTuple):

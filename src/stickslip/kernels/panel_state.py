@@ -20,32 +20,16 @@ IntArray = NDArray[np.int64]
 
 
 class Delays(NamedTuple):
-    """Times until a broken contact re-attaches; none: it never does.
+    """Times until a broken contact re-attaches; none: it never does."""
 
-    Attributes
-    ----------
-    time, weight : ndarray, shape (n,)
-        Given times, 0 for at once, and the fraction of what breaks that re-attaches after each.
-    continuous : Table
-        Survival of the times of the rest that re-attaches, the fraction `fraction`; a part of the motion that is longer
-        than `grain` has to be cut.
-    mean : float
-    arrest : bool
-        What is detached re-attaches when the slider next stops.
-    memoryless : bool
-        The paper's approximation, Eq. (10): contacts re-attach at once, and the fraction of them that is attached
-        follows the breaking rate of the moment. It has no memory of what broke when, and oscillates in its own,
-        spurious way; it is exact for the mean force of steady sliding.
-    """
-
-    time: Array
-    weight: Array
-    continuous: Table
-    fraction: float
-    grain: float
+    time: Array  # shape (n,): given times, 0 for at once
+    weight: Array  # shape (n,): the fraction of what breaks that re-attaches after each
+    continuous: Table  # survival of the times of the rest that re-attaches
+    fraction: float  # of that rest
+    grain: float  # a part of the motion that is longer has to be cut
     mean: float
-    arrest: bool
-    memoryless: bool
+    arrest: bool  # what is detached re-attaches when the slider next stops
+    memoryless: bool  # the paper's approximation, Eq. (10): see `panel_step._hold`
 
 
 class Newborn(NamedTuple):
@@ -57,41 +41,20 @@ class Newborn(NamedTuple):
 
 
 class Accuracy(NamedTuple):
-    """How large a step may be.
+    """How large a step may be."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Largest error.
-    width : float
-        How far the slider may go while all that is attached re-attaches in a step.
-    rough : float
-        Error of what re-attaches that need not be resolved.
-    broken : float
-        Largest fraction of all contacts that breaks in a step.
-    """
-
-    tolerance: float
-    width: float
-    rough: float = 0.0
-    broken: float = math.inf
+    tolerance: float  # largest error
+    width: float  # how far the slider may go while all that is attached re-attaches in a step
+    rough: float = 0.0  # error of what re-attaches that need not be resolved
+    broken: float = math.inf  # largest fraction of all contacts that breaks in a step
 
 
 class FiniteNumber(NamedTuple):
-    """Number of contacts, of which each node holds some; 0: infinitely many.
-
-    Attributes
-    ----------
-    contacts : float
-    rng : Generator
-        Draws how many break and re-attach.
-    grain : float
-        Distance of contacts that may count as if they had attached at one place.
-    """
+    """Number of contacts, of which each node holds some; 0: infinitely many."""
 
     contacts: float
-    rng: np.random.Generator
-    grain: float
+    rng: np.random.Generator  # draws how many break and re-attach
+    grain: float  # distance of contacts that may count as if they had attached at one place
 
 
 UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), np.ones(1))
@@ -99,30 +62,16 @@ INFINITE = FiniteNumber(0.0, np.random.default_rng(0), 0.0)
 
 
 class Case(NamedTuple):
-    """All that stays the same while the drive moves by one rule.
+    """All that stays the same while the drive moves by one rule; a detached contact slides with `sliding_force`."""
 
-    Attributes
-    ----------
-    table : Table
-        Survival of the thresholds.
-    delays, slider, accuracy
-    drive : Quadratic
-    newborn : Newborn
-        With which stretchings contacts attach.
-    sliding_force : float
-        Force at which a detached contact slides.
-    finite : FiniteNumber
-        How many contacts there are; its generator goes on.
-    """
-
-    table: Table
+    table: Table  # survival of the thresholds
     delays: Delays
     slider: Slider
     accuracy: Accuracy
     drive: Quadratic = STILL
     newborn: Newborn = UNSTRETCHED
     sliding_force: float = 0.0
-    finite: FiniteNumber = INFINITE
+    finite: FiniteNumber = INFINITE  # its generator goes on
 
 
 MOTION = record(
@@ -162,61 +111,31 @@ the squared frequency of the slider.
 class State(NamedTuple):
     """All that the next step needs. Arrays have room to spare; `used` says how much is filled.
 
-    Attributes
-    ----------
-    motion : record of MOTION
-    cohorts : ndarray, shape (5, room, Q)
-        See `stickslip.kernels.cohorts`.
-    panels : ndarray, shape (room, WAITING + n_delays + Q)
-        Of each step: its start and length, the mass broken up to each of its nodes, and the mass that breaks in it by
-        nodes of Gauss. Where contacts are counted, how many wait: for each of the given delays, and by nodes.
-    cursor : ndarray of int, shape (n_delays,)
-        Panel of the time one delay ago.
-    front : ndarray of int, shape (n_delays,)
-        First of the rough moments of which not all has re-attached yet.
-    extremes : ndarray
-        Places where the slider has turned and that it has not passed since.
-    rough : ndarray
-        Ring of moments at which what breaks has no smooth rate.
-    used : record of COUNTS
+    A panel is a step: its start and length, the mass broken up to each of its nodes, and the mass that breaks in it by
+    nodes of Gauss. Where contacts are counted, how many wait follows: for each of the given delays, and by nodes.
     """
 
-    motion: Record
-    cohorts: Array
-    panels: Array
-    cursor: IntArray
-    front: IntArray
-    extremes: Array
-    rough: Array
-    used: Record
+    motion: Record  # record of MOTION
+    cohorts: Array  # shape (5, room, Q), see `cohorts`
+    panels: Array  # shape (room, WAITING + n_delays + Q)
+    cursor: IntArray  # shape (n_delays,): panel of the time one delay ago
+    front: IntArray  # shape (n_delays,): first of the rough moments of which not all has re-attached yet
+    extremes: Array  # places where the slider has turned and that it has not passed since
+    rough: Array  # ring of moments at which what breaks has no smooth rate
+    used: Record  # record of COUNTS
 
 
 class Work(NamedTuple):
-    """Room to calculate in.
+    """Room to calculate in."""
 
-    Attributes
-    ----------
-    nodes : recarray of AT_NODE, shape (P + 3,)
-        Start and nodes of a step; then the start before it is changed, and a place between, as for samples.
-    values : ndarray, shape (P + 3, fields)
-        The same numbers as a matrix.
-    curves, coefficients
-        Of the polynomials through them, by name and as a matrix.
-    before : recarray of MOTION, shape (1,)
-        Motion at the start of a step.
-    matrix : ndarray, shape (P, P + 1)
-    reading : Reading
-    fluctuation : record of FLUCTUATION
-    """
-
-    nodes: Record
-    values: Array
-    curves: Record
-    coefficients: Array
-    before: Record
-    matrix: Array
+    nodes: Record  # AT_NODE, shape (P + 3,): start and nodes; then the start before it is changed, and a place between
+    values: Array  # shape (P + 3, fields): the same numbers as a matrix
+    curves: Record  # of the polynomials through them, by name
+    coefficients: Array  # the same as a matrix
+    before: Record  # MOTION, shape (1,): motion at the start of a step
+    matrix: Array  # shape (P, P + 1)
     reading: Reading
-    fluctuation: Record
+    fluctuation: Record  # record of FLUCTUATION
 
 
 FIRST, BETWEEN = P + 1, P + 2
@@ -248,27 +167,11 @@ def initial_state(
     rate: float = 0.0,
     element: float = 0.0,
 ) -> State:
-    """Put a slider at 0 on its initial contacts.
+    """Put a slider at 0 on contacts, shape (n, Q): stretchings and weights at nodes of Gauss; the rest is detached.
 
-    Parameters
-    ----------
-    table : Table
-        Survival of the thresholds.
-    delays : Delays
-    stretching, weight : ndarray, shape (n, Q)
-        Initial stretchings, any sign, at the nodes of Gauss of intervals, and the attached fraction of contacts at
-        each. A contact at ``x_0`` has a threshold beyond ``|x_0|``. The rest of a sum of 1 is detached.
-    velocity : float
-        Of the slider.
-    rate : float
-        Mass that broke per unit time before the start; it re-attaches after its delay. For smooth sliding
-        ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
-    element : float
-        Force that each detached contact carries.
-
-    Returns
-    -------
-    State
+    A contact at ``x_0`` has a threshold beyond ``|x_0|``. `rate` is the mass that broke per unit time before the start:
+    for smooth sliding ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
+    `element` is the force that each detached contact carries.
     """
     n, reach = len(stretching), np.abs(stretching)
     alive = np.maximum(values_at(table, reach.ravel()).reshape(reach.shape), 1e-12)

@@ -135,7 +135,11 @@ def _slide(state: State, work: Work, case: Case, k: int, way: float) -> None:
 
 @bare
 def _hold(work: Work, delays: Delays, dt: float) -> None:
-    """Leave attached only what holds by Eq. (10), at the breaking rate of the moment."""
+    """Leave attached only what holds by the paper's approximation, Eq. (10), at the breaking rate of the moment.
+
+    Contacts re-attach at once, and the attached fraction follows the rate. It has no memory of what broke when, and
+    oscillates in its own, spurious way; it is exact for the mean force of steady sliding.
+    """
     nodes = work.nodes
     nodes[0] = nodes[FIRST]
     for k in range(P + 1):
@@ -236,10 +240,10 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
 
 @bare
 def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -> float:
-    """Solve a step without taking it; returns its error in tolerances (above 1: it is too long).
+    """Solve a step without taking it; its error in tolerances (above 1: too long), or `NOT_CONVERGED`.
 
     A step of the `smallest` length is solved however rough it is, for no shorter one is tried: what re-attaches may
-    jump in it. `NOT_CONVERGED` if it could not be solved.
+    jump in it.
     """
     nodes, motion, slider, tol = work.nodes, state.motion, case.slider, case.accuracy.tolerance
     table = case.table

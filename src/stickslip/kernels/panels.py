@@ -487,34 +487,12 @@ def _take(state: State, work: Work, case: Case, dt: float, event: int, room: int
 def advance(
     state: State, case: Case, until: float, times: Array, stop: Stop = Stop(), max_steps: int = 2**62
 ) -> tuple[State, Record, int]:
-    """Go on from a state, under one piece of the drive.
+    """Go on from a state, which is not changed, under one piece of the drive that ends at the time `until`.
 
-    Neither the samples nor the pauses change the steps; but with a finite number of contacts those of a piece with a
-    condition are ends of steps, and other samples another run.
-
-    Parameters
-    ----------
-    state : State
-        Where to start; it is not changed.
-    case : Case
-    until : float
-        Time to reach exactly: the end of the piece.
-    times : ndarray
-        Rising times of the samples wanted, those up to the start of this call left out, but for its very start.
-    stop : Stop
-        Condition that ends the piece at the first sample where it holds.
-    max_steps : int
-        Steps after which to pause, to show progress.
-
-    Returns
-    -------
-    state : State
-        To go on from.
-    rows : recarray of MOTION
-        One for each sample time that was passed, of which the fields up to ``time`` are told.
-    reason : int
-        `FINISHED` (the time was reached), `STOPPED` (the condition holds at the last row, and the state is at its
-        time), `PAUSED` (the number of steps was used up) or `UNSOLVED` (Newton's method fails in a step however short).
+    Neither the samples, at rising times, nor the pauses after `max_steps` change the steps; but with a finite number of
+    contacts the samples of a piece with a condition are ends of steps, and other samples another run. Returns the
+    state, a row for each sample time that was passed, and why: `FINISHED`, `STOPPED`, `PAUSED`, or `UNSOLVED` where
+    Newton's method fails in a step however short.
     """
     state = copy.deepcopy(state)
     times = np.asarray(times, float)

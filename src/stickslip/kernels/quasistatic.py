@@ -73,9 +73,9 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 
 @bare
 def _answer(state: State, network: Network, sliding: float, right: Floats, way: float, room: Floats) -> bool:
-    """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path.
+    """How the blocks move (``room[0]``) as forces `right` are added, and whether it was found which elements slide.
 
-    Returns whether it was found which elements slide.
+    `way` is the sign of the path.
     """
     blocks = state.motion.blocks
     n = blocks.X.size

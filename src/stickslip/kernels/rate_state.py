@@ -35,25 +35,9 @@ def slide(
     """Friction of a slider without mass on a spring, from steady sliding at the first velocity of the pull.
 
     ``F = a ln(v/v0) + b ln(v0 theta/D)``, with ``theta' = 1 - v theta/D`` (ageing law) or ``-(v theta/D) ln(v
-    theta/D)`` (slip law), and ``F' = stiffness (pull - v)``.
-
-    Parameters
-    ----------
-    law : int
-        `AGEING` or `SLIP`.
-    a, b, distance, stiffness : float
-        All above 0; `b` at least 0.
-    times : ndarray, shape (n,)
-        Rising, from 0.
-    pull : ndarray, shape (n,)
-        Velocity of the far end of the spring from each time to the next; at the first time that of steady sliding.
-    tolerance : float
-        Of the logarithms of velocity and state, per step.
-
-    Returns
-    -------
-    ndarray, shape (3, n)
-        Friction relative to the start, ``ln(v/v0)`` and ``ln(theta v0/D)``; NaN once the slider has run away.
+    theta/D)`` (slip law), and ``F' = stiffness (pull - v)``; `pull` holds from each time to the next. Returns friction
+    relative to the start, ``ln(v/v0)`` and ``ln(theta v0/D)``; NaN once the slider has run away. The tolerance is of
+    the logarithms, a step.
     """
     found = np.full((3, times.size), np.nan)
     slope, here, there = np.zeros((7, 2)), np.zeros(2), np.zeros(2)

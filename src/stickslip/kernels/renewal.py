@@ -39,94 +39,37 @@ Excess = Callable[[Array, int], Array]
 
 
 class Contacts(NamedTuple):
-    """The contacts at the start and what becomes of them.
+    """The contacts at the start and what becomes of them."""
 
-    Attributes
-    ----------
-    density : callable
-        ``P_c(x)`` at an array of stretchings ``x >= 0``.
-    excess : callable
-        ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for ``n`` = 0, 1, 2; order 0 is the survival
-        ``J_c``.
-    stretching, weight : ndarray, shape (n_nodes,)
-        Nodes of the distribution of initial stretchings, any sign; the weights sum to 1.
-    reach : ndarray, shape (n_nodes,)
-        Stretching beyond which the thresholds of these contacts are known to lie, with ``J_c(reach) > 0``:
-        ``|x_0|`` for contacts that could break in either direction, ``max(x_0, 0)`` where Eq. (3) is read to
-        the letter, which lets a contact stretched backwards have any threshold.
-    shift, fraction : ndarray, shape (n_delays,)
-        Distances ``v tau_d >= 0`` travelled before a broken contact re-attaches, and their weights, of sum
-        1. One shift of 0: no delay. Empty: broken contacts never re-attach.
-    born, born_weight : ndarray, shape (n_births,)
-        Nodes of the distribution of stretchings at re-attachment, and their weights of sum 1.
-    """
-
-    density: Density
-    excess: Excess
-    stretching: Array
-    weight: Array
-    reach: Array
-    shift: Array
-    fraction: Array
-    born: Array = np.zeros(1)
-    born_weight: Array = np.ones(1)
+    density: Density  # ``P_c(x)`` at ``x >= 0``
+    excess: Excess  # ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for n = 0, 1, 2; order 0 is ``J_c``
+    stretching: Array  # nodes of the initial stretchings, any sign
+    weight: Array  # of sum 1
+    reach: Array  # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is read to the letter
+    shift: Array  # distances ``v tau_d >= 0`` travelled before a broken contact re-attaches; 0: at once; none: never
+    fraction: Array  # of sum 1
+    born: Array = np.zeros(1)  # nodes of the stretchings at re-attachment
+    born_weight: Array = np.ones(1)  # of sum 1
 
 
 class ReAttached(NamedTuple):
-    """What all contacts but the initial ones contribute, on the uniform grid ``X = spacing * (0, 1, 2 ...)``.
+    """What all but the initial contacts contribute, on a uniform grid from 0: continuous functions."""
 
-    Attributes
-    ----------
-    spacing : float
-        Distance between points.
-    values : ndarray, shape (4, n)
-        Contributions to the force, the attached fraction, the breaking rate and the stiffness: continuous
-        functions.
-    """
-
-    spacing: float
-    values: Array
+    spacing: float  # between points
+    values: Array  # shape (4, n): force, attached fraction, breaking rate and stiffness
 
 
 class Response(NamedTuple):
-    """The interface under rigid motion, per contact.
+    """The interface under rigid motion, per contact."""
 
-    Attributes
-    ----------
-    force : ndarray
-        ``F_c/N`` in units of ``f_s``, Eq. (4).
-    attached : ndarray
-        Fraction of contacts that are attached.
-    rate : ndarray
-        Breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2).
-    stiffness : ndarray
-        ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force, in units of ``k``; no numerical
-        derivative.
-    """
-
-    force: Array
-    attached: Array
-    rate: Array
-    stiffness: Array
+    force: Array  # ``F_c/N`` in units of ``f_s``, Eq. (4)
+    attached: Array  # fraction
+    rate: Array  # breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2)
+    stiffness: Array  # ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force; no numerical derivative
 
 
 def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
-    """Solve for the contacts that break and re-attach while the slider moves from 0 to `distance`.
-
-    Parameters
-    ----------
-    contacts : Contacts
-        The distribution of thresholds, the initial contacts and the delays.
-    distance : float
-        Length of the motion, above 0.
-    points : int
-        Number of intervals of the grid that is returned; the solver works on it and on two finer ones.
-
-    Returns
-    -------
-    ReAttached
-        On ``points + 1`` positions from 0 to `distance`.
-    """
+    """Solve for the contacts that break and re-attach from 0 to a distance, at so many points and two finer grids."""
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
     first = _initial_breaks(contacts, np.linspace(0.0, distance, 4 * points + 1))
@@ -154,20 +97,11 @@ def _carried(contacts: Contacts) -> float:
 
 
 def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
-    """Evaluate force, attached fraction, breaking rate and stiffness at any positions.
+    """Evaluate force, attached fraction, breaking rate and stiffness at any positions up to the distance of `solve`.
 
-    The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to
-    sixth order. A one-sided limit at a jump of the density is the value at the next number on that side
+    The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to sixth
+    order. A one-sided limit at a jump of the density is the value at the next number on that side
     (``numpy.nextafter``).
-
-    Parameters
-    ----------
-    contacts : Contacts
-        As given to `solve`.
-    re_attached : ReAttached
-        What `solve` returned.
-    X : ndarray
-        Positions between 0 and the distance of `solve`, in any order.
     """
     initial = _initial(contacts, X)
     force, attached, rate, stiffness = _interpolate(re_attached.values, X / re_attached.spacing)
@@ -255,9 +189,8 @@ def _at_once(contacts: Contacts) -> float:
 def solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
     """Second-order solution on the uniform grid on which the first breaks ``m_0`` are given.
 
-    Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the
-    breaking rate, of the force lost and of the stiffness lost by those that break (``J - 1`` in place of
-    ``J``).
+    Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the breaking rate,
+    of the force lost and of the stiffness lost by those that break (``J - 1`` in place of ``J``).
     """
     n = first.size
     h = distance / (n - 1)

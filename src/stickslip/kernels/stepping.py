@@ -26,36 +26,16 @@ COLUMNS = 5
 
 
 class Course(NamedTuple):
-    """What a slider is to do.
-
-    Attributes
-    ----------
-    drive : Quadratic
-        Motion of the drive, for the whole course.
-    slider : Slider
-    times : ndarray, shape (m,)
-        When to sample, ascending, none before now; the last one ends the course.
-    longest : float
-        Largest step of time; inf for no limit.
-    reach : float
-        Largest distance that the slider goes in a step.
-    stop : Stop
-        Condition that ends the course at the first sample where it holds. A step then ends at each sample, so that the
-        way up to there does not depend on where the course ends.
-    look : float
-        Time of a look at the contacts: the course breaks off before the step that would pass it.
-    budget : int
-        Most steps; then the course breaks off.
-    """
+    """What a slider is to do."""
 
     drive: Quadratic
     slider: Slider
-    times: Floats
-    longest: float
-    reach: float
-    stop: Stop = Stop()
-    look: float = np.inf
-    budget: int = 2**62
+    times: Floats  # shape (m,): when to sample, ascending, none before now; the last one ends the course
+    longest: float  # largest step of time
+    reach: float  # largest distance that the slider goes in a step
+    stop: Stop = Stop()  # at the first sample where it holds the course ends; steps then end at samples
+    look: float = np.inf  # time of a look at the contacts: the course breaks off before the step that would pass it
+    budget: int = 2**62  # most steps; then the course breaks off
 
 
 class Stroke(NamedTuple):
@@ -123,25 +103,7 @@ def goes_on(course: Course, samples: Floats, filled: int, taken: int) -> bool:
 
 @jit
 def plan(course: Course, filled: int, here: Motion, load: Load, angle: float) -> tuple[Motion, Stroke]:
-    """Guess where the next step ends; it ends where the slider turns back.
-
-    Parameters
-    ----------
-    course : Course
-    filled : int
-        How many samples are filled.
-    here : Motion
-    load : Load
-        What the contacts are expected to give.
-    angle : float
-        Largest step of a free oscillation that matters, in radians.
-
-    Returns
-    -------
-    guess : Motion
-    stroke : Stroke
-        From here to there.
-    """
+    """Guess where the next step ends, under the load that is expected; it ends where the slider turns back."""
     end = course.times[filled if course.stop.kind != NOWHERE else -1]
     dt = _pace(course, here, load, angle, end)
     guess = move(course.slider, course.drive, here, load, dt)

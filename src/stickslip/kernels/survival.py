@@ -17,28 +17,14 @@ DEGREE = 5
 
 
 class Table(NamedTuple):
-    """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a cell that holds a knot has two.
+    """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a cell that holds a knot has two."""
 
-    Attributes
-    ----------
-    pieces : ndarray, shape (n_cells, 2, 2 + DEGREE + 1)
-        Left end and one over the width of each piece, and its coefficients.
-    split : ndarray, shape (n_cells,)
-        Where the second piece of a cell begins; infinite if there is none.
-    inverse : float
-        One over the width of a cell.
-    bottom, top : float
-        Below `bottom` the function is 1, and from `top` on it is 0.
-    knots : ndarray
-        Where the slope jumps, between 0 and `top`.
-    """
-
-    pieces: Array
-    split: Array
-    inverse: float
-    bottom: float
-    top: float
-    knots: Array
+    pieces: Array  # shape (n_cells, 2, 2 + DEGREE + 1): left end and one over the width of each piece; its coefficients
+    split: Array  # shape (n_cells,): where the second piece of a cell begins; infinite if there is none
+    inverse: float  # one over the width of a cell
+    bottom: float  # below it the function is 1
+    top: float  # from it on the function is 0
+    knots: Array  # where the slope jumps, between 0 and `top`
 
 
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
@@ -124,9 +110,9 @@ def values_at(table: Table, x: Array) -> Array:
 
 
 def widest(table: Table, tolerance: float, most: float, order: int) -> float:
-    """Width of a window, up to `most`, of which nodes of Gauss give the mean to the tolerance, wherever it lies.
+    """Width of a window, up to `most`, of which nodes of Gauss give the mean of ``x**order`` times the function.
 
-    The mean of ``x**order`` times the function, between its knots.
+    To the tolerance, wherever the window lies between two knots.
     """
     edges = np.unique([0.0, *table.knots, table.top])
     width = min(most, 0.5 * table.top)

@@ -64,35 +64,17 @@ _WEIGHT = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 
 
 class Model(NamedTuple):
-    """How contacts break.
+    """How contacts break."""
 
-    Attributes
-    ----------
-    hazard : Hazard
-        Without attempts there is no temperature.
-    growth : Growth
-    thresholds : Table
-        Survival of strengths.
-    thermal : Table
-        ``J(u)`` from `low` on, where one number is enough.
-    low : float
-    node, weight : ndarray, shape (n,)
-        Strengths at which the hazard is followed, and their weights; none where one number is enough.
-    capped : bool
-        Whether a contact may meet its threshold before it breaks; nodes always look.
-    width : float
-        Stretching over which rates change.
-    """
-
-    hazard: Hazard
+    hazard: Hazard  # without attempts there is no temperature
     growth: Growth
-    thresholds: Table
-    thermal: Table
+    thresholds: Table  # survival of strengths
+    thermal: Table  # ``J(u)`` from `low` on, where one number is enough
     low: float
-    node: Array
-    weight: Array
-    capped: bool
-    width: float
+    node: Array  # shape (n,): strengths at which the hazard is followed; none where one number is enough
+    weight: Array  # shape (n,)
+    capped: bool  # whether a contact may meet its threshold before it breaks; nodes always look
+    width: float  # stretching over which rates change
 
 
 class Limits(NamedTuple):
@@ -104,24 +86,14 @@ class Limits(NamedTuple):
 
 
 class State(NamedTuple):
-    """All that the next step needs.
+    """All that the next step needs."""
 
-    Attributes
-    ----------
-    motion : record of MOTION
-    cohort : ndarray, shape (ROWS, room)
-    run, trial : ndarray, shape (room, nodes or 1)
-        By cohort ``ln G``, or ``H`` at the nodes: now, and at the end of a step under trial.
-    history : History
-    used : record of COUNTS
-    """
-
-    motion: Record
-    cohort: Array
-    run: Array
-    trial: Array
+    motion: Record  # record of MOTION
+    cohort: Array  # shape (ROWS, room)
+    run: Array  # shape (room, nodes or 1): by cohort ``ln G``, or ``H`` at the nodes
+    trial: Array  # the same at the end of a step under trial
     history: History
-    used: Record
+    used: Record  # record of COUNTS
 
 
 class Case(NamedTuple):
@@ -180,10 +152,7 @@ def surviving(model: Model, log_g: float, reach: float) -> float:
 
 @bare
 def _surviving_beyond(model: Model, log_g: float, reach: float) -> float:
-    """The same where thresholds below `reach` matter: ``Int J_c(max(reach, u - A ln E)) exp(-E) dE``.
-
-    With ``t`` the distance beyond `reach` in widths, by panels.
-    """
+    """The same where thresholds below `reach` matter: ``Int J_c(max(reach, u - A ln E)) exp(-E) dE``, by panels."""
     A = model.hazard.scale
     d = log_g - reach / A
     held = value_at(model.thresholds, reach)

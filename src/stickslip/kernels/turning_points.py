@@ -81,15 +81,7 @@ def observe(
 ) -> int:
     """Sample a saw of these peaks and troughs, add noise, pick it; return how many slips were seen, of those wanted.
 
-    Parameters
-    ----------
-    peaks, troughs : array
-        Force before and after each slip, in the order of the slips; slips take no time.
-    sampling : Sampling
-    rng : Generator
-        For the noise, and for where the first sample falls.
-    seen : (2, wanted) array
-        Takes the peaks and troughs that were picked.
+    Slips take no time; `seen` takes the peaks and troughs that were picked, shape (2, wanted).
     """
     count, wanted = 0, seen.shape[1]
     state = START

@@ -15,20 +15,12 @@ _TRIES = 60
 
 
 class Contacts(NamedTuple):
-    """How contacts break.
-
-    Attributes
-    ----------
-    width, attempts, growth
-        ``A`` and the rate of the activation; `FIXED` or `LOGARITHMIC` growth.
-    survival : ndarray
-        Fraction of newborns left, over ``u = A ln G`` from `first` on in steps of `spacing`.
-    """
+    """How contacts break: width and rate of `Bell` activation, `FIXED` or `LOGARITHMIC` growth."""
 
     width: float
     attempts: float
     growth: Growth
-    survival: Floats
+    survival: Floats  # of newborns, over ``u = A ln G`` from `first` on in steps of `spacing`
     first: float
     spacing: float
 
@@ -81,25 +73,10 @@ def step(
     dX: float,
     steps: int,
 ) -> Floats:
-    """Force, load point and time after a step of the velocity of the load point, from steady sliding.
+    """Force, load point and time after a step of the velocity of the load point, shape (3, steps + 1).
 
-    Parameters
-    ----------
-    contacts : Contacts
-    stretching, reached : ndarray, shape (m,)
-        Contacts at the step, born at an even rate: stretching, and ``A ln G``.
-    before, after : float
-        Velocities of the load point.
-    stiffness : float
-        Of the spring between it and the slider; infinite for none.
-    dX : float
-        Step of the slider.
-    steps : int
-
-    Returns
-    -------
-    ndarray, shape (3, steps + 1)
-        Force per contact, displacement of the load point, time; NaN from where no balance was found.
+    From steady sliding: contacts at the step were born at an even rate: stretching, and ``A ln G``. NaN from where no
+    balance was found.
     """
     m, rigid, A = stretching.size, np.isinf(stiffness), contacts.width
     birth, G, age, share = np.empty(m + steps), np.empty(m + steps), np.empty(m + steps), np.empty(m + steps)
