@@ -108,25 +108,7 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> B
 
 @bare
 def lives(rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats) -> int:
-    """Draw the stretchings at which newborn contacts break at a steady velocity.
-
-    Parameters
-    ----------
-    rule : Rule
-    start, strength : ndarray, shape (n,)
-        With which stretchings and strengths they attach.
-    velocity : float
-        Above 0.
-    variates : ndarray, shape (m,)
-        Numbers between 0 and 1.
-    reached : ndarray, shape (n,)
-        Filled; the caller goes on with the rest where the numbers did not do.
-
-    Returns
-    -------
-    int
-        How many are filled.
-    """
+    """Draw the stretchings at which newborns break at a steady velocity, from numbers between 0 and 1; how many."""
     used = 0
     for i in range(strength.size):
         x = start[i]

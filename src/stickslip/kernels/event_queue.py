@@ -54,19 +54,7 @@ MOVED = 6  # whether entries were moved to other places
 
 
 def make_queue(capacity: int, bins: int, width: float, entry: np.dtype[np.void] = ENTRY) -> Queue:
-    """Return an empty queue.
-
-    Parameters
-    ----------
-    capacity : int
-        Largest number of entries.
-    bins : int
-        Number of bins; a power of two.
-    width : float
-        Width of a bin, in the unit of the key. Any width is right; the best holds a dozen entries.
-    entry : dtype
-        What an entry holds: the fields of `ENTRY`, and more.
-    """
+    """Return an empty queue; `bins` is a power of two, and any `width` right; the best holds a dozen entries."""
     chunks = capacity // _CHUNK + min(bins, capacity) + capacity // (4 * _CHUNK) + 2  # one of them to move entries
     queue = Queue(
         newest=np.empty(bins, np.int32),

@@ -136,17 +136,8 @@ def make_state(
 ) -> State:
     """Return the state of an interface at time 0.
 
-    Parameters
-    ----------
-    birth, threshold : array, shape (N,)
-        Slider position at which each contact has no stretching, and its threshold; the last ``len(pending)`` contacts
-        are detached.
-    pending : array, shape (n,)
-        Times of re-attachment of the detached contacts; infinite for those that stay detached.
-    scale_time : float
-        Typical delay, for the width of the bins of times of re-attachment.
-    motion : array
-        Of `make_motion`.
+    `birth` are the positions without stretching; the last ``len(pending)`` contacts are detached until these times,
+    which may be infinite. `scale_time` is a typical delay.
     """
     N = birth.size
     attached = N - pending.size
@@ -589,28 +580,10 @@ def advance(
     budget: int,
     boxes: Boxes | None = None,
 ) -> int:
-    """Move the state on, event by event, until a reason to stop.
+    """Move the state on, event by event, until a reason to stop, or about `budget` events.
 
-    Parameters
-    ----------
-    state : State
-        Changed in place. Its motion says how far the samples are filled and the draws used.
-    slider : Slider
-        In rigid motion the slider moves with the drive; without mass it is in balance.
-    piece : Piece
-    sampling : Sampling
-        Samples up to the end of the piece are filled.
-    draws : Draws
-    budget : int
-        Return after about this many events, so that a caller can show progress or be interrupted.
-    boxes : Boxes, optional
-        Changed in place; without any, contacts break at their thresholds and nowhere else. Which it is numba knows as
-        it compiles: contacts without boxes pay nothing for them.
-
-    Returns
-    -------
-    int
-        `REACHED_END`, `CONDITION_HELD`, `DRAWS_USED_UP`, `BUDGET_SPENT`, `LOOK` or `ARRESTED`.
+    The motion says how far the samples are filled and the draws used. Whether there are boxes numba knows as it
+    compiles: contacts without pay nothing for them.
     """
     m, acceleration, stiffest = state.motion[0], piece.drive.acceleration, 1.0
     if boxes is not None:

@@ -43,30 +43,10 @@ def follow(
     looks: tuple[float, ...] = (),
     progress: Progress | None = None,
 ) -> Track:
-    """Follow a drive from piece to piece.
+    """Follow a drive from piece to piece, from time 0 on; a condition may end a piece early.
 
-    Parameters
-    ----------
-    engine : Engine
-        At time 0; it goes on.
-    drive : Drive
-    position : float
-        Of the drive, at time 0.
-    times : ndarray, shape (n,)
-        Rising times of the samples. A sample on the seam of two pieces belongs to the earlier one.
-    looks : tuple of float
-        Rising times of the snapshots.
-    progress : callable, optional
-
-    Returns
-    -------
-    Track
-        Up to where the drive ended: a condition may end a piece early.
-
-    Raises
-    ------
-    InputError
-        If the numbers of the run stop being finite; the message names the moment.
+    A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`, naming the moment, if the
+    numbers of the run stop being finite.
     """
     from stickslip.kernels.drive import Quadratic
 

@@ -52,28 +52,7 @@ LABELS: Mapping[str, Mapping[str, str]] = {
 
 
 def labelled(name: str, dims: str | tuple[str, ...], values: ArrayLike, units: str | None = None) -> Labelled:
-    """Return a variable with its units and its long name, for a Dataset.
-
-    Parameters
-    ----------
-    name : str
-        A name in `LABELS`, which knows the rest; with `units`, what to call the variable at length.
-    dims : str or tuple of str
-    values : array_like
-    units : str, optional
-
-    Returns
-    -------
-    tuple
-        Dimensions, values and attributes, as `xarray.Dataset` takes them.
-
-    Examples
-    --------
-    >>> labelled("attached", "time", [1.0, 0.9])[2]
-    {'units': '1', 'long_name': 'fraction of attached contacts'}
-    >>> labelled("period of the cycle", "velocity", [1.5], "time")[2]["units"]
-    'time'
-    """
+    """Return a variable with its units and its long name, for a Dataset: of `LABELS`, or `name` with `units`."""
     attributes = dict(LABELS[name]) if units is None else {"units": units, "long_name": name}
     return dims, np.asarray(values), attributes
 
@@ -81,18 +60,7 @@ def labelled(name: str, dims: str | tuple[str, ...], values: ArrayLike, units: s
 def dataset_of(
     track: Track, slider: Slider | ElasticBody, bins: int, provenance: str, marks: Mapping[str, Array] | None = None
 ) -> xr.Dataset:
-    """Return the Dataset of a run, in natural units.
-
-    Parameters
-    ----------
-    track : Track
-    slider : Slider, Chain or Sheet
-    bins : int
-        Of a snapshot.
-    provenance : str
-    marks : mapping of str to ndarray, optional
-        What has happened once to each block of an elastic slider.
-    """
+    """Return the Dataset of a run, in natural units; `bins` are those of a snapshot, `marks` of the blocks."""
     import xarray as xr
 
     variables: dict[str, Labelled] = {}

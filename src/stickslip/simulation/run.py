@@ -117,17 +117,7 @@ def simulate(
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A run as its engine left it, which becomes a Dataset only where one is wanted.
-
-    Attributes
-    ----------
-    rig : Rig
-        With the method, start and output it was run with.
-    track : Track
-        In natural units.
-    marks : mapping of str to ndarray
-        What has happened once to each block of an elastic slider.
-    """
+    """A run as its engine left it, in natural units, which becomes a Dataset only where one is wanted."""
 
     rig: Rig
     track: Track
@@ -172,13 +162,7 @@ def record(
 
 
 def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> xr.Dataset:
-    """Move a rigid slider at a constant velocity; the engine room of `stickslip.rigid.rigid_slide`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``friction_force`` and ``attached`` on ``points + 1`` positions ``X``.
-    """
+    """Move a rigid slider at a constant velocity: forces on ``points + 1`` positions, for `rigid_slide`."""
     import xarray as xr
 
     duration = distance / velocity
@@ -220,20 +204,7 @@ def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Datase
 
 
 def rig_of(run: xr.Dataset) -> Rig:
-    """Return the rig that a run was made of, with its method, start and output.
-
-    Raises
-    ------
-    InputError
-        If the Dataset carries no provenance of `simulate`.
-
-    Examples
-    --------
-    >>> import stickslip as ss
-    >>> from stickslip.simulation import rig_of
-    >>> rig_of(ss.simulate(ss.example("precision_stage"))).name
-    'Precision stage'
-    """
+    """Return the rig that a run was made of, with its method, start and output; `InputError` without provenance."""
     content = store.read_provenance(run)
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")

@@ -92,24 +92,10 @@ _BLOCK_SAMPLE = 2e-8, 120.0
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One kind of work in a run, and the number of the rig that it depends on.
+    """One kind of work in a run: `what` in words, and the number of the rig that it grows with, to a `power`.
 
-    Parameters
-    ----------
-    key : str
-        Of that number, as in a rig file.
-    value : float
-        In natural units.
-    quantity : str, optional
-        What it is; none for a pure number.
-    power : float
-        The work grows as this power of the value.
-    what : str
-        How much work it is, in words.
-    seconds, bytes : float
-        What it takes.
-    instead : str
-        What else to do, if there is something.
+    `key` is that of a rig file, `value` in natural units, of a `quantity` or a pure number;
+    `instead` says what else to do.
     """
 
     key: str
@@ -155,16 +141,9 @@ class Work:
         *,
         silent: bool = False,
     ) -> None:
-        """Raise `InputError` if the work is more than this; the message names what to change.
+        """Raise `InputError` if the work is more than this; the message names what to change, and `otherwise`.
 
-        Parameters
-        ----------
-        seconds, bytes : float
-            The most that is allowed.
-        otherwise : str
-            What else the user can do.
-        silent : bool
-            Whether the run says nothing of how far it is: then more than 1e9 steps of blocks are refused, too.
+        Runs that are `silent` about how far they are do not take more than 1e9 steps of blocks, either.
         """
         if silent and self.block_steps > MOST_BLOCK_STEPS:
             raise InputError(
@@ -195,22 +174,7 @@ class Work:
 
 
 def estimate(rig: Rig) -> Work:
-    """Return what a run of a rig would take; pieces of the drive that end on a condition are taken as a whole.
-
-    Parameters
-    ----------
-    rig : Rig
-
-    Returns
-    -------
-    Work
-        Its ``seconds``, ``bytes`` and parts.
-
-    Raises
-    ------
-    InputError
-        If no solver takes the rig.
-    """
+    """Return what a run of a rig would take; pieces of the drive that end on a condition are taken as a whole."""
     slider, duration = rig.slider, rig.drive.duration
     engine_of(rig.interface, rig.method, slider)  # says what no solver takes
     if isinstance(slider, ElasticBody):

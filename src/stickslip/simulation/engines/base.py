@@ -49,19 +49,10 @@ MOTION = COLUMNS[:4]
 
 
 class Leg(NamedTuple):
-    """A part of the way on which the drive moves by one rule.
+    """A part of the way on which the drive moves by one rule, up to the time `end` or to the first sample with `stop`.
 
-    Attributes
-    ----------
-    drive : Quadratic
-    end : float
-        Time to reach, exactly.
-    times : ndarray, shape (n,)
-        Rising times of the samples still wanted.
-    stop : Stop
-        Ends the leg early, at the first sample at which it holds.
-    looks : tuple of float
-        Rising times at which the stretchings are wanted. Looking never changes the motion.
+    `times` are those of the samples still wanted, `looks` those at which stretchings are.
+    Looking never changes the motion.
     """
 
     drive: Quadratic
@@ -89,14 +80,7 @@ class Stretchings(NamedTuple):
 
 
 class Individuals(NamedTuple):
-    """Every contact by itself, in an order that stays.
-
-    Attributes
-    ----------
-    stretching : ndarray, shape (N,)
-        Meaningless for detached contacts.
-    attached : ndarray of bool, shape (N,)
-    """
+    """Every contact by itself, in an order that stays; stretchings of detached contacts mean nothing."""
 
     stretching: Array
     attached: NDArray[np.bool_]
@@ -179,10 +163,9 @@ class Beginning:
 
 
 class Engine(Protocol):
-    """Contacts and a slider on their way: a state, and a kernel that advances it.
+    """Contacts and a slider on their way: a state, and a kernel that advances it leg by leg.
 
-    An engine is made from a `Beginning` and a method. It takes one leg at a time; `stickslip.simulation.follow` joins
-    legs to drives, for all engines. What has a body here will do for most.
+    `stickslip.simulation.follow` joins legs to drives. What has a body here will do for most.
     """
 
     columns: ClassVar[tuple[str, ...]]
@@ -213,10 +196,7 @@ class Engine(Protocol):
         return float(np.sum(x * fraction))
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on along a leg, for a while (some 50 ms) or to its end.
-
-        Returns the samples on the way, those on the end included, and the looks up to where it has come.
-        """
+        """Go on along a leg, for a while (some 50 ms) or to its end; samples on the end are included."""
         ...
 
     def marks(self) -> dict[str, Array]:
@@ -242,24 +222,7 @@ ENGINES: dict[tuple[type, type, type, bool], type[Engine]] = {}
 def solves(
     method: type, *ageing: type, temperature: tuple[type, ...] = (type(None),), elastic: bool = False
 ) -> Callable[[E], E]:
-    """Register an engine: for a method, on contacts with one of these kinds of ageing; by default without ageing.
-
-    Parameters
-    ----------
-    method : type
-        The record that selects the engine.
-    *ageing : type
-        Ageing models, ``type(None)`` among them if it takes contacts that do not age as well.
-    temperature : tuple of type
-        Kinds of thermal activation; by default none.
-    elastic : bool
-        Whether it is for elastic sliders; by default for rigid ones.
-
-    Returns
-    -------
-    callable
-        A decorator of the engine's class.
-    """
+    """Register an engine for a method on contacts with one of these kinds of ageing and temperature, or none."""
 
     def register(engine: E) -> E:
         for kind in ageing or (type(None),):
@@ -271,13 +234,7 @@ def solves(
 
 
 def engine_of(interface: Interface, method: object, slider: object = None) -> type[Engine]:
-    """Return the engine for a method on an interface, under a slider.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it cannot take the interface.
-    """
+    """Return the engine for a method on an interface, under a slider; `InputError` if it cannot be taken."""
     engine = _engine(type(method), interface, _parts(interface), isinstance(slider, ElasticBody))
     if engine is None:
         raise _refusal(interface, method, slider)

@@ -138,11 +138,6 @@ class Panels(Cohorts):
         """Return an engine that goes on with other contacts and another slider; forces, positions and masses stay.
 
         Detached contacts stay so for the same fraction of the new delay. Cohorts keep what is attached of them.
-
-        Raises
-        ------
-        InputError
-            If the delay is not the old one scaled.
         """
         from stickslip.kernels.cohorts import MASS, REACH
         from stickslip.kernels.rules import P
