@@ -8,7 +8,6 @@ from stickslip.fitting.arrest import UNKNOWNS, Prior
 from stickslip.fitting.events import Events, pick_events
 from stickslip.fitting.fits import Fit, Interval, fit
 from stickslip.fitting.gates import check
-from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import Delays, Strengthening
 from stickslip.fitting.recipe import quick_fit
 from stickslip.fitting.rigs import Uncertain, over_draws
@@ -25,7 +24,6 @@ __all__ = [
     "Events",
     "Fit",
     "Interval",
-    "Observation",
     "Prior",
     "Strengthening",
     "Table",

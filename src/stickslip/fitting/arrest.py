@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +25,8 @@ _PER_SLIP = 3
 """Contacts broken per slip wanted, over the number of contacts, after which a simulation is given up."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Unknown:
-    """A parameter of the model: its key, what it is, the bounds of any prior, and whether it is varied in decades."""
+class Unknown(NamedTuple):
+    """A parameter of the model, the bounds of any prior, and whether it is varied in decades."""
 
     key: str
     title: str
@@ -36,18 +36,12 @@ class Unknown:
 
 
 UNKNOWNS = (
-    Unknown(key="contacts", title="effective number of contacts N", least=2.0, most=5000.0, decades=True),
-    Unknown(key="threshold_std", title="standard deviation of the thresholds, over their mean", least=0.0, most=2.0),
-    Unknown(key="sliding_force", title="force of a sliding contact, over its mean threshold", least=0.0, most=0.99),
-    Unknown(
-        key="stiffness_ratio",
-        title="stiffness of the driving spring over that of the interface",
-        least=1e-4,
-        most=1e3,
-        decades=True,
-    ),
-    Unknown(key="damping_ratio", title="damping ratio of the slider on the driving spring", least=0.0, most=0.99),
-    Unknown(key="track_scatter", title="scatter of the thresholds from slip to slip", least=0.0, most=1.0),
+    Unknown("contacts", "effective number of contacts N", 2.0, 5000.0, decades=True),
+    Unknown("threshold_std", "standard deviation of the thresholds, over their mean", 0.0, 2.0),
+    Unknown("sliding_force", "force of a sliding contact, over its mean threshold", 0.0, 0.99),
+    Unknown("stiffness_ratio", "stiffness of the driving spring over that of the interface", 1e-4, 1e3, decades=True),
+    Unknown("damping_ratio", "damping ratio of the slider on the driving spring", 0.0, 0.99),
+    Unknown("track_scatter", "scatter of the thresholds from slip to slip", 0.0, 1.0),
 )
 KEYS = tuple(unknown.key for unknown in UNKNOWNS)
 _DECADES = np.array([unknown.decades for unknown in UNKNOWNS])
@@ -108,10 +102,7 @@ def _in_decades(values: Array) -> Array:
 
 
 def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Peaks and troughs of the force of up to so many slips, in units of the total contact strength.
-
-    Parameters stand in the order of `UNKNOWNS`; there are fewer slips where the model hardly stick-slips.
-    """
+    """Peaks and troughs of up to so many slips, in units of the total contact strength; fewer if it hardly slips."""
     from stickslip.kernels.arrest import Arrest, slips
     from stickslip.kernels.tournament import tournaments
 

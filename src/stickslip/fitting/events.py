@@ -31,41 +31,21 @@ _FINER = 2.0**0.25
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Events(Answer):
-    """The slips of a trace. It prints as its short text.
+    """The slips of a trace. It prints as its short text."""
 
-    Attributes
-    ----------
-    time, force : array
-        The trace that was searched; the force along its direction.
-    peak_at, trough_at : array of int
-        Indices of the force before and after each slip.
-    smallest : float
-        Drops of at least this count.
-    noise, resolution : float
-        Standard deviation of the noise from sample to sample, and the step of the recording; 0 if there is none.
-    counts : tuple of (float, int)
-        How many slips there would be for other smallest drops.
-    gap : int
-        Longest run of samples that were interpolated.
-    force_unit, time_unit, source : str
-        Empty where the trace does not say.
-    load_change : float
-        Largest change of the normal load over its mean; 0 where it is not known.
-    """
-
-    time: Array
-    force: Array
-    peak_at: Any
-    trough_at: Any
-    smallest: float
-    noise: float
-    resolution: float
-    counts: tuple[tuple[float, int], ...]
-    gap: int = 0
-    force_unit: str = ""
+    time: Array  #: of the trace that was searched
+    force: Array  #: along its direction
+    peak_at: Any  #: indices of the force before each slip
+    trough_at: Any  #: and after it
+    smallest: float  #: drops of at least this count
+    noise: float  #: standard deviation, from sample to sample
+    resolution: float  #: step of the recording; 0 if there is none
+    counts: tuple[tuple[float, int], ...]  #: how many slips there would be for other smallest drops
+    gap: int = 0  #: longest run of samples that were interpolated
+    force_unit: str = ""  #: empty where the trace does not say
     time_unit: str = ""
     source: str = ""
-    load_change: float = 0.0
+    load_change: float = 0.0  #: largest change of the normal load over its mean; 0 where it is not known
 
     # ------------------------------------------------------------------------------------------------ one of each slip
 
@@ -183,17 +163,19 @@ class Events(Answer):
     def to_dataset(self) -> xr.Dataset:
         """The slips as a Dataset along ``slip``, and the trace along ``time``."""
         f, t = self.force_unit, self.time_unit
-        of_force, rate = {"units": f}, f"{f}/{t}" if t else f
-        slopes = np.concatenate([[np.nan], self.slopes])
+        of_slips = {
+            "peak": (self.peaks, f, "force before the slip"),
+            "trough": (self.troughs, f, "force after the slip"),
+            "drop": (self.drops, f, "force drop"),
+            "peak_time": (self.time[self.peak_at], t, "time of the slip"),
+            "trough_time": (self.time[self.trough_at], t, "end of the slip"),
+            "loading_rate": (np.append(np.nan, self.slopes), f"{f}/{t}" if t else f, "loading rate before the slip"),
+        }
         return xr.Dataset(
-            {
-                "spring_force": ("time", self.force, {"units": f, "long_name": "force"}),
-                "peak": ("slip", self.peaks, of_force | {"long_name": "force before the slip"}),
-                "trough": ("slip", self.troughs, of_force | {"long_name": "force after the slip"}),
-                "drop": ("slip", self.drops, of_force | {"long_name": "force drop"}),
-                "peak_time": ("slip", self.time[self.peak_at], {"units": t, "long_name": "time of the slip"}),
-                "trough_time": ("slip", self.time[self.trough_at], {"units": t, "long_name": "end of the slip"}),
-                "loading_rate": ("slip", slopes, {"units": rate, "long_name": "loading rate before the slip"}),
+            {"spring_force": ("time", self.force, {"units": f, "long_name": "force"})}
+            | {
+                name: ("slip", values, {"units": unit, "long_name": title})
+                for name, (values, unit, title) in of_slips.items()
             },
             coords={"time": ("time", self.time, {"units": t, "long_name": "time"})},
             attrs={"source": self.source, "smallest": self.smallest, "noise": self.noise},

@@ -56,29 +56,21 @@ class Standing(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """A quantity: its median, its 90 % interval, and what the trace says of it.
-
-    Attributes
-    ----------
-    key, title, unit : str
-    low, median, high : float
-        Quantiles of 5, 50 and 95 %.
-    verdict : {"identified", "weak", "not identified", "at a bound"} or None
-        By the width of the interval over that of the prior: below .5 identified, below .7 weak; weak at best
-        where it is of decades and its ends differ by more than a factor of ten. At a bound: a tenth of
-        the draws lie within 2 % of an end of the prior. None for what is no parameter of the model.
-    width : float or None
-        Width of the interval over that of the prior, in decades where the prior is.
-    """
+    """A quantity: its median, its 90 % interval, and what the trace says of it."""
 
     key: str
     title: str
     unit: str
-    low: float
+    low: float  #: quantile of 5 %
     median: float
-    high: float
+    high: float  #: quantile of 95 %
+
+    #: By the width: below .5 identified, below .7 weak; weak at best where it is of decades and its ends differ by more
+    #: than a factor of ten. At a bound: a tenth of the draws lie within 2 % of an end of the prior. None for what is no
+    #: parameter of the model.
     verdict: Verdict | None = None
-    width: float | None = None
+
+    width: float | None = None  #: of the interval over that of the prior, in decades where the prior is
 
     @classmethod
     def of(cls, draws: Array, key: str, title: str, unit: str, **more: Any) -> Interval:
@@ -110,50 +102,22 @@ def _parameter(unknown: Unknown, values: Array, parts: Array) -> Interval:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fit(Answer):
-    """The interface behind a trace: draws of its parameters. It prints as its short text.
+    """The interface behind a trace: draws of its parameters. It prints as its short text."""
 
-    Attributes
-    ----------
-    events : Events
-        The slips that were fitted.
-    prior : Prior
-    values : (draws, 6) array
-        Equally likely parameters, in the order of `stickslip.fitting.UNKNOWNS`; each was simulated again.
-    strength : (draws,) array
-        Total contact strength of each draw, in the unit of the force.
-    predicted : (draws, 20) array
-        Statistics of one series of slips of each draw.
-    known : Known
-        What was known besides.
-    edge : float
-        Percentile of the trace's distance from the simulations among those of series drawn from the prior.
-    adjusted : bool
-        Whether the draws were moved by a regression; not at the edge.
-    effective : float
-        Effective number of draws before they were made equally likely.
-    invalid : float
-        Fraction of the prior that does not stick-slip as the trace does.
-    simulations : int
-    notes : tuple of str
-        What a reader should know.
-    delays, strengthening : optional
-        What other speeds, and holds, say of the delay and of ageing.
-    """
-
-    events: Events
+    events: Events  #: the slips that were fitted
     prior: Prior
-    values: Array
-    strength: Array
-    predicted: Array
-    known: Known
-    edge: float
-    adjusted: bool
-    effective: float
-    invalid: float
+    values: Array  #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each simulated again
+    strength: Array  #: total contact strength of each draw, in the unit of the force
+    predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
+    known: Known  #: what was known besides
+    edge: float  #: percentile of the trace's distance from the simulations among those of series drawn from the prior
+    adjusted: bool  #: whether the draws were moved by a regression; not at the edge
+    effective: float  #: number of draws before they were made equally likely
+    invalid: float  #: fraction of the prior that does not stick-slip as the trace does
     simulations: int
-    notes: tuple[str, ...]
-    delays: Delays | None = None
-    strengthening: Strengthening | None = None
+    notes: tuple[str, ...]  #: what a reader should know
+    delays: Delays | None = None  #: what other speeds say of the delay
+    strengthening: Strengthening | None = None  #: what holds say of ageing
 
     # ----------------------------------------------------------------------------------------------------- parameters
 

@@ -94,13 +94,11 @@ def _notes(events: Events) -> Iterator[str]:
 
 
 def halves(events: Events) -> tuple[str, float]:
-    """The statistic by which the halves of a trace differ most, and by how many standard errors.
-
-    The errors are those of the whole trace, doubled: of the half as many slips in a half, and of a difference.
-    """
+    """The statistic by which the halves of a trace differ most, and by how many standard errors."""
     middle = len(events) // 2
     parts = events.part(0, middle), events.part(middle, 2 * middle)
     one, other = (comparable(statistics(part.peaks, part.troughs)) for part in parts)
+    # Errors of the whole trace, doubled: of half as many slips, and of a difference.
     error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
     z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
     worst = int(np.argmax(z))

@@ -71,16 +71,10 @@ def infer(
     seen: Seen | None = None,
     seed: int = 0,
 ) -> Sample:
-    """Draw parameters that make the statistics that were observed, of a trace recorded as the observation says.
+    """Draw parameters that make the statistics that were observed; `InputError` if no draw is anywhere near.
 
-    A likelihood says what else is known of parameters, along the last axis, and is at most 1. There are two rounds of
-    simulations near the trace where it lies at the edge, else none, unless `rounds` says so; so many draws are kept.
-    `seen` is what the table shows to this observation, where that is at hand.
-
-    Raises
-    ------
-    InputError
-        If no draw is anywhere near.
+    A likelihood of parameters, along the last axis, is at most 1. Unless `rounds` says so there are two rounds of more
+    simulations where the trace lies at the edge, else none. `seen` is what the table shows to this observation.
     """
     if seen is None:
         seen = observation.see(table.count, table.peaks, table.troughs, seed=seed)

@@ -96,13 +96,7 @@ def rate_error(events: Events) -> float:
 
 
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | None:
-    """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``; None if they say nothing.
-
-    Raises
-    ------
-    InputError
-        If the force rises faster than the spring can make it.
-    """
+    """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``; None if they say nothing."""
     if known.stiffness is None or known.speed is None:
         return None
     (K, of_stiffness), (v, of_speed) = known.stiffness, known.speed
@@ -138,13 +132,7 @@ QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 def quantity_of(name: str, values: Array, strength: Array, events: Events, known: Known) -> Array:
-    """Draws of a quantity in SI units.
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity, or what is known does not allow for it.
-    """
+    """Draws of a quantity in SI units; `InputError` if what is known does not allow for it."""
     if name in ("delay", "ageing"):
         raise InputError(
             f"fit: {name}: one speed tells nothing of it but bounds; give the force at several speeds (speeds=) or "

@@ -18,14 +18,10 @@ _AT_A_TIME = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """What would have been measured of each of many simulated series: statistics, and the mean peak as picked.
-
-    NaN where fewer slips were seen than in the trace, or their number depends on the smallest drop so much that a fit
-    would be refused: what is fitted was not.
-    """
+    """What would have been measured of each of many simulated series; NaN where the trace of it would be refused."""
 
     statistics: Array
-    mean_peak: Array
+    mean_peak: Array  # as picked
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -35,23 +31,13 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """Sampling and picking of a trace, in units of its mean peak.
-
-    Attributes
-    ----------
-    slips : int
-        How many slips it has.
-    slope : float
-        Rise of the force from sample to sample between slips.
-    noise, resolution, drop, rise : float
-        Noise, step of the recording, and smallest drop and rise that count.
-    """
+    """Sampling and picking of a trace, in units of its mean peak."""
 
     slips: int
-    slope: float
+    slope: float  # rise of the force from sample to sample between slips
     noise: float
     resolution: float
-    drop: float
+    drop: float  # the smallest that counts
     rise: float
 
     @classmethod

@@ -31,21 +31,11 @@ _FEWEST_SPEEDS, _FEWEST_HOLDS = 4, 3
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Delays(Answer):
-    """The delay of re-attachment that the friction at several speeds tells.
+    """The delay of re-attachment that the friction at several speeds tells."""
 
-    Attributes
-    ----------
-    draws : array
-        In s, in the order of the draws of the fit.
-    half_speed : float
-        Speed in m/s at which the friction of the attached contacts has halved.
-    misfit : float
-        Root mean square of what is left of the forces, over their range.
-    """
-
-    draws: Array
-    half_speed: float
-    misfit: float
+    draws: Array  #: in s, in the order of the draws of the fit
+    half_speed: float  #: in m/s: there the friction of the attached contacts has halved
+    misfit: float  #: root mean square of what is left of the forces, over their range
 
     def to_dict(self) -> dict[str, Any]:
         """As plain numbers."""
@@ -63,19 +53,11 @@ class Delays(Answer):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Strengthening(Answer):
-    """How static friction grows with the time of rest.
+    """How static friction grows with the time of rest."""
 
-    Attributes
-    ----------
-    per_decade, error : float
-        Growth per decade of the time, over the static friction at the shortest hold, and its standard error.
-    freedom : int
-        Degrees of freedom of the error: holds less two.
-    """
-
-    per_decade: float
-    error: float
-    freedom: int
+    per_decade: float  #: of the time, over the static friction at the shortest hold
+    error: float  #: its standard error
+    freedom: int  #: degrees of freedom of the error: holds less two
 
     def __str__(self) -> str:
         clear = self.per_decade > float(stdtrit(self.freedom, 0.975)) * self.error  # Student's t, 5 % two-sided
@@ -87,13 +69,7 @@ class Strengthening(Answer):
 
 
 def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, float]:
-    """Half-speed, its relative standard error, and rms misfit of ``F = stays + falls/(1 + v/v_h)``, neither below 0.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than four speeds, or the force does not fall over them.
-    """
+    """Half-speed, its relative standard error, and rms misfit of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
     v, F = np.asarray(speeds, dtype=float), np.asarray(forces, dtype=float)
     _enough("speeds", v, _FEWEST_SPEEDS)
 

@@ -224,23 +224,12 @@ def _put(document: dict[str, Any], path: str, value: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Uncertain(Answer):
-    """How often smooth sliding is unstable, over the draws of a fitted rig (linear stability). It prints as its text.
-
-    Attributes
-    ----------
-    draws : int
-    speeds : tuple of float
-        In the rig's own units; the middle one is its own.
-    unstable : tuple of float
-        Fraction of the draws for which smooth sliding is unstable at each speed.
-    undecided : tuple of float
-        Fraction of the draws that theory does not tell.
-    """
+    """How often smooth sliding is unstable, over the draws of a fitted rig (linear stability)."""
 
     draws: int
-    speeds: tuple[float, ...]
-    unstable: tuple[float, ...]
-    undecided: tuple[float, ...]
+    speeds: tuple[float, ...]  #: in the rig's own units; the middle one is its own
+    unstable: tuple[float, ...]  #: fraction of the draws for which smooth sliding is unstable at each speed
+    undecided: tuple[float, ...]  #: fraction of the draws that theory does not tell
     speed_unit: str = "m/s"
 
     @property

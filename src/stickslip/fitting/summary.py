@@ -128,11 +128,7 @@ def _of(P: Array, T: Array, mean: Array) -> Array:
 
 
 def resampled(peaks: Array, troughs: Array, *, seed: int = 0, resamples: int = _RESAMPLES) -> Array:
-    """Statistics of block-bootstrap samples of one series of slips, along the first axis.
-
-    The blocks, of ten slips, are drawn from the detrended series, wrapped around its end, so that the memory from
-    slip to slip stays.
-    """
+    """Statistics of block-bootstrap samples of a detrended series, first axis: memory from slip to slip stays."""
     count = peaks.size
     block = min(_BLOCK, count)
     many = -(-count // block)

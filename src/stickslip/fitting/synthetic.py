@@ -19,21 +19,15 @@ _SLIP = 0.4
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """How a made-up trace is loaded and recorded.
+    """How a made-up trace is loaded and recorded."""
 
-    Parameters
-    ----------
-    strength, loading_rate : float
-        Total contact strength in N, and rise of the force between slips in N/s.
-    samples : float
-        From slip to slip, on average.
-    noise : float
-        Standard deviation of white noise, over the mean peak.
-    """
-
+    #: Total contact strength.
     strength: Annotated[float, Number(above=0, hint="in N")] = 15.0
+    #: Rise of the force between slips.
     loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5
+    #: From slip to slip, on average.
     samples: Annotated[float, Number(above=2)] = 50.0
+    #: Standard deviation of white noise, over the mean peak.
     noise: Annotated[float, Number(at_least=0)] = 0.002
 
     def __post_init__(self) -> None:

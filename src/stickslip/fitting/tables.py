@@ -38,24 +38,13 @@ Block = dict[str, NDArray[np.generic]]
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Simulated series of slips, drawn from a prior.
-
-    Attributes
-    ----------
-    prior : Prior
-    parts : (draws, 6) array
-        Where the parameters of each draw lie in their ranges, 0 to 1.
-    count : (draws,) array
-        How many slips there are of each; the model hardly stick-slips where they are few.
-    peaks, troughs : (draws, slips) array
-        Force before and after each slip, in units of the total contact strength; 0 beyond `count`.
-    """
+    """Simulated series of slips, drawn from a prior."""
 
     prior: Prior
-    parts: Array
-    count: NDArray[np.int64]
-    peaks: Series
-    troughs: Series
+    parts: Array  #: (draws, 6): where the parameters of each draw lie in their ranges, 0 to 1
+    count: NDArray[np.int64]  #: how many slips there are of each; few where the model hardly stick-slips
+    peaks: Series  #: (draws, slips): force before each slip, in units of the total contact strength; 0 beyond `count`
+    troughs: Series  #: and after it
 
     @property
     def slips(self) -> int:

@@ -83,8 +83,7 @@ def least_squares(
 ) -> Fit:
     """Fit a model from several starts, by logarithms of the values whose range lies above 0.
 
-    Errors come from the curvature at the best start and the residuals. A model may be NaN, or raise `UndecidedError`,
-    where it has no curve; the error is raised on if no start leads anywhere.
+    A model may be NaN, or raise `UndecidedError`, where it has no curve.
     """
     logarithmic = low > 0
 

@@ -28,36 +28,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FittedStep(WithErrors, ABC):
-    """What fits of a step have in common, in the units of the data; `Estimate` is a number with its standard ``error``.
+    """What fits of a step have in common, in the units of the data."""
 
-    Attributes
-    ----------
-    stiffness : Estimate
-        Of whatever is between load point and sliding surface, friction per displacement.
-    at : Estimate
-        Time of the step.
-    level, trend : float
-        Friction before the step, and its slope in displacement.
-    rms, misfit : float
-        Of the residuals, and the same over the range of the friction.
-    before, after : float
-        Velocities of the load point.
-    late, stretch : float
-        How much displacement after the given time the step came, and how much of it, after the step, one before the
-        given time is worth: 1 where displacement was measured.
-    length_unit, time_unit, friction_unit : str
-    """
-
-    stiffness: Estimate
-    at: Estimate
-    level: float
-    trend: float
-    rms: float
-    misfit: float
-    before: float
-    after: float
-    late: float = 0.0
-    stretch: float = 1.0
+    stiffness: Estimate  #: of whatever is between load point and sliding surface, friction per displacement
+    at: Estimate  #: time of the step
+    level: float  #: friction before the step
+    trend: float  #: its slope in displacement
+    rms: float  #: of the residuals
+    misfit: float  #: the same over the range of the friction
+    before: float  #: velocity of the load point before the step
+    after: float  #: and after it
+    late: float = 0.0  #: how much displacement after the given time the step came
+    stretch: float = 1.0  #: how much of `late` displacement before the given time is worth; 1 where it was measured
     length_unit: str = ""
     time_unit: str = ""
     friction_unit: str = ""
@@ -84,7 +66,7 @@ class FittedStep(WithErrors, ABC):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StepFit(FittedStep):
-    """Rate-and-state parameters of a step, beside what `FittedStep` has.
+    """Rate-and-state parameters of a step. `Estimate` is a number with its standard ``error``.
 
     Attributes
     ----------
@@ -127,7 +109,7 @@ class StepFit(FittedStep):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactsFit(FittedStep):
-    """A step read as contacts with Bell activation and logarithmic ageing, beside what `FittedStep` has.
+    """A step read as contacts with Bell activation and logarithmic ageing.
 
     Attributes
     ----------
@@ -337,11 +319,8 @@ def _fitted(
 
 
 def _inflation(residual: Array, parameters: int) -> float:
-    """How much larger errors are than those of independent residuals.
-
-    Bartlett's for noise of first order: n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and
-    cannot be worth less than one for each parameter.
-    """
+    """How much larger errors are than those of independent residuals: Bartlett's, for noise of first order."""
+    # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not less than one for each parameter.
     square = float(residual @ residual)
     likeness = max(float(residual[1:] @ residual[:-1]) / square, 0.0) if square > 0 else 0.0
     worth = max(residual.size * (1.0 - likeness) / (1.0 + likeness), parameters)
