@@ -160,12 +160,12 @@ MISTAKES = [
     ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
     ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
-    ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
-    ("run.method", "monte carlo", "run.method", "'contacts', 'population' or 'master equation'"),
+    ("run.contacts", 0, "run.contacts = 0", "at least 1"),
+    ("run.method", "monte carlo", "run.method", "must be 'contacts' or 'master equation'"),
     ("run.rtol", 1e-4, "run.rtol", "method = 'master equation'"),
     ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
     ("measure", ["perod"], "'perod'", "did you mean 'period'"),
-    ("axes.stiffness", {"from": 1, "to": 2, "count": 10**9}, "4e+09 cases", "max_cases = 1e+06"),
+    ("axes.stiffness", {"from": 1, "to": 2, "count": 10**9}, "1e+09 cases", "max_cases = 1e+06"),
     ("measure", "period", "measure = 'period'", "list"),
     ("refine", {"runs": 3}, "refine.runs = 3", "at least 16"),
     ("refine", {}, "axes.velocity", "give from, to and spacing"),
@@ -186,7 +186,7 @@ def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value,
 
 def test_what_changes_nothing_is_no_axis():
     equation = changed("run", {"method": "master equation"})
-    with pytest.raises(InputError, match=r"axes\.seed: changes nothing with the master equation"):
+    with pytest.raises(InputError, match=r"axes\.seed: changes nothing where no contacts are drawn"):
         from_document(changed("axes.seed", [1], equation))
     assert from_document(equation).study.rig.method == MasterEquation()
 

@@ -101,10 +101,14 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
     if isinstance(path, Mapping):
         return from_document(path)
     instance("read_rig: path", path, (str, os.PathLike), "a file, the name of an example, or a mapping")
-    source = Path(path)
-    if not source.exists() and source.name == str(path) and source.name in example_names():
-        source = example_file(source.name)
-    return from_document(read_toml(source, "rig file", "`stickslip new pmma_slider`"), source.name)
+    return from_document(content_of(Path(path)), Path(path).name)
+
+
+def content_of(path: Path) -> Document:
+    """What a rig file holds, or the example of that name where there is no such file."""
+    if not path.exists() and path.name == str(path) and path.name in example_names():
+        path = example_file(path.name)
+    return read_toml(path, "rig file", "`stickslip new pmma_slider`")
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:

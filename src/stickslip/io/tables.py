@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -181,5 +181,10 @@ class Tables:
     def _unknown(self, path: str, name: str, keys: Mapping[str, Key]) -> str:
         if renamed := self._renamed.get(path + name):
             return renamed
-        near = difflib.get_close_matches(name, keys, n=1, cutoff=0.5)
-        return f"unknown key; did you mean {near[0]!r}?" if near else f"unknown key; known here: {', '.join(keys)}"
+        return f"unknown key; {unknown(name, keys)}"
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """What to write in place of a word that is not known."""
+    near = difflib.get_close_matches(name, known := tuple(known), n=1, cutoff=0.5)
+    return f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"

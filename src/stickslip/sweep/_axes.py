@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, number, shown, together, whole
-from stickslip.io.keys import quantity_of
+from stickslip.errors import InputError, shown, together, whole
+from stickslip.io.keys import Key, Sign
+from stickslip.io.tables import unknown
 from stickslip.model import Rig
 from stickslip.model.parameters import BY_NAME
+from stickslip.sweep._dataset import array
 from stickslip.sweep._refine import Span
+from stickslip.sweep._run import check_size
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING
 from stickslip.words import engineering
 
@@ -24,129 +26,102 @@ OTHERS = {
     "start": "start of the run",
 }
 """What can be an axis besides the parameters of a rig."""
-SPACINGS = ("linear", "log")
-_KEYS = ("from", "to", "count", "spacing")
+START = Key("", FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
+SPACING = Key("", "linear", choices=("linear", "log"))
 
 
-def known_axes() -> tuple[str, ...]:
-    """Every word that can be an axis, parameters registered since then included."""
-    return (*BY_NAME, *OTHERS)
+class Axis(NamedTuple):
+    """An axis: its values, or none where only its ends are given, and whether equal ratios are equal steps."""
+
+    values: NDArray[Any]
+    log: bool
+    ends: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
-    """An axis as it is given: its values, or its ends and how many values are between."""
+class AxisReader:
+    """Reads the axes of a rig, of so many values at most; from Python, plain numbers are in SI units, too."""
 
-    values: tuple[Any, ...]
-    count: int | None = None
-    ends: bool = False
-    log: bool = False
+    rig: Rig
+    most: int
+    from_python: bool
 
-    @property
-    def size(self) -> int:
-        """Number of values, before they are made."""
-        return (self.count or 1) if self.ends else len(self.values)
+    def axis(self, name: str, given: Any) -> Axis:
+        """Read a list of values, ``{from, to, count, spacing}``, or a `Span`."""
+        place = f"axes.{name}"
+        if isinstance(given, Span):
+            given = {"from": given.low, "to": given.high, "spacing": "log" if given.log else "linear"}
+        if isinstance(given, Mapping):
+            return self._between(name, given, place)
+        listed = np.atleast_1d(given).tolist() if self.from_python else given
+        if not isinstance(listed, list):
+            raise InputError(f"{place} = {shown(given)}: must be a list of values, or a table with from, to and count")
+        values = [self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed)]
+        if not values:
+            raise InputError(f"{place}: holds no value")
+        if len(set(values)) < len(values):
+            raise InputError(f"{place}: holds a value twice; for replicas add an axis seed = {{ count = 10 }}")
+        return Axis(array(values), _of_equal_ratios(values))
 
-    def made(self, name: str) -> NDArray[Any]:
-        """All values."""
-        if not self.ends:
-            return np.array(self.values, dtype=object if isinstance(self.values[0], str) else None)
-        if self.count is None or self.count < 2:
-            raise InputError(
-                f"axes.{name}: needs a count of at least 2, the number of values from one end to the other"
-            )
-        low, high = self.values
-        values = (np.geomspace if self.log else np.linspace)(low, high, self.count)
-        return np.unique(np.rint(values).astype(int)) if name == "contacts" else values
+    def quantity(self, key: Key, value: Any, place: str) -> Any:
+        """Read a value in the rig's own units."""
+        natural = self.rig.scales is None or (self.from_python and not isinstance(value, str))
+        return key.read(value, place, natural=natural)
 
+    def _between(self, name: str, given: Mapping[str, Any], place: str) -> Axis:
+        check_keys(given, ("from", "to", "count", "spacing"), place)
+        ends = {key: self._value(name, given[key], f"{place}.{key}") for key in ("from", "to") if key in given}
+        count = whole(f"{place}.count", given["count"], at_least=1) if "count" in given else None
+        check_size(count or 0, self.most)
+        if name == "seed" and count is not None:
+            first = ends.get("from", 1)
+            return Axis(np.arange(first, first + count), log=False)
+        for key in ("count",) if name == "seed" else ("from", "to"):
+            if key not in given:
+                raise InputError(f"{place}.{key}: is missing")
+        low, high = ends["from"], ends["to"]
+        if isinstance(low, str) or high <= low:
+            raise InputError(f"{place}: to = {given['to']} must be above from = {given['from']}")
+        log = SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
+        if log and low <= 0:
+            raise InputError(f"{place}: from = {given['from']} must be above 0 for spacing = 'log'")
+        if count is None:
+            return Axis(np.empty(0), log, (low, high))
+        values = (np.geomspace if log else np.linspace)(low, high, count)
+        return Axis(np.unique(np.rint(values).astype(int)) if name == "contacts" else values, log, (low, high))
 
-def read_axis(rig: Rig, name: str, given: Any, *, bare: bool = False) -> Axis:
-    """Read an axis: a list of values, ``{from, to, count, spacing}``, or a `Span`."""
-    place = f"axes.{name}"
-    if isinstance(given, Span):
-        given = {"from": given.low, "to": given.high, "spacing": SPACINGS[given.log]}
-    if isinstance(given, Mapping):
-        check_keys(given, _KEYS, place)
-        return _between(rig, name, given, bare)
-    listed = np.atleast_1d(given).tolist() if bare else given
-    if not isinstance(listed, list):
-        raise InputError(f"{place} = {shown(given)}: must be a list of values, or a table with from, to and count")
-    values = tuple(read_value(rig, name, value, f"{place}.{i}", bare=bare) for i, value in enumerate(listed))
-    if not values:
-        raise InputError(f"{place}: holds no value")
-    if len(set(values)) < len(values):
-        raise InputError(f"{place}: holds a value twice; for replicas add an axis seed = {{ count = 10 }}")
-    return Axis(values=values, log=_of_equal_ratios(values))
-
-
-def _between(rig: Rig, name: str, given: Mapping[str, Any], bare: bool) -> Axis:
-    """Read an axis that is given by its ends."""
-    place = f"axes.{name}"
-    count = whole(f"{place}.count", given["count"], at_least=1) if "count" in given else None
-    if name == "seed" and count is not None:
-        first = read_value(rig, name, given.get("from", 1), f"{place}.from", bare=bare)
-        return Axis(values=tuple(range(int(first), int(first) + count)))
-    for key in ("count",) if name == "seed" else ("from", "to"):
-        if key not in given:
-            raise InputError(f"{place}.{key}: is missing")
-    spacing = chosen(f"{place}.spacing", given.get("spacing", "linear"), SPACINGS)
-    low, high = (read_value(rig, name, given[key], f"{place}.{key}", bare=bare) for key in ("from", "to"))
-    if isinstance(low, str) or high <= low:
-        raise InputError(f"{place}: to = {high:g} must be above from = {low:g}")
-    if spacing == "log" and low <= 0:
-        raise InputError(f"{place}: from = {low:g} must be above 0 for spacing = 'log'")
-    return Axis(values=(low, high), count=count, ends=True, log=spacing == "log")
-
-
-def read_value(rig: Rig, name: str, value: Any, place: str, *, bare: bool) -> Any:
-    """Read one value of an axis, in the rig's own units."""
-    if name == "start":
-        return chosen(place, value, (FROM_REST, FROM_SLIDING))
-    if name in OTHERS:
-        return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
-    if BY_NAME[name].unit == "1":
-        return number(place, value)
-    sign = "at least 0" if BY_NAME[name].zero else "above 0"
-    unit = rig.unit_name(BY_NAME[name].unit)
-    try:
-        example = engineering(rig.value(name), unit, 3)
-    except InputError:  # the rig has none: the plan will say so
-        example = f"1 {unit}"
-    return read_quantity(rig, value, place, unit, example, sign, bare=bare)
+    def _value(self, name: str, value: Any, place: str) -> Any:
+        if name == "start":
+            return START.read(value, place, natural=True)
+        if name in OTHERS:
+            return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
+        parameter = BY_NAME[name]
+        if parameter.unit == "1":
+            return self.quantity(Key("", 1.0), value, place)
+        unit = self.rig.unit_name(parameter.unit)
+        try:
+            example = engineering(self.rig.value(name), unit, 3)
+        except InputError:  # the rig has none: the plan will say so
+            example = f"1 {unit}"
+        sign: Sign = "at least 0" if parameter.zero else "above 0"
+        return self.quantity(Key("", example, unit=parameter.unit, sign=sign), value, place)
 
 
-def read_quantity(
-    rig: Rig, value: Any, place: str, unit: str, example: str, sign: Any = "above 0", *, bare: bool = False
-) -> float:
-    """Read a quantity of a rig: in SI units a text, or from Python a number; in natural units a number."""
-    natural = rig.scales is None or (bare and not isinstance(value, str))
-    try:
-        return quantity_of(value, unit, example, sign, natural=natural)
-    except InputError as error:
-        raise InputError(f"{place} = {shown(value)}: {error}") from None
-
-
-def chosen(place: str, value: object, words: Sequence[str]) -> str:
-    """Refuse what is none of some words."""
-    if value not in words:
-        *first, last = map(repr, words)
-        raise InputError(f"{place} = {shown(value)}: must be {', '.join(first)} or {last}")
-    return str(value)
+def check_axes(content: object) -> None:
+    """Refuse what is no table of axes: parameters, those registered since then included, and `OTHERS`."""
+    check_keys(content, (*BY_NAME, *OTHERS), "axes")
+    if not content:
+        raise InputError(f"axes: must hold at least one of {', '.join((*BY_NAME, *OTHERS))}")
 
 
 def check_keys(content: object, known: Iterable[str], place: str) -> None:
     """Refuse what is no table, and all keys of a table that are unknown."""
-    known = list(known)
+    known = tuple(known)
     if not isinstance(content, Mapping):
         raise InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]")
-    path, mistakes = f"{place}." if place else "", []
-    for key in content:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
-            remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
-            mistakes.append(f"{path}{str(key)[:60]}: unknown key; {remedy}")
-    if mistakes:
-        raise InputError(together(mistakes))
+    path = f"{place}." if place else ""
+    if strange := [str(key) for key in content if key not in known]:
+        raise InputError(together(f"{path}{key[:60]}: unknown key; {unknown(key, known)}" for key in strange))
 
 
 def _of_equal_ratios(values: Sequence[Any]) -> bool:

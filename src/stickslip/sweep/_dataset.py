@@ -272,7 +272,7 @@ def grid_dataset(head: Head, rows: Iterable[tuple[str, Mapping[str, Any]]]) -> x
     found: dict[str, Mapping[str, Any] | None] = {case_key(values): None for values in combinations(axes)}
     found.update((key, row) for key, row in rows if key in found)
     data = _variables(head, list(found.values()), {name: len(values) for name, values in axes.items()})
-    coordinates = {name: (name, _array(values), attributes_of(head, name)) for name, values in axes.items()}
+    coordinates = {name: (name, array(values), attributes_of(head, name)) for name, values in axes.items()}
     return xr.Dataset(data, coordinates, _attributes_of_all(head))
 
 
@@ -292,13 +292,13 @@ def refined_dataset(table: Table) -> xr.Dataset:
         data[f"{name}_at"] = ("crossing", (low + high) / 2, about | {"long_name": f"{title}, on the boundary"})
         data[f"{name}_error"] = ("crossing", abs(high - low) / 2, about | {"long_name": f"{title}, uncertainty"})
     for name in head["each"]:
-        data[f"{name}_at"] = ("crossing", _array([cases[i][name] for i, _ in crossings]), attributes_of(head, name))
+        data[f"{name}_at"] = ("crossing", array([cases[i][name] for i, _ in crossings]), attributes_of(head, name))
     for side, (prefix, where) in enumerate({"from": "on one side", "to": "on the other"}.items()):
         values, about = _column(head, label, [rows[ends[side]]["result"][label] for ends in crossings])
         about["long_name"] += f", {where}"
         data[f"{prefix}_{label}"] = ("crossing", values, about)
     coordinates = {
-        name: ("run", _array([values[name] for values in cases]), attributes_of(head, name))
+        name: ("run", array([values[name] for values in cases]), attributes_of(head, name))
         for name in (*head["box"], *head["each"])
     }
     return xr.Dataset(data, coordinates, _attributes_of_all(head))
@@ -332,7 +332,8 @@ def _column(head: Head, name: str, values: Sequence[Any]) -> tuple[NDArray[Any],
     return np.array([math.nan if value is None else value for value in values], dtype=float), about
 
 
-def _array(values: Sequence[AxisValue]) -> NDArray[Any]:
+def array(values: Sequence[AxisValue]) -> NDArray[Any]:
+    """Values of an axis as xarray has them: texts as objects."""
     return np.array(values, dtype=object if values and isinstance(values[0], str) else None)
 
 

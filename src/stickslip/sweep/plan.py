@@ -14,40 +14,30 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance, number, shown, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
-from stickslip.io.tables import read_toml
-from stickslip.model import (
-    Contacts,
-    ElasticBody,
-    FromRest,
-    FromSliding,
-    MasterEquation,
-    Method,
-    Population,
-    Rig,
-    Slider,
-    Start,
-    parameter_named,
-)
+from stickslip.io.keys import Key
+from stickslip.io.rig_keys import SIMULATION, methods_with
+from stickslip.io.tables import read_toml, unknown
+from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider, parameter_named
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
-from stickslip.sweep._axes import OTHERS, Axis, check_keys, chosen, known_axes, read_axis, read_quantity
-from stickslip.sweep._dataset import open_sweep, run_cases
+from stickslip.sweep._axes import OTHERS, Axis, AxisReader, check_axes, check_keys
+from stickslip.sweep._dataset import array, open_sweep, run_cases
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._run import Options, Progress, Runs, check_size
-from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
+from stickslip.sweep.study import KINDS, MEASURES, USUAL, Study
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -178,12 +168,8 @@ class Plan:
 
     def to_json(self) -> str:
         """Return a text that `plan_of` reads again."""
-        held = {each.name: getattr(self, each.name) for each in fields(self)}
-        held["study"] = {each.name: getattr(self.study, each.name) for each in fields(self.study)}
-        held["study"]["rig"] = datasets.encode(self.study.rig)
-        held["axes"] = {name: values.tolist() for name, values in self.axes.items()}
-        held["refinement"] = None if self.refinement is None else asdict(self.refinement)
-        return json.dumps(held)
+        axes = {name: values.tolist() for name, values in self.axes.items()}
+        return json.dumps(datasets.encode(vars(self) | {"axes": axes}))
 
 
 def sweep(
@@ -244,9 +230,7 @@ def sweep(
             f"rig.slider = {rig.slider!r}: must be a Slider, Chain or Sheet; an impedance cannot be simulated"
         )
     try:
-        check_keys(axes, known_axes(), "axes")
-        given = {name: read_axis(rig, name, values, bare=True) for name, values in axes.items()}
-        plan = _plan(rig, given, runs, refinement, name=rig.name, bare=True)
+        plan = _plan(rig, axes, runs, refinement, name=rig.name, from_python=True)
     except InputError as error:
         raise InputError(f"sweep: {error}") from None
     return plan.run(store=store, executor=executor, progress=progress, retry_failed=retry_failed)
@@ -262,33 +246,22 @@ def plan_of(result: xr.Dataset) -> Plan:
     """Return the plan that a result was made from."""
     if NOTE not in result.attrs:
         raise InputError("this sweep was not made from a rig: what was swept is not known; draw it in Python")
+    kinds = datasets.records() | {kind.__name__: kind for kind in (Study, Refinement)}
     try:
-        held = json.loads(str(result.attrs[NOTE]))
-        rig = datasets.decode(held["study"].pop("rig"), datasets.records())
-        instance("rig", rig, Rig, "a rig")
-        refinement = None if held["refinement"] is None else Refinement(**held.pop("refinement"))
-        axes = {name: np.array(values, dtype=_kind(values)) for name, values in held.pop("axes").items()}
-        names = {name: tuple(held.pop(name)) for name in ("logarithmic", "measures")}
-        study = Study(rig=rig, **held.pop("study"))
-        return Plan(**held | names | {"study": study, "axes": axes, "refinement": refinement})
+        held = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
+        instance("rig", held["study"].rig, Rig, "a rig")
+        return Plan(**held | {"axes": {name: array(values) for name, values in held["axes"].items()}})
     except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
         raise InputError(f"the plan of this sweep: cannot be read ({error})") from None
-
-
-def _kind(values: Sequence[Any]) -> type | None:
-    return object if isinstance(values[0], str) else None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Files
 # ---------------------------------------------------------------------------------------------------------------------
 
-_METHODS: dict[str, type[Method]] = {
-    "contacts": Contacts,
-    "population": Population,
-    "master equation": MasterEquation,
-}
-_RUN = ("method", "contacts", "rtol", "seed", "start", *(each.name for each in fields(Runs) if each.name != "measure"))
+_SIMULATED = ("method", "contacts", "rtol", "seed", "start")
+"""Keys of ``[run]`` that stand under ``[simulation]`` in a rig file."""
+_LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
@@ -301,65 +274,46 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
     try:
         check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
-        if not isinstance(document.get("axes"), dict) or not document["axes"]:
-            raise InputError(f"axes: must be a table [axes] with at least one of {', '.join(known_axes())}")
-        rig = _rig_of(document, directory)
-        check_keys(document["axes"], known_axes(), "axes")
-        axes = {name: read_axis(rig, name, given) for name, given in document["axes"].items()}
-        run, refinement = document.get("run", {}), None
-        check_keys(run, _RUN, "run")
-        measure = document.get("measure")
+        axes, run, measure = document.get("axes", {}), document.get("run", {}), document.get("measure")
+        check_axes(axes)
+        check_keys(run, (*_SIMULATED, *_LASTING), "run")
         if measure is not None and not isinstance(measure, list):
             raise InputError(f"measure = {shown(measure)}: must be a list of names")
+        refinement = None
         if "refine" in document:
             check_keys(document["refine"], ("runs", "resolution", "together"), "refine")
             refinement = Refinement(**document["refine"])
-        runs = Runs(measure=measure, **{each.name: run[each.name] for each in fields(Runs) if each.name in run})
-        rig = replace(rig, method=_method(rig.method, run), start=_start(rig.start, run))
-        instance("name", document.get("name", "sweep"), str, "a text")
-        return _plan(rig, axes, runs, refinement, name=document.get("name", "sweep"))
+        runs = Runs(measure=measure, **{key: run[key] for key in _LASTING if key in run})
+        rig = _rig_of(document.get("rig"), run, axes.get("velocity"), directory)
+        instance("name", name := document.get("name", "sweep"), str, "a text")
+        return _plan(rig, axes, runs, refinement, name=name)
     except InputError as error:
         raise InputError(f"{place}: {error}") from None
 
 
-def _rig_of(document: Mapping[str, Any], directory: Path) -> Rig:
-    given = document.get("rig")
+def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path) -> Rig:
+    """Read the rig of a sweep, to be simulated as ``[run]`` says."""
+    place = "rig"
     if isinstance(given, str):
-        try:
-            return rigs.read_rig(directory / given)
-        except InputError as error:
-            raise InputError(f"rig: {error}") from None
-    if not isinstance(given, dict):
+        place = f"rig: {Path(given).name}"
+        given = rigs.content_of(directory / given)
+    if not isinstance(given, Mapping):
         what = "is missing" if given is None else f"= {given!r}"
         raise InputError(f"rig {what}: must be the name of a rig file, or a table [rig] with what one holds")
-    speeds = document["axes"].get("velocity")
     if "drive" not in given and speeds:  # the axis sets the speed
         last = speeds.get("to") if isinstance(speeds, dict) else speeds[-1] if isinstance(speeds, list) else speeds
-        given = given | {"drive": {"velocity": last}}
-    return rigs.from_document(given, "rig")
-
-
-def _method(given: Method, run: Mapping[str, Any]) -> Method:
-    """The method that a file asks for, made of the rig's own."""
-    kind = type(given)
-    if "method" in run:
-        kind = _METHODS[chosen("run.method", run["method"], tuple(_METHODS))]
-    owners = {"contacts": "contacts", "seed": "contacts", "rtol": "master equation"}
-    known = {"contacts": DRAWN, "seed": DRAWN, "rtol": (MasterEquation, Population)}
-    for key, owner in owners.items():
-        if key in run and not issubclass(kind, known[key]):
-            raise InputError(f"run.{key}: belongs to method = {owner!r}")
-    if type(given) is not kind:
-        usual = given if isinstance(given, DRAWN) else Contacts()
-        given = kind(usual.count, usual.seed) if issubclass(kind, DRAWN) else MasterEquation()
-    fields_ = {"contacts": "count", "seed": "seed", "rtol": "rtol"}
-    return replace(given, **{fields_[key]: run[key] for key in fields_ if key in run})
-
-
-def _start(given: Start, run: Mapping[str, Any]) -> Start:
-    if "start" not in run:
-        return given
-    return FromRest() if chosen("run.start", run["start"], (FROM_REST, FROM_SLIDING)) == FROM_REST else FromSliding()
+        given = {**given, "drive": {"velocity": last}}
+    own = given.get("simulation", {})
+    if isinstance(own, Mapping):
+        method = run.get("method", own.get("method", SIMULATION["method"].default))
+        left = [key for key in ("contacts", "seed", "rtol") if "method" in run and method not in methods_with(key)]
+        asked = {key: run[key] for key in _SIMULATED if key in run}
+        given = {**given, "simulation": {key: own[key] for key in own if key not in left} | asked}
+    try:
+        return rigs.from_document(given, place)
+    except InputError as error:
+        words = re.sub(r"\bsimulation\.(\w+)", lambda key: f"run.{key[1]}" if key[1] in run else key[0], str(error))
+        raise InputError(words) from None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -368,54 +322,62 @@ def _start(given: Start, run: Mapping[str, Any]) -> Start:
 
 
 def _plan(
-    rig: Rig, given: Mapping[str, Axis], runs: Runs, refinement: Refinement | None, *, name: str, bare: bool = False
+    rig: Rig,
+    axes: Mapping[str, Any],
+    runs: Runs,
+    refinement: Refinement | None,
+    *,
+    name: str,
+    from_python: bool = False,
 ) -> Plan:
-    """Make a plan of a rig with its method and start, and of axes that were read."""
-    if not given:
-        raise InputError(f"axes: must hold at least one of {', '.join(known_axes())}")
+    """Make a plan of a rig with its method and start."""
+    check_axes(axes)
+    most = whole("run.max_cases", runs.max_cases, at_least=1)
+    reader = AxisReader(rig=rig, most=most, from_python=from_python)
+    given = {each: reader.axis(each, values) for each, values in axes.items()}
     _check_rig(rig, given)
-    max_cases = whole("run.max_cases", runs.max_cases, at_least=1)
     if refinement is None:
-        check_size(math.prod(axis.size for axis in given.values()), max_cases)
-        axes = {each: axis.made(each) for each, axis in given.items()}
+        _check_grid(given, most)
     else:
-        _check_refinement(given)
-        axes = {each: np.array(axis.values, dtype=_kind(axis.values)) for each, axis in given.items()}
+        _check_plane(given)
     method, seed = rig.method, None
     if isinstance(method, DRAWN):
         method, seed = replace(method, seed=0), method.seed
     study = Study(
         rig=replace(rig, method=method, name="", assumed={}, source=""),
-        distance=_length(rig, "distance", runs.distance, "x_s", "m", bare, default=SHORTEST),
-        duration=_length(rig, "duration", runs.duration, "time", "s", bare, default=0.0),
+        distance=_lasting(reader, _DISTANCE, runs.distance, "run.distance", SHORTEST),
+        duration=_lasting(reader, _DURATION, runs.duration, "run.duration", 0.0),
         cycles=number("run.cycles", runs.cycles, at_least=0),
         extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
     )
     return Plan(
         name=name,
         study=study,
-        axes=axes,
+        axes={each: array(axis.ends) if refinement and axis.ends else axis.values for each, axis in given.items()},
         logarithmic=tuple(each for each, axis in given.items() if axis.log),
         measures=_measures(runs.measure, own_seed=seed is not None and "seed" not in given),
         seed=seed or 0,
         refinement=refinement,
-        max_cases=max_cases,
+        max_cases=most,
     )
 
 
-def _length(rig: Rig, key: str, value: float | str | None, unit: str, si: str, bare: bool, *, default: float) -> float:
+_DISTANCE = Key("", "2 mm", unit="x_s", sign="above 0")
+_DURATION = Key("", "2 ms", unit="time", sign="above 0")
+
+
+def _lasting(reader: AxisReader, key: Key, value: float | str | None, place: str, usual: float) -> float:
     """How far or how long a run lasts, in natural units."""
-    if value is None:
-        return default
-    return read_quantity(rig, value, f"run.{key}", si, f"2 m{si}", bare=bare) / rig.unit(unit)
+    return usual if value is None else float(reader.quantity(key, value, place)) / reader.rig.unit(key.unit)
 
 
 def _check_rig(rig: Rig, axes: Mapping[str, Axis]) -> None:
     """Refuse a rig that cannot be run along these axes."""
-    if isinstance(rig.method, MasterEquation):
-        for name in ("seed", "contacts"):
-            if name in axes:
-                raise InputError(f"axes.{name}: changes nothing with the master equation; use method = 'contacts'")
+    for name in ("seed", "contacts"):
+        if name in axes and not isinstance(rig.method, DRAWN):
+            raise InputError(f"axes.{name}: changes nothing where no contacts are drawn; use method = 'contacts'")
+    if not isinstance(rig.start, FromRest | FromSliding):
+        raise InputError("rig.simulation.start: each run of a sweep starts 'from rest' or 'sliding'")
     if len(rig.drive.pieces) > 1 or rig.drive.pieces[0].start != rig.drive.pieces[0].end:
         raise InputError("rig.drive.pieces: each run of a sweep holds one velocity; give drive.velocity")
     check_method(rig.interface, rig.method, rig.slider)
@@ -427,15 +389,22 @@ def _check_rig(rig: Rig, axes: Mapping[str, Axis]) -> None:
     number("rig.drive.velocity", rig.velocity, above=0)
 
 
-def _check_refinement(given: Mapping[str, Axis]) -> None:
+def _check_grid(given: Mapping[str, Axis], most: int) -> None:
+    for name, axis in given.items():
+        if axis.ends and axis.values.size < 2:
+            what = "needs a count of at least 2, the number of values from one end to the other"
+            raise InputError(f"axes.{name}: {what}")
+    check_size(math.prod(axis.values.size for axis in given.values()), most)
+
+
+def _check_plane(given: Mapping[str, Axis]) -> None:
     parameters = [name for name in given if name in BY_NAME]
-    others = [name for name in given if name not in BY_NAME and name != "start"]
-    if len(parameters) != 2 or others:
+    if len(parameters) != 2 or {*given} - {*parameters} - {"start"}:
         raise InputError(
             f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"
         )
     for name in parameters:
-        if not given[name].ends:
+        if given[name].ends is None:
             raise InputError(f"axes.{name}: [refine] chooses the values itself; give from, to and spacing")
 
 
@@ -443,10 +412,6 @@ def _measures(asked: Sequence[str] | None, *, own_seed: bool) -> tuple[str, ...]
     names = list(USUAL if asked is None else asked)
     for name in names:
         if name not in MEASURES:
-            import difflib
-
-            near = difflib.get_close_matches(str(name), MEASURES, n=1, cutoff=0.5)
-            remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(MEASURES)}"
-            raise InputError(f"measure: {name!r} is not measured in a sweep; {remedy}")
+            raise InputError(f"measure: {name!r} is not measured in a sweep; {unknown(str(name), MEASURES)}")
     always = ["regime", *(["seed"] if own_seed else [])]
     return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
