@@ -18,8 +18,8 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from types import CodeType
-from typing import Any, cast
+from types import CodeType, FunctionType, MethodType
+from typing import Any
 
 import numpy as np
 
@@ -70,47 +70,46 @@ def package_version() -> str:
 def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint: object) -> dict[str, str]:
     """What must be equal for a finished case to be the same case, part by part: a message can say what differs.
 
-    The code of the function itself is part of it. Code that it calls is not followed: the version of this package
-    stands for its own, `fingerprint` for everything else.
+    Code that the function calls is not followed: the version of this package stands for its own, `fingerprint` for
+    everything else.
     """
-    place, inner = f"function = {name_of(function)}", cast("Any", function)
-    bound = None
-    if isinstance(inner, functools.partial):
-        bound, inner = [list(inner.args), dict(inner.keywords)], inner.func
-    inner = getattr(inner, "py_func", inner)  # compiled by numba
-    if inspect.ismethod(inner):
-        held, inner = inner.__self__, inner.__func__
-    elif inspect.isroutine(inner) or isinstance(inner, type):
-        held = _held(inner)
-    else:  # an object with a __call__
-        held, inner = inner, type(inner)
     return {
         "stickslip version": package_version(),
         "names of the axes": ", ".join(sorted(names)),
         "seed": str(seed),
         "fingerprint": _digest("fingerprint", fingerprint),
-        "bound arguments": _digest(place, bound),
-        "function": name_of(inner),
-        "what the function holds": _digest(place, held),
-        "source of the function": _hash(_source(inner).encode()),
+        "function": name_of(function),
+        "what the function holds": _digest(f"function = {name_of(function)}", _held(function)),
+        "source of the function": _hash(_source(function).encode()),
     }
 
 
 def _held(function: Any) -> list[Any]:
-    """What a function closes over, and its defaults."""
-    if not inspect.isfunction(function):
-        return []
-    cells = list(inspect.getclosurevars(function).nonlocals.items())
-    return [cells, function.__defaults__, function.__kwdefaults__]
+    """What is bound to a function, what it closes over, and its defaults; of an object with a __call__, the object."""
+    match function:
+        case functools.partial(func=inner, args=args, keywords=keywords):
+            return [list(args), keywords, *_held(inner)]
+        case MethodType(__self__=owner, __func__=inner):
+            return [owner, *_held(inner)]
+        case FunctionType(__defaults__=defaults, __kwdefaults__=keywords):
+            return [list(inspect.getclosurevars(function).nonlocals.items()), defaults, keywords]
+    if hasattr(function, "py_func"):  # compiled by numba
+        return _held(function.py_func)
+    return [] if inspect.isroutine(function) or isinstance(function, type) else [function]
 
 
 def _source(function: Any) -> str:
+    """The text of a function or of the class of an object; its code where there is no text, or many in a line."""
+    for inner in ("func", "__func__", "py_func"):
+        function = getattr(function, inner, function)
+    if not (inspect.isroutine(function) or isinstance(function, type)):
+        function = type(function)
     code = getattr(function, "__code__", None)
     try:
         text = textwrap.dedent(inspect.getsource(code or function))
     except (OSError, TypeError):  # built in, or typed at a prompt
         return "" if code is None else _code(code)
-    return text + _code(code) if code is not None and code.co_name == "<lambda>" else text  # many may be in a line
+    return text + _code(code) if code is not None and code.co_name == "<lambda>" else text
 
 
 def _code(code: CodeType) -> str:
@@ -197,18 +196,7 @@ def check_name(place: str, name: object) -> None:
 
 
 class CannotLoadError(RuntimeError):
-    """A worker cannot load the function that it was sent."""
-
-
-class OtherVersionError(RuntimeError):
-    """A worker runs another version of this package than the sweep."""
-
-    def __init__(self, there: str, here: str) -> None:
-        super().__init__(there, here)
-        self.there, self.here = there, here
-
-    def __str__(self) -> str:
-        return f"a worker has stickslip {self.there}, but the sweep {self.here}; install the same on both sides"
+    """A worker cannot run what it was sent; the message says why and what to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,13 +264,17 @@ def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | bool |
 @functools.lru_cache(maxsize=4)
 def _load(job: bytes) -> Job:
     try:
-        loaded = pickle.loads(job)
+        loaded: Job = pickle.loads(job)
     except Exception as error:
-        raise CannotLoadError(f"{type(error).__name__}: {error}") from None
-    if not isinstance(loaded, Job):
-        raise CannotLoadError(f"a {type(loaded).__name__} came instead of a job")
+        raise CannotLoadError(
+            f"function: the workers cannot load it ({type(error).__name__}: {error}); define it in a module that the "
+            "workers can import, or use Threads(n)"
+        ) from None
     if loaded.version != package_version():
-        raise OtherVersionError(package_version(), loaded.version)
+        raise CannotLoadError(
+            f"executor: a worker has stickslip {package_version()}, but the sweep {loaded.version}; install the same "
+            "on both sides"
+        )
     return loaded
 
 

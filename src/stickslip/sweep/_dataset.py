@@ -91,12 +91,11 @@ def run_cases(
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     values = {name: axis_values(name, given) for name, given in axes.items()}
-    given = options.attributes
-    own = {name: dict(getattr(values, "attrs", {})) for name, values in axes.items()}
-    merged = {
-        name: {key: _attribute(value) for key, value in (own.get(name, {}) | dict(given.get(name, {}))).items()}
-        for name in dict.fromkeys([*own, *given])
+    attributes = {
+        name: {**getattr(axes.get(name), "attrs", {}), **options.attributes.get(name, {})}
+        for name in dict.fromkeys([*axes, *options.attributes])
     }
+    merged = {name: {key: _attribute(value) for key, value in about.items()} for name, about in attributes.items()}
     with started(
         function, {"axes": values}, list(values), math.prod(map(len, values.values())),
         store=store, executor=executor, progress=progress, options=replace(options, attributes=merged),
@@ -233,9 +232,8 @@ def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue
     """Values of an axis as Python's own numbers, texts or truth values."""
     check_name(table, name)
     place = f"{table}[{name!r}]"
-    listed = isinstance(given, Sequence) and not isinstance(given, str)
-    values: Any = list(given) if listed else getattr(np.asarray(given), "tolist", list)()  # type: ignore[call-overload]
-    if isinstance(given, str) or not isinstance(values, list) or not values:
+    values = np.asarray(given, dtype=object).tolist()
+    if not isinstance(values, list) or not values:
         raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
     found = [value.item() if isinstance(value, np.generic) else value for value in values]
     if {_sort_of(value) for value in found} not in ({"number"}, {"text"}, {"truth value"}):

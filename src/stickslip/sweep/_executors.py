@@ -26,7 +26,17 @@ _MANY = 32  # workers supposed behind an executor that does not say how many it 
 
 
 @dataclass(frozen=True)
-class Threads:
+class _Here:
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        # Cores that this process may use; not every system tells.
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        place = f"{type(self).__name__}.workers"
+        object.__setattr__(self, "workers", cores if self.workers is None else whole(place, self.workers, at_least=1))
+
+
+class Threads(_Here):
     """Run cases in threads of this process: best for compiled kernels, which release the GIL.
 
     Parameters
@@ -35,14 +45,8 @@ class Threads:
         Number of threads; by default one per core.
     """
 
-    workers: int | None = None
 
-    def __post_init__(self) -> None:
-        _set_workers(self, "Threads.workers", self.workers)
-
-
-@dataclass(frozen=True)
-class Processes:
+class Processes(_Here):
     """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
 
     The function must be importable: defined at the top of a module, not a lambda. A script that starts processes keeps
@@ -53,11 +57,6 @@ class Processes:
     workers : int, optional
         Number of processes; by default one per core.
     """
-
-    workers: int | None = None
-
-    def __post_init__(self) -> None:
-        _set_workers(self, "Processes.workers", self.workers)
 
 
 Workers = Threads | Processes | Executor
@@ -179,16 +178,6 @@ def _pickled(job: Job, given: Workers) -> bytes:
             f"function = {name_of(job.function)}: cannot be sent to another process ({error}); define it at the top of "
             "a module (no lambda, no function inside a function), or use Threads(n)"
         ) from None
-
-
-def _set_workers(record: object, place: str, value: int | None) -> None:
-    count = _cores() if value is None else whole(place, value, at_least=1)
-    object.__setattr__(record, "workers", count)
-
-
-def _cores() -> int:
-    """Cores that this process may use; not every system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _start_worker() -> None:

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from stickslip.errors import InputError, whole
 from stickslip.sweep._cases import (
@@ -17,7 +17,6 @@ from stickslip.sweep._cases import (
     CannotLoadError,
     Function,
     Job,
-    OtherVersionError,
     Values,
     case_key,
     check_function,
@@ -158,13 +157,11 @@ def started(
         "notes": dict(options.notes),
         **content,
     }
-    with (
-        Table(None if store is None else Path(store), head) as table,
-        Runner(job, table, check_executor(executor), total, progress) as runner,
-    ):
+    with ExitStack() as held:
+        table = held.enter_context(Table(None if store is None else Path(store), head))
         if options.retry_failed:
             table.forget_failed()
-        yield runner
+        yield Runner(job, table, check_executor(executor), total, progress, held)
 
 
 def check_size(cases: int, max_cases: int) -> None:
@@ -186,19 +183,13 @@ class Runner:
         executor: Workers,
         total: int,
         progress: Callable[[Progress], object] | None,
+        held: ExitStack,
     ) -> None:
         self._job, self.table, self._executor = job, table, executor
-        self._total, self._progress = total, progress
-        self._held = ExitStack()
+        self._total, self._progress, self._held = total, progress, held
         self._pool: Pool | None = None
         self._finished = self._failed = self._found = 0
         self._per_case: float | None = None  # seconds, as last seen
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._held.__exit__(*error)  # type: ignore[arg-type]
 
     def run(self, cases: Sequence[Values]) -> None:
         """Run those of some cases, no two alike, that the table lacks."""
@@ -284,7 +275,7 @@ class Runner:
             except BrokenExecutor:
                 intact = False
                 self._lost(cases)
-            except (CancelledError, CannotLoadError, OtherVersionError) as error:
+            except (CancelledError, CannotLoadError) as error:
                 raise InputError(self._trouble(error)) from error
             except Exception as error:
                 # KilledWorker: of Dask, after several workers died of this batch. Others: a result lost on the way.
@@ -341,11 +332,6 @@ class Runner:
 
     def _trouble(self, error: BaseException) -> str:
         if isinstance(error, CannotLoadError):
-            return (
-                f"function: the workers cannot load it ({error}); define it in a module that the workers can import, "
-                f"or use Threads(n); {self._kept()}"
-            )
-        if isinstance(error, OtherVersionError):
-            return f"executor: {error}; {self._kept()}"
+            return f"{error}; {self._kept()}"
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
         return f"executor: dropped a batch of cases ({reason}); {self._kept()}"

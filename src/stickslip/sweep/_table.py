@@ -38,7 +38,6 @@ PATIENCE = 60.0
 
 _HEAD = ""
 _ERROR = '{"error"'
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Table:
@@ -270,33 +269,34 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
     """Say in one line what went wrong with a file."""
     try:
         yield
-    except (sqlite3.Error, OSError) as error:
-        assert path is not None
-        code = getattr(error, "sqlite_errorname", "")
-        if code == "SQLITE_NOTADB":
-            raise InputError(
-                f"store = {str(path)!r}: is not the store of a sweep, or its beginning is damaged; choose another"
-            ) from error
-        told = isinstance(error, sqlite3.OperationalError) and code not in (
-            "",
-            "SQLITE_ERROR",
-        )  # no text, no such table
-        if isinstance(error, sqlite3.Error) and not told:
-            raise _damaged(path, str(error)) from error
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        if code.startswith(("SQLITE_FULL", "SQLITE_IOERR")) or getattr(error, "errno", None) in _FULL:
-            remedy = "free some space and start again"
-        elif code.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
-            remedy = "another program reads it or holds it; start again when it is done"
-        else:
-            remedy = "make it writable or choose another place"
-        raise InputError(
-            f"store = {str(path)!r}: cannot be written ({reason}); what was written is kept: {remedy}"
-        ) from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        if path is None or isinstance(error, InputError):
+    except InputError:
+        raise
+    except (sqlite3.Error, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        if path is None:
             raise
-        raise _damaged(path, f"{type(error).__name__}: {error}") from error
+        raise _refusal(path, error) from error
+
+
+_REMEDIES = {
+    ("SQLITE_FULL", "SQLITE_IOERR", "ENOSPC", "EDQUOT", "EFBIG"): "free some space and start again",
+    ("SQLITE_BUSY", "SQLITE_LOCKED"): "another program reads it or holds it; start again when it is done",
+    ("",): "make it writable or choose another place",
+}
+"""What to do about errors, by the beginnings of their names."""
+
+
+def _refusal(path: Path, error: Exception) -> InputError:
+    code = getattr(error, "sqlite_errorname", errno.errorcode.get(getattr(error, "errno", None) or 0, ""))
+    if code == "SQLITE_NOTADB":
+        return InputError(
+            f"store = {str(path)!r}: is not the store of a sweep, or its beginning is damaged; choose another"
+        )
+    of_the_disk = isinstance(error, sqlite3.OperationalError) and code not in ("", "SQLITE_ERROR")  # no such table
+    if not (of_the_disk or isinstance(error, OSError)):
+        return _damaged(path, str(error) if isinstance(error, sqlite3.Error) else f"{type(error).__name__}: {error}")
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    remedy = next(remedy for names, remedy in _REMEDIES.items() if code.startswith(names))
+    return InputError(f"store = {str(path)!r}: cannot be written ({reason}); what was written is kept: {remedy}")
 
 
 def _lock_of(path: Path) -> Path:
