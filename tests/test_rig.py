@@ -398,8 +398,11 @@ def test_what_could_be_built_is_read_written_and_refused():
 @pytest.mark.parametrize(
     ("name", "force", "length"), [("load", 2, 1), ("friction", 2, 2), ("contact_stiffness", 1, 0.5)]
 )
-def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(name, force, length):
-    read = ss.read_rig(brake(["20 mm/s", "0.1 m/s"], feasible={"mass": ["1 kg", "9 kg"]}))
+@pytest.mark.parametrize(
+    "speeds", [["20 mm/s", "0.1 m/s"], {"from": "20 mm/s", "to": "0.1 m/s"}], ids=["list", "range"]
+)
+def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(name, force, length, speeds):
+    read = ss.read_rig(brake(speeds, feasible={"mass": ["1 kg", "9 kg"]}))
     turned = read.replace(**{name: 2 * read.value(name)})
     assert turned.value(name) == pytest.approx(2 * read.value(name))
     assert turned.scales.force == pytest.approx(force * read.scales.force)
@@ -407,9 +410,9 @@ def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(name, force, length)
     for other in ("stiffness", "mass", "damping", "velocity", "delay", "std"):
         assert turned.value(other) == pytest.approx(read.value(other)), other
     for rig in (read, turned):
-        speeds = [speed * rig.unit("x_s/time") for speed in rig.operation.speeds]
+        at = [speed * rig.unit("x_s/time") for speed in rig.operation.speeds or rig.operation.between]
         mass = [end * rig.unit("f_s time^2/x_s") for end in rig.operation.range_of("mass")]
-        assert (speeds, mass) == (pytest.approx([0.02, 0.1]), pytest.approx([1.0, 9.0]))
+        assert (at, mass) == (pytest.approx([0.02, 0.1]), pytest.approx([1.0, 9.0]))
 
 
 def test_a_rig_says_itself_in_its_own_units():

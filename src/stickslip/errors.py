@@ -203,7 +203,7 @@ def extreme(value: float) -> str:
     return f"must be between {SMALLEST:g} and {LARGEST:g} in size, or 0"
 
 
-def whole(place: str, value: object, *, at_least: int, at_most: int | None = None, hint: str = "") -> int:
+def whole(place: str, value: object, *, at_least: float, at_most: float | None = None, hint: str = "") -> int:
     """Return `value` as an int if it is a whole number in the range, else raise `InputError`."""
     # A float does not hold every large seed.
     if isinstance(value, Integral) and not _is_span(value) and not isinstance(value, bool):

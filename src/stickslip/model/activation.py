@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 from stickslip.model.registry import registrar
 
 ACTIVATIONS: dict[str, type] = {}
@@ -21,7 +21,7 @@ register = registrar(ACTIVATIONS, "activation")
 
 @register("bell")
 @dataclass(frozen=True, kw_only=True)
-class Bell:
+class Bell(Record):
     """Thermal activation after Bell and Eyring: the barrier falls linearly, ``(x_c - x)/width`` in units of ``kT``.
 
     Parameters
@@ -36,13 +36,10 @@ class Bell:
     width: Annotated[float, Number("x_s", above=0, hint="the activation width A")]
     attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @register("parabolic")
 @dataclass(frozen=True, kw_only=True)
-class Parabolic:
+class Parabolic(Record):
     """Thermal activation over the elastic energy itself: barrier ``(x_c**2 - x**2)/(2 temperature)``.
 
     Parameters
@@ -56,13 +53,10 @@ class Parabolic:
     temperature: Annotated[float, Number(above=0, hint="kT/(k x_s^2)")]
     attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @register("barrier")
 @dataclass(frozen=True, kw_only=True)
-class Barrier:
+class Barrier(Record):
     """Thermal activation over a barrier of given height: ``height * (1 - x/x_c)**power`` in units of ``kT``.
 
     Parameters
@@ -81,9 +75,6 @@ class Barrier:
     attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
     power: Annotated[float, Number(at_least=1, at_most=2)] = 1.5
     kramers: bool = False
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 Activation = Bell | Parabolic | Barrier

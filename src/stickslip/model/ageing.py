@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from stickslip.errors import InputError
 from stickslip.model.delays import DelayModel
 from stickslip.model.distribution import Distribution
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 from stickslip.model.registry import registrar
 
 AGEING_MODELS: dict[str, type] = {}
@@ -18,7 +18,7 @@ register = registrar(AGEING_MODELS, "ageing model")
 """Class decorator: ``@register("langevin")`` gives an ageing model the name that rig files use."""
 
 
-class AgeingModel:
+class AgeingModel(Record):
     """How thresholds grow with the age of a contact: `Langevin`, a rule of growth, or a model of the user's own.
 
     A model of one's own derives from this class, is registered under the name that rig files use, and has an engine
@@ -26,16 +26,7 @@ class AgeingModel:
     """
 
     def friction(self, thresholds: Distribution, delay: DelayModel, velocity: float) -> float:
-        """Return the force in steady sliding, per contact.
-
-        Parameters
-        ----------
-        thresholds : Distribution
-            Of the interface, positive.
-        delay : DelayModel
-        velocity : float
-            In ``x_s`` per time.
-        """
+        """Return the force in steady sliding, per contact, of positive `thresholds`; `velocity` in ``x_s`` per time."""
         del thresholds, delay, velocity
         raise InputError(
             f"Interface.ageing = {self}: the force in steady sliding is not known; simulate, or give "
@@ -70,9 +61,6 @@ class Langevin(AgeingModel):
     rate: Annotated[float, Number("1/time^(1/2)", above=0, hint="beta")]
     newborn: Annotated[float, Number(at_least=0)] = 0.0
 
-    def __post_init__(self) -> None:
-        check(self)
-
     @property
     def time(self) -> float:
         """Time in which thresholds reach their stationary distribution, ``rate**-2``."""
@@ -95,9 +83,6 @@ class ExponentialGrowth(AgeingModel):
     rate: Annotated[float, Number("1/time", above=0)]
     newborn: Annotated[float, Number(at_least=0)] = 0.0
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @register("logarithmic")
 @dataclass(frozen=True, kw_only=True)
@@ -109,9 +94,6 @@ class LogarithmicGrowth(AgeingModel):
 
     slope: Annotated[float, Number(at_least=0)]
     time: Annotated[float, Number("time", above=0)]
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 FixedGrowth = ExponentialGrowth | LogarithmicGrowth

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ register = registrar(BODIES, "body")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ElasticBody:
+class ElasticBody(Record):
     """Equal blocks, each on contacts of its own; all numbers are per contact of a block. What every body has.
 
     A body of the user's own derives from this class, is registered under the name of its table in rig files, and says
@@ -45,9 +45,6 @@ class ElasticBody:
     side: Annotated[float, Number("k", at_least=0, hint="spring from the first block of a row to the drive")] = 0.0
     ends: Literal["free", "periodic"] = "free"
     spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def size(self) -> int:

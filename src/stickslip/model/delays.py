@@ -18,6 +18,7 @@ from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Parts = tuple[tuple[Array, Array], list[tuple[float, Distribution]]]
 
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(96)
 NegativeDelay = Literal["clip", "redraw", "fold"]
@@ -25,33 +26,60 @@ NegativeDelay = Literal["clip", "redraw", "fold"]
 
 @runtime_checkable
 class DelayModel(Protocol):
-    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a distribution of the user's own."""
+    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a distribution of the user's own.
 
-    def moment(self, order: int) -> float:
-        """Mean of ``tau**order``."""
-        ...
+    One of one's own gives `sample`, and `parts` or `quadrature`; the rest follows from these.
+    """
 
-    def laplace(self, s: ArrayLike) -> ComplexArray:
-        """Mean of ``exp(-s tau)`` at complex `s`."""
-        ...
+    def __post_init__(self) -> None:
+        """Check the fields as they are declared."""
+        check(self)
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Draw `size` delays."""
         ...
 
+    def parts(self) -> Parts:
+        """Given times and their weights, and the distributions of the rest with theirs; by default given times only.
+
+        The weight that is missing to 1 is that of contacts that never re-attach in smooth sliding.
+        """
+        return self.quadrature(), []
+
     def quadrature(self) -> tuple[Array, Array]:
         """Rising delays and their weights, for the mean of a smooth function of the delay."""
-        ...
+        (tau, weight), rest = self.parts()
+        if not rest:
+            return tau, weight
+        low = min(distribution.support[0] for _, distribution in rest)
+        high = max(distribution.support[1] for _, distribution in rest)
+        node = low + 0.5 * (high - low) * (1 + _NODE)
+        density = _WEIGHT * sum(share * distribution.density(node) for share, distribution in rest)
+        density *= sum(share for share, _ in rest) / density.sum()
+        return np.append(tau, node), np.append(weight, density)
 
-    def parts(self) -> tuple[tuple[Array, Array], list[tuple[float, Distribution]]]:
-        """Given times and their weights, and the distributions of the rest with theirs; by default given times only."""
-        return self.quadrature(), []
+    def moment(self, order: int) -> float:
+        """Mean of ``tau**order``."""
+        (tau, weight), rest = self.parts()
+        if order > 0 and weight.sum() + sum(share for share, _ in rest) < 1.0 - 1e-9:
+            return math.inf
+        mean = sum(share * distribution.moment(order) for share, distribution in rest)
+        return float(weight @ tau**order + mean) if order > 0 else 1.0
+
+    def laplace(self, s: ArrayLike) -> ComplexArray:
+        """Mean of ``exp(-s tau)`` at complex `s`."""
+        s = np.asarray(s, dtype=complex)
+        (tau, weight), rest = self.parts()
+        total = np.exp(-s[..., None] * tau) @ weight
+        return np.asarray(total + sum(share * distribution.laplace(s) for share, distribution in rest))
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         """``1 - laplace(s)``, without cancellation at small `s`."""
         s = np.asarray(s, dtype=complex)
         missing = np.asarray(1.0 - self.laplace(s))
         one, two, three = (self.moment(n) for n in (1, 2, 3))
+        if math.isinf(one):
+            return missing
         small = np.abs(s) * three < 1e-4 * two
         return np.where(small, s * (one - s * (two / 2 - s * three / 6)), missing)
 
@@ -77,9 +105,6 @@ class Delay(DelayModel):
 
     time: Annotated[float, Number("time", at_least=0, infinite=True, hint="the delay time tau_d")]
 
-    def __post_init__(self) -> None:
-        check(self)
-
     @property
     def mean(self) -> float:
         return self.time
@@ -87,17 +112,6 @@ class Delay(DelayModel):
     def with_mean(self, value: float) -> Delay:
         """Return a delay of another time."""
         return Delay(value)
-
-    def moment(self, order: int) -> float:
-        return self.time**order
-
-    def laplace(self, s: ArrayLike) -> ComplexArray:
-        s = np.asarray(s, dtype=complex)
-        return np.zeros_like(s) if math.isinf(self.time) else np.asarray(np.exp(-s * self.time))
-
-    def absence(self, s: ArrayLike) -> ComplexArray:
-        s = np.asarray(s, dtype=complex)
-        return np.ones_like(s) if math.isinf(self.time) else np.asarray(-np.expm1(-s * self.time))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         del rng
@@ -107,6 +121,10 @@ class Delay(DelayModel):
         count = 0 if math.isinf(self.time) else 1
         return np.full(count, self.time), np.ones(count)
 
+    def absence(self, s: ArrayLike) -> ComplexArray:
+        s = np.asarray(s, dtype=complex)
+        return np.ones_like(s) if math.isinf(self.time) else np.asarray(-np.expm1(-s * self.time))
+
 
 @register("on arrest")
 @dataclass(frozen=True)
@@ -115,15 +133,6 @@ class OnArrest(DelayModel):
 
     What a delay much longer than a slip and much shorter than the time between slips comes to.
     """
-
-    def moment(self, order: int) -> float:
-        return 1.0 if order == 0 else math.inf
-
-    def laplace(self, s: ArrayLike) -> ComplexArray:
-        return np.zeros_like(np.asarray(s, dtype=complex))
-
-    def absence(self, s: ArrayLike) -> ComplexArray:
-        return np.ones_like(np.asarray(s, dtype=complex))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         del rng
@@ -152,7 +161,7 @@ class RandomDelay(DelayModel):
     negative: NegativeDelay = "clip"
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if self.std < 1e-9 * self.mean:
             raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
 
@@ -162,56 +171,22 @@ class RandomDelay(DelayModel):
             raise InputError(f"{self!r}: cannot be scaled; use Delay(time), or a mean above 0")
         return replace(self, mean=value, std=self.std * value / self.mean)
 
-    def _parts(self) -> tuple[float, list[tuple[float, float]]]:
-        """Weight of the atom at zero, and (weight, mean) of each Gaussian cut off below zero."""
-        positive = float(special.ndtr(self.mean / self.std))
-        match self.negative:
-            case "clip":
-                return 1.0 - positive, [(positive, self.mean)]
-            case "redraw":
-                return 0.0, [(1.0, self.mean)]
-            case "fold":
-                return 0.0, [(positive, self.mean), (1.0 - positive, -self.mean)]
-
     @cached_property
-    def _gaussian_parts(self) -> list[tuple[float, Gaussian]]:
+    def _parts(self) -> Parts:
+        positive = float(special.ndtr(self.mean / self.std))
+        atom = np.array([1.0 - positive] if self.negative == "clip" and positive < 1.0 else [])
+        halves = [(positive, self.mean), (1.0 - positive, -self.mean)][: 2 if self.negative == "fold" else 1]
         # A folded tail too thin to matter is also too thin for a distribution of its own.
-        kept = [(weight, mean) for weight, mean in self._parts()[1] if weight > 2e-6]
-        total = sum(weight for weight, _ in kept) / (1.0 - self._parts()[0])
-        return [(w / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for w, mean in kept]
+        kept = [(share, mean) for share, mean in halves if share > 2e-6]
+        total = sum(share for share, _ in kept) / (1.0 - atom.sum())
+        cut = [(share / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for share, mean in kept]
+        return (np.zeros_like(atom), atom), list(cut)
 
-    def parts(self) -> tuple[tuple[Array, Array], list[tuple[float, Distribution]]]:
-        atom = self._parts()[0]
-        gaussians: list[tuple[float, Distribution]] = list(self._gaussian_parts)
-        return (np.zeros(1 if atom > 0 else 0), np.full(1 if atom > 0 else 0, atom)), gaussians
-
-    def moment(self, order: int) -> float:
-        atom = self._parts()[0] if order == 0 else 0.0
-        return atom + sum(weight * distribution.moment(order) for weight, distribution in self._gaussian_parts)
-
-    def laplace(self, s: ArrayLike) -> ComplexArray:
-        s = np.asarray(s, dtype=complex)
-        total = np.full_like(s, self._parts()[0])
-        for weight, distribution in self._gaussian_parts:
-            total = total + weight * distribution.laplace(s)
-        return total
+    def parts(self) -> Parts:
+        return self._parts
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         if self.negative == "redraw":
             return Gaussian(mean=self.mean, std=self.std, lower=0.0).sample(rng, size)
         values = rng.normal(self.mean, self.std, size)
         return np.maximum(values, 0.0) if self.negative == "clip" else np.abs(values)
-
-    def quadrature(self) -> tuple[Array, Array]:
-        """Gauss-Legendre nodes on the continuous part, and the atom at zero if negative draws are clipped."""
-        parts = self._gaussian_parts
-        low = min(distribution.support[0] for _, distribution in parts)
-        high = max(distribution.support[1] for _, distribution in parts)
-        tau = low + 0.5 * (high - low) * (1 + _NODE)
-        density = sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
-        weights = 0.5 * (high - low) * _WEIGHT * density
-        atom = self._parts()[0]
-        weights *= (1.0 - atom) / weights.sum()
-        if atom > 0:
-            tau, weights = np.append(0.0, tau), np.append(atom, weights)
-        return tau, weights

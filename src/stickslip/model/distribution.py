@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
 from stickslip.model.quadrature import inverse_survival_of, partial_moment_of, transforms_of
+from stickslip.model.records import check
 from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
@@ -31,6 +32,10 @@ class Distribution(Protocol):
     A new distribution is a frozen dataclass that derives from this class and gives `density`, of integral 1; the places
     where it jumps belong into `knots`, and those where it bends make it faster there. The rest follows.
     """
+
+    def __post_init__(self) -> None:
+        """Check the fields as they are declared."""
+        check(self)
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at stretching `x`."""

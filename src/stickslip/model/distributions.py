@@ -22,7 +22,7 @@ from scipy import special
 from stickslip.errors import InputError, number, numbers, sequence, whole
 from stickslip.model.distribution import DISTRIBUTIONS, NEGLIGIBLE, Distribution, excess, register
 from stickslip.model.quadrature import panels, transforms_of_bins, transforms_on_a_path
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number
 from stickslip.model.steady_state import SteadyState
 
 __all__ = [
@@ -75,7 +75,7 @@ class Gaussian(Distribution):
     lower: Annotated[float, Number(infinite=True)] = -math.inf
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         if self._beyond_lower() < 1e-6:
             raise InputError(
                 f"Gaussian.lower = {self.lower:g}: less than one value in a million lies above it; "
@@ -144,9 +144,7 @@ class Gaussian(Distribution):
         slope = (self.mean - q * variance) * kept + at_cut / math.sqrt(2 * math.pi) * self.std
         return np.asarray(kept / self._beyond_lower()), np.asarray(slope / self._beyond_lower())
 
-    @property
-    def leftmost(self) -> float:
-        return -math.inf
+    leftmost = -math.inf
 
     def positive(self) -> Gaussian:
         return replace(self, lower=max(self.lower, 0.0))
@@ -163,58 +161,96 @@ class Gaussian(Distribution):
         return max(self.lower, self.mean + low * self.std), self.mean - high * self.std
 
 
-@register("uniform")
-@dataclass(frozen=True)
-class Uniform(Distribution):
-    """Rectangular distribution on ``[low, high]``."""
+class _Histogram(Distribution):
+    """A distribution whose density is constant within each of some bins."""
 
-    low: Stretching
-    high: Stretching
+    @property
+    def _bins(self) -> tuple[Array, Array]:
+        """Rising edges, and the probability between them."""
+        raise NotImplementedError
 
-    def __post_init__(self) -> None:
-        check(self)
-        number("Uniform.high", self.high, above=self.low, hint="in x_s")
+    def _of(self, edges: Array, weights: Array) -> Self:
+        """The distribution of other bins."""
+        raise NotImplementedError
 
     @property
     def std(self) -> float:
         """The standard deviation, which `with_std` sets."""
         return self.standard_deviation()
 
-    def with_std(self, value: float) -> Uniform:
-        """Return the distribution with another standard deviation, at the same mean."""
-        middle = 0.5 * (self.low + self.high)
-        return Uniform(low=middle - math.sqrt(3) * value, high=middle + math.sqrt(3) * value)
+    def with_std(self, value: float) -> Self:
+        """Return the distribution stretched about its mean to another standard deviation."""
+        edges, weights = self._bins
+        mean, ratio = self.moment(1), value / self.standard_deviation()
+        return self._of(mean + ratio * (edges - mean), weights)
 
     def density(self, x: ArrayLike) -> Array:
         x = np.asarray(x, dtype=float)
-        return np.where((x >= self.low) & (x <= self.high), 1.0 / (self.high - self.low), 0.0)
+        edges, weights = self._bins
+        bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
+        inside = (x >= edges[0]) & (x <= edges[-1])
+        return np.where(inside, (weights / np.diff(edges))[bin_], 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        low = np.clip(np.asarray(x, dtype=float), self.low, self.high)
-        return np.asarray((self.high ** (order + 1) - low ** (order + 1)) / ((order + 1) * (self.high - self.low)))
+        edges, weights = self._bins
+        heights = weights / np.diff(edges)
+        low = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
+        powers = edges ** (order + 1) / (order + 1)
+        beyond = np.append(np.cumsum((heights * np.diff(powers))[::-1])[::-1], 0.0)
+        bin_ = np.clip(np.searchsorted(edges, low, side="right") - 1, 0, weights.size - 1)
+        rest = heights[bin_] * (powers[bin_ + 1] - low ** (order + 1) / (order + 1))
+        return np.asarray(rest + beyond[bin_ + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        return np.asarray(self.high - np.asarray(probability, dtype=float) * (self.high - self.low))
+        edges, weights = self._bins
+        survival = np.append(np.cumsum(weights[::-1])[::-1], 0.0)
+        return np.asarray(np.interp(np.asarray(probability, dtype=float), survival[::-1], edges[::-1]))
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return transforms_of_bins(q, np.array([self.low, self.high]), np.array([1.0]))
+        return transforms_of_bins(q, *self._bins)
 
-    @property
-    def leftmost(self) -> float:
-        return -math.inf
+    leftmost = -math.inf
 
-    def positive(self) -> Uniform:
-        if self.high <= 0:
-            raise InputError(f"Uniform.high = {self.high:g}: must be above 0 for a distribution of thresholds")
-        return replace(self, low=max(self.low, 0.0))
+    def positive(self) -> Self:
+        edges, weights = self._bins
+        if edges[0] >= 0:
+            return self
+        if edges[-1] <= 0:
+            kind = type(self).__name__
+            raise InputError(f"{kind}: its largest value is {edges[-1]:g}; thresholds need values above 0")
+        first = int(np.searchsorted(edges, 0.0, side="right")) - 1
+        kept = weights[first:].copy()
+        kept[0] *= edges[first + 1] / (edges[first + 1] - edges[first])
+        return self._of(np.append(0.0, edges[first + 1 :]), kept)
 
     @property
     def knots(self) -> tuple[float, ...]:
-        return (self.low, self.high)
+        return tuple(self._bins[0].tolist())
 
     @property
     def support(self) -> tuple[float, float]:
-        return self.low, self.high
+        return self.knots[0], self.knots[-1]
+
+
+@register("uniform")
+@dataclass(frozen=True)
+class Uniform(_Histogram):
+    """Rectangular distribution on ``[low, high]``."""
+
+    low: Stretching
+    high: Stretching
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        number("Uniform.high", self.high, above=self.low, hint="in x_s")
+
+    @property
+    def _bins(self) -> tuple[Array, Array]:
+        return np.array([self.low, self.high]), np.ones(1)
+
+    def _of(self, edges: Array, weights: Array) -> Uniform:
+        del weights
+        return Uniform(*edges.tolist())
 
 
 @register("exponential")
@@ -223,9 +259,6 @@ class Exponential(Distribution):
     """Exponential distribution: a contact that has no memory of its stretching."""
 
     mean: Above0
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def density(self, x: ArrayLike) -> Array:
         x = np.asarray(x, dtype=float)
@@ -249,9 +282,7 @@ class Exponential(Distribution):
     def leftmost(self) -> float:
         return -1.0 / self.mean
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        return (0.0,)
+    knots = (0.0,)
 
 
 @register("gamma")
@@ -261,9 +292,6 @@ class Gamma(Distribution):
 
     mean: Above0
     std: Above0
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def shape(self) -> float:
@@ -301,9 +329,7 @@ class Gamma(Distribution):
     def leftmost(self) -> float:
         return -1.0 / self.scale
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        return (0.0,)
+    knots = (0.0,)
 
 
 @register("lognormal")
@@ -313,9 +339,6 @@ class LogNormal(Distribution):
 
     mean: Above0
     std: Above0
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def log_std(self) -> float:
@@ -355,9 +378,7 @@ class LogNormal(Distribution):
         x, weight = np.exp(self.log_mean + self.log_std * z), np.exp(-0.5 * z * z)
         return transforms_on_a_path(q, x, weight / weight.sum())
 
-    @property
-    def leftmost(self) -> float:
-        return 0.0
+    leftmost = 0.0
 
 
 @register("weibull")
@@ -367,9 +388,6 @@ class Weibull(Distribution):
 
     scale: Above0
     shape: Annotated[float, Number(at_least=0.1)]
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def density(self, x: ArrayLike) -> Array:
         u = np.asarray(x, dtype=float) / self.scale
@@ -400,14 +418,12 @@ class Weibull(Distribution):
     def leftmost(self) -> float:
         return 0.0 if self.shape < 1 else -1.0 / self.scale if self.shape == 1 else -math.inf
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        return (0.0,)
+    knots = (0.0,)
 
 
 @register("empirical")
 @dataclass(frozen=True)
-class Empirical(Distribution):
+class Empirical(_Histogram):
     """A measured distribution: a histogram, its density constant within each bin.
 
     Parameters
@@ -471,59 +487,8 @@ class Empirical(Distribution):
         return cls(edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist()))
 
     @property
-    def std(self) -> float:
-        """The standard deviation, which `with_std` sets."""
-        return self.standard_deviation()
+    def _bins(self) -> tuple[Array, Array]:
+        return np.array(self.edges), np.array(self.weights)
 
-    def with_std(self, value: float) -> Empirical:
-        """Return the distribution stretched about its mean to another standard deviation."""
-        mean, ratio = self.moment(1), value / self.standard_deviation()
-        return replace(self, edges=tuple(mean + ratio * (edge - mean) for edge in self.edges))
-
-    def density(self, x: ArrayLike) -> Array:
-        x = np.asarray(x, dtype=float)
-        edges, weights = np.array(self.edges), np.array(self.weights)
-        bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
-        inside = (x >= edges[0]) & (x <= edges[-1])
-        return np.where(inside, (weights / np.diff(edges))[bin_], 0.0)
-
-    def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        edges, weights = np.array(self.edges), np.array(self.weights)
-        heights = weights / np.diff(edges)
-        low = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
-        powers = edges ** (order + 1) / (order + 1)
-        beyond = np.append(np.cumsum((heights * np.diff(powers))[::-1])[::-1], 0.0)
-        bin_ = np.clip(np.searchsorted(edges, low, side="right") - 1, 0, weights.size - 1)
-        rest = heights[bin_] * (powers[bin_ + 1] - low ** (order + 1) / (order + 1))
-        return np.asarray(rest + beyond[bin_ + 1])
-
-    def inverse_survival(self, probability: ArrayLike) -> Array:
-        survival = np.append(np.cumsum(np.array(self.weights)[::-1])[::-1], 0.0)
-        return np.asarray(np.interp(np.asarray(probability, dtype=float), survival[::-1], np.array(self.edges)[::-1]))
-
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return transforms_of_bins(q, np.array(self.edges), np.array(self.weights))
-
-    @property
-    def leftmost(self) -> float:
-        return -math.inf
-
-    def positive(self) -> Empirical:
-        if self.edges[0] >= 0:
-            return self
-        if self.edges[-1] <= 0:
-            raise InputError(
-                f"Empirical.edges[-1] = {self.edges[-1]:g}: a distribution of thresholds needs values above 0"
-            )
-        first = int(np.searchsorted(self.edges, 0.0, side="right")) - 1
-        left, right = self.edges[first], self.edges[first + 1]
-        share = self.weights[first] * right / (right - left)
-        return Empirical(edges=(0.0, *self.edges[first + 1 :]), weights=(share, *self.weights[first + 1 :]))
-
-    @property
-    def knots(self) -> tuple[float, ...]:
-        return self.edges
-
-    @property
-    def support(self) -> tuple[float, float]:
-        return self.edges[0], self.edges[-1]
+    def _of(self, edges: Array, weights: Array) -> Empirical:
+        return Empirical(tuple(edges.tolist()), tuple(weights.tolist()))

@@ -18,44 +18,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number
-from stickslip.model.records import Number, Part, check, rescaled
+from stickslip.model.records import Number, Part, Record, rescaled
 
 
 @dataclass(frozen=True)
-class Travel:
+class Travel(Record):
     """Condition: the slider has moved this far (either way) since the piece of the drive began."""
 
     distance: Annotated[float, Number("x_s", above=0, hint="in x_s")]
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @dataclass(frozen=True)
-class ForceAbove:
+class ForceAbove(Record):
     """Condition: the spring force per contact has reached this value."""
 
     force: Annotated[float, Number("f_s", hint="in f_s")]
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @dataclass(frozen=True)
-class ForceBelow:
+class ForceBelow(Record):
     """Condition: the spring force per contact has fallen to this value."""
 
     force: Annotated[float, Number("f_s", hint="in f_s")]
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 Condition = Travel | ForceAbove | ForceBelow
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class Piece(Record):
     """A stretch of time in which the drive's velocity goes linearly from `start` to `end`.
 
     `until`, if given, ends the piece early, at the first sample of the run where the condition holds.
@@ -65,9 +56,6 @@ class Piece:
     end: Annotated[float, Number("x_s/time", place="drive velocity")]
     duration: Annotated[float, Number("time", above=0, place="drive duration")]
     until: Annotated[Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")] = None
-
-    def __post_init__(self) -> None:
-        check(self)
 
     @property
     def acceleration(self) -> float:

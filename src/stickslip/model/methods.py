@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from stickslip.errors import number, sequence
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 from stickslip.model.registry import registrar
 
 METHODS: dict[str, type] = {}
@@ -20,7 +20,7 @@ register = registrar(METHODS, "method")
 
 @register("contacts")
 @dataclass(frozen=True)
-class Contacts:
+class Contacts(Record):
     """Method: `count` contacts, event by event, exact for their number.
 
     Parameters
@@ -36,13 +36,10 @@ class Contacts:
     count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts N")] = 10_000
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @register("master equation")
 @dataclass(frozen=True, kw_only=True)
-class MasterEquation:
+class MasterEquation(Record):
     """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts, to a given error.
 
     Parameters
@@ -61,13 +58,10 @@ class MasterEquation:
     rtol: Annotated[float, Number(at_least=1e-10, at_most=0.1, hint="error of the force")] = 1e-4
     memoryless: bool = False
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @register("population")
 @dataclass(frozen=True)
-class Population:
+class Population(Record):
     """Method: any number of contacts, counted by cohorts, at a cost that does not depend on their number.
 
     Contacts that attached together are one cohort, and how many of them break is drawn: binomial numbers, from the
@@ -101,12 +95,9 @@ class Population:
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
     rtol: Annotated[float, Number(at_least=1e-6, at_most=0.1, hint="error of the force")] = 1e-4
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class PaperClosure:
+class PaperClosure(Record):
     """Method: the paper's own equations for ageing thresholds, Eqs. (1)-(3) with (18); for comparison only.
 
     They keep one distribution of thresholds for all contacts, whatever their stretching: the correlation between age
@@ -123,13 +114,10 @@ class PaperClosure:
 
     cells: Annotated[int, Number(at_least=10, at_most=100_000, hint="four times the cohorts")] = 400
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @register("quasi-static")
 @dataclass(frozen=True)
-class QuasiStatic:
+class QuasiStatic(Record):
     """Method: `count` contacts on each block of an elastic slider, event by event, in balance all the time.
 
     Without inertia and damping: between events the body stands still but for the drive, and a slip is a cascade of
@@ -146,12 +134,9 @@ class QuasiStatic:
     count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block")] = 100
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 @dataclass(frozen=True)
-class Renewal:
+class Renewal(Record):
     """Method of `rigid_slide`: the master equation as a renewal equation, solved by fast convolution.
 
     Parameters
@@ -162,9 +147,6 @@ class Renewal:
 
     points: Annotated[int, Number(at_least=8, at_most=10_000_000)] = 4096
 
-    def __post_init__(self) -> None:
-        check(self)
-
 
 DRAWN = (Contacts, Population, QuasiStatic)
 """The methods with a number of contacts and a seed."""
@@ -173,7 +155,7 @@ Method = Contacts | MasterEquation | PaperClosure | Population | QuasiStatic
 
 
 @dataclass(frozen=True, kw_only=True)
-class Output:
+class Output(Record):
     """What to record.
 
     Parameters
@@ -187,14 +169,12 @@ class Output:
     """
 
     interval: Annotated[float | None, Number("time", above=0)] = None
-    snapshots: tuple[Annotated[float, Number("time", at_least=0)], ...] = ()
+    snapshots: tuple[Annotated[float, Number("time", at_least=0, hint="times, such as (1.0, 2.5)")], ...] = ()
     bins: Annotated[int, Number(at_least=1, at_most=100_000)] = 200
 
     def __post_init__(self) -> None:
-        check(self)
-        looks = sequence("Output.snapshots", self.snapshots, "times, such as (1.0, 2.5)")
-        times = tuple(number(f"Output.snapshots[{i}]", t, at_least=0) for i, t in enumerate(looks))
-        object.__setattr__(self, "snapshots", tuple(sorted(times)))
+        super().__post_init__()
+        object.__setattr__(self, "snapshots", tuple(sorted(self.snapshots)))
 
 
 @dataclass(frozen=True)
@@ -203,7 +183,7 @@ class FromRest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FromSliding:
+class FromSliding(Record):
     """Start: steady smooth sliding at the drive's first velocity, contacts detached as they then are on average.
 
     Parameters
@@ -220,12 +200,12 @@ class FromSliding:
     at_rest: Annotated[int, Number(at_least=0, hint="number of blocks")] = 0
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         object.__setattr__(self, "perturbation", _profile("FromSliding.perturbation", self.perturbation))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prestressed:
+class Prestressed(Record):
     """Start: an elastic slider at rest on stretched contacts, in balance, and a push that sets it off.
 
     All contacts of a block have the same stretching, whatever the interface's initial distribution. Driving springs
@@ -253,7 +233,7 @@ class Prestressed:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stretching", _profile("Prestressed.stretching", self.stretching))
-        check(self)
+        super().__post_init__()
 
 
 Start = FromRest | FromSliding | Prestressed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -83,26 +82,10 @@ class Margin(Distribution):
     thresholds: Distribution
     stretching: float
 
-    @cached_property
-    def _held(self) -> float:
-        return float(self.thresholds.survival(abs(self.stretching)))
-
     def density(self, x: ArrayLike) -> Array:
-        y = np.asarray(x, dtype=float) + self.stretching
-        beyond = y > abs(self.stretching)
-        return np.where(beyond, self.thresholds.density(np.where(beyond, y, 1.0)) / self._held, 0.0)
-
-    def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        low = np.maximum(np.asarray(x, dtype=float) + self.stretching, abs(self.stretching))
-        parts = (
-            math.comb(order, n) * (-self.stretching) ** (order - n) * self.thresholds.partial_moment(low, n)
-            for n in range(order + 1)
-        )
-        return np.asarray(sum(parts) / self._held)
-
-    def inverse_survival(self, probability: ArrayLike) -> Array:
-        at = self.thresholds.inverse_survival(np.asarray(probability, dtype=float) * self._held)
-        return np.asarray(at - self.stretching)
+        y, begin = np.asarray(x, dtype=float) + self.stretching, abs(self.stretching)
+        beyond = self.thresholds.density(np.where(y > begin, y, 1.0)) / self.thresholds.survival(begin)
+        return np.where(y > begin, beyond, 0.0)
 
     @property
     def leftmost(self) -> float:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from stickslip.errors import InputError, number, sequence
-from stickslip.model.records import Number
+from stickslip.errors import InputError, number
+from stickslip.model.records import Number, Record
+
+Speeds = tuple[Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Operation:
+class Operation(Record):
     """How a rig is used; it changes no run, only what is asked of it.
 
     Parameters
@@ -28,27 +30,17 @@ class Operation:
         If a speed is not above 0, or a range is none.
     """
 
-    speeds: tuple[Annotated[float, Number("x_s/time", above=0)], ...] = ()
-    between: tuple[Annotated[float, Number("x_s/time", above=0)], ...] | None = None
+    speeds: Speeds = ()
+    between: Speeds | None = None
     feasible: tuple[tuple[str, float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        for i, speed in enumerate(sequence("Operation.speeds", self.speeds, "speeds, such as (0.5, 1.0)")):
-            number(f"Operation.speeds[{i}]", speed, above=0)
-        object.__setattr__(self, "speeds", tuple(self.speeds))
-        if self.between is not None:
-            low, high = sequence("Operation.between", self.between, "two speeds, such as (0.5, 2.0)")
-            self._check("between", low, high)
-            object.__setattr__(self, "between", (low, high))
-        for name, low, high in self.feasible:
-            self._check(f"feasible[{name}]", low, high, narrow=True)
-
-    @staticmethod
-    def _check(name: str, low: object, high: object, *, narrow: bool = False) -> None:
-        least = number(f"Operation.{name}[0]", low, above=0)
-        most = number(f"Operation.{name}[1]", high, above=0)
-        if most < least or (most == least and not narrow):
-            raise InputError(f"Operation.{name} = ({least:g}, {most:g}): must rise", f"Operation.{name}")
+        super().__post_init__()
+        ranges = {f"feasible[{name}]": ends for name, *ends in self.feasible}
+        for name, ends in (ranges | {"between": self.between or (1.0, 2.0)}).items():
+            low, high = (number(f"Operation.{name}[{i}]", end, above=0) for i, end in enumerate(ends))
+            if high < low or (high == low and name == "between"):
+                raise InputError(f"Operation.{name} = ({low:g}, {high:g}): must rise", f"Operation.{name}")
 
     def range_of(self, parameter: str) -> tuple[float, float] | None:
         """Return the range of a parameter that could be built; None if nothing is said of it."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, shown
 from stickslip.model.drive import constant
-from stickslip.model.records import Record, rescaled
+from stickslip.model.records import AnyRecord, rescaled
 from stickslip.model.units import Scales, natural_unit
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) 
     def set_(rig: Rig, factor: float) -> Rig:
         larger = Scales(force=factor**force, stretching=factor**length)
 
-        def in_it(record: Record) -> Record:
+        def in_it(record: AnyRecord) -> AnyRecord:
             return rescaled(record, lambda unit: 1.0 / larger.unit(unit))
 
         STIFFNESS.get(rig)  # an impedance has no unit to rescale
@@ -165,32 +165,26 @@ CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
 """The parameters that come with the package."""
 
-COUPLING = _of_slider("coupling", "k", "coupling of neighbouring blocks")
-"""Stiffness ``k_b/N`` between neighbouring blocks of an elastic slider."""
-LEAF = _of_slider("leaf", "k", "stiffness of the spring from each block to the drive", zero=True)
-"""Stiffness of the springs by which the drive pulls all blocks."""
-SIDE = _of_slider("side", "k", "stiffness of the spring from the first block to the drive", zero=True)
-"""Stiffness of the spring by which the drive pulls one end."""
-
-OF_BODIES: tuple[Parameter, ...] = (COUPLING, LEAF, SIDE)
-"""The parameters that elastic sliders have besides mass, damping and those of interface and drive."""
-
 UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
 """Parameters of a rig in SI units that are 1 in natural ones, and are varied alone."""
 
-BY_NAME = {parameter.name: parameter for parameter in (*PARAMETERS, *OF_BODIES, *UNITS_OF_A_RIG)}
+_OF_BODIES = (
+    _of_slider("coupling", "k", "coupling of neighbouring blocks"),
+    _of_slider("leaf", "k", "stiffness of the spring from each block to the drive", zero=True),
+    _of_slider("side", "k", "stiffness of the spring from the first block to the drive", zero=True),
+)
+_SHIPPED = (*PARAMETERS, *_OF_BODIES, *UNITS_OF_A_RIG)
+
+BY_NAME = {parameter.name: parameter for parameter in _SHIPPED}
 """All that can be named, those that `register` added among them."""
 
 
 def register(parameter: Parameter) -> Parameter:
     """Make a parameter known by its name, to `Rig.replace`, `critical` and all that vary parameters.
 
-    Raises
-    ------
-    InputError
-        If the name is that of a parameter that comes with the package.
+    Raises `InputError` if the name is that of a parameter that comes with the package.
     """
-    if any(parameter.name == known.name for known in (*PARAMETERS, *OF_BODIES, *UNITS_OF_A_RIG)):
+    if any(parameter.name == known.name for known in _SHIPPED):
         raise InputError(f"Parameter.name = {shown(parameter.name)}: comes with the package; choose another name")
     BY_NAME[parameter.name] = parameter
     return parameter

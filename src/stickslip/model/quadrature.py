@@ -40,17 +40,18 @@ def hashable(record: object) -> Any:
 @lru_cache(maxsize=64)
 def panels(low: float, high: float, count: int) -> tuple[Array, Array]:
     """Nodes and weights of composite Gauss-Legendre quadrature with `count` panels of 16 nodes."""
-    x, weight = _on_panels(np.linspace(low, high, count + 1))
+    edges = np.linspace(low, high, count + 1)
+    x, weight = _between(edges[:-1], edges[1:])
     return x.ravel(), weight.ravel()
 
 
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(16)
 
 
-def _on_panels(edges: Array) -> tuple[Array, Array]:
-    """Nodes and weights between neighbouring edges, shapes (n, 16)."""
-    half = 0.5 * np.diff(edges)[:, None]
-    return edges[:-1, None] + half * (1 + _NODE), half * _WEIGHT
+def _between(left: Array, right: Array) -> tuple[Array, Array]:
+    """Nodes and weights between pairs of edges, shapes (n, 16)."""
+    half = 0.5 * (right - left)[:, None]
+    return left[:, None] + half * (1 + _NODE), half * _WEIGHT
 
 
 # ---------------------------------------------------------------- a density and nothing else
@@ -82,18 +83,19 @@ def table_of(distribution: HasDensity) -> Table:
     Raises `InputError` if the density is negative or no number somewhere, or its integral is not 1: peaks narrower than
     a hundredth of their place may be missed unless they are among the `knots`.
     """
+
+    def integral(left: Array, right: Array) -> Array:
+        x, weight = _between(left, right)
+        return np.asarray(np.sum(weight * _density(distribution, x), axis=1))
+
     knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
     edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
     left, right = edges[:-1], edges[1:]
     kept: list[Array] = []
     for _ in range(64):
-        x, weight = _between(left, right)
         middle = 0.5 * (left + right)
-        whole = np.sum(weight * _density(distribution, x), axis=1)
-        halves = np.zeros_like(whole)
-        for a, b in ((left, middle), (middle, right)):
-            x, weight = _between(a, b)
-            halves += np.sum(weight * _density(distribution, x), axis=1)
+        whole = integral(left, right)
+        halves = integral(left, middle) + integral(middle, right)
         # Relative, so that far tails are right as well.
         coarse = np.abs(halves - whole) > 1e-13 * np.abs(halves) + 1e-25
         coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
@@ -105,7 +107,7 @@ def table_of(distribution: HasDensity) -> Table:
             np.concatenate([middle[coarse], right[coarse]]),
         )
     edges = np.append(np.sort(np.concatenate([*kept, left[coarse]])), edges[-1])
-    x, weight = _on_panels(edges)
+    x, weight = _between(edges[:-1], edges[1:])
     weight = weight * _density(distribution, x)
     held = np.flatnonzero(weight.sum(axis=1))
     total = float(weight.sum())
@@ -118,11 +120,6 @@ def table_of(distribution: HasDensity) -> Table:
     weight = weight[part] / total
     survival = np.append(np.cumsum(weight.sum(axis=1)[::-1])[::-1], 0.0)
     return Table(edges[held[0] : held[-1] + 2], x[part], weight, survival, total)
-
-
-def _between(left: Array, right: Array) -> tuple[Array, Array]:
-    half = 0.5 * (right - left)[:, None]
-    return left[:, None] + half * (1 + _NODE), half * _WEIGHT
 
 
 def _density(distribution: HasDensity, x: Array) -> Array:

@@ -77,35 +77,15 @@ _UNCLEAR = {
 
 
 def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> float:
-    """Read a quantity such as ``"4 MN/m"``: one number with a decimal point, then its unit; nothing else.
+    """Read a quantity such as ``"4 MN/m"``, one number with a decimal point and its unit, as a number in `unit`.
 
     A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole exponents: ``N*s/m``, ``N s`` never;
-    ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``, ``s^-1``. Names may be symbols or words; SI units take prefixes.
+    ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``, ``s^-1``. Names may be symbols or words; SI units take prefixes. With `bare`
+    a number without a unit is taken, too. The value is the double nearest to the exact one.
 
-    Parameters
-    ----------
-    text : str
-        At most 64 characters.
-    unit : str
-        Unit in which the value is returned.
-    example : str
-        A quantity of this kind, for the message of an error.
-    bare : bool
-        Whether a number without a unit is taken, too, as one in `unit`: where the place itself names the unit.
+    Raises `InputError` if the text is anything else, or its value is no finite number of full precision; the message
+    shows `example`, and does not name the place.
 
-    Returns
-    -------
-    float
-        The double nearest to the exact value.
-
-    Raises
-    ------
-    InputError
-        If the text is anything else, or its value is no finite number of full precision; the message does not name
-        the place.
-
-    Examples
-    --------
     >>> read_quantity("2 um", "m", "2 um")
     2e-06
     >>> read_quantity("1,2 kg", "kg", "75.6 g")

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from stickslip.errors import InputError, instance, number, shown, whole
+from stickslip.errors import InputError, instance, number, sequence, shown, whole
 
-Record = TypeVar("Record")
+AnyRecord = TypeVar("AnyRecord")
+
+
+class Record:
+    """A frozen dataclass whose fields are checked on construction, as they are declared."""
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check(self)
 
 
 @dataclass(frozen=True)
 class Number:
-    """Bounds and unit of a number of a record, ``Annotated[float, Number("k", above=0)]``.
+    """Bounds and natural unit of a number of a record, ``Annotated[float, Number("k", above=0)]``.
 
-    Parameters
-    ----------
-    unit : str
-        Natural unit, such as ``"x_s/time"``; ``"1"`` for a pure number.
-    above, at_least, at_most : float, optional
-        Open and closed bounds.
-    infinite : bool
-        Whether infinity is allowed.
-    hint : str
-        What the number means, for the message of an error.
-    place : str
-        What the message begins with, in place of the names of record and field.
+    An error names `place` in place of record and field, and `hint` as what the number means.
     """
 
     unit: str = "1"
@@ -61,57 +58,56 @@ def _parts(record: type) -> list[tuple[str, Any, Part]]:
 
 @lru_cache(maxsize=256)
 def declared(record: type) -> Mapping[str, tuple[Any, Number | None]]:
-    """Each field of a record, with its type and what is declared of its number; None if nothing is."""
+    """Each field of a record, with its type and what is declared of its number or numbers; None if nothing is."""
     hints = get_type_hints(record, include_extras=True)
     found: dict[str, tuple[Any, Number | None]] = {}
     for field in fields(record):
         kind = hints[field.name]
-        inner = get_args(kind)[0] if get_origin(kind) is tuple else kind
-        marks = [mark for mark in getattr(inner, "__metadata__", ()) if isinstance(mark, Number)]
-        found[field.name] = (get_args(kind)[0] if inner is kind and marks else kind, next(iter(marks), None))
+        plain = get_args(kind)[0] if hasattr(kind, "__metadata__") else kind
+        found[field.name] = plain, next(_marks(kind), None)
     return found
 
 
-def check(record: Any) -> None:
-    """Check every number, choice and part of a record on construction, and keep numbers as Python numbers.
+def _marks(kind: Any) -> Iterator[Number]:
+    """What is declared of numbers in a type, in a tuple or a union, too."""
+    yield from (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, Number))
+    for inner in get_args(kind):
+        yield from _marks(inner)
 
-    Raises
-    ------
-    InputError
-        If one is out of its bounds; the message names record and field.
-    """
+
+def check(record: Any) -> None:
+    """Check every number, choice and part of a record on construction, and keep numbers as Python numbers."""
     record_type: Any = type(record)
     for name, kind, part in _parts(record_type):
         instance(part.place or f"{record_type.__name__}.{name}", getattr(record, name), kind, part.hint)
     for name, (kind, mark) in declared(record_type).items():
-        value, place = getattr(record, name), f"{type(record).__name__}.{name}"
+        value, place = getattr(record, name), f"{record_type.__name__}.{name}"
         optional = value is None and type(None) in get_args(kind)
         if choices := _choices(kind):
             if not optional and value not in choices:
                 raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
         elif kind is bool and not isinstance(value, bool):
             raise InputError(f"{place} = {shown(value)}: must be True or False", place)
-        if mark is None or optional or get_origin(kind) is tuple:
+        if mark is None or optional:
             continue
         place = mark.place or place
-        hint = mark.hint
-        if isinstance(value, str) and value[:1].isdigit() and value[-1].isalpha() and not hint.startswith("in "):
-            hint = f"{hint or 'in natural units'}; give SI to read_rig or Rig.replace"
-        if kind is int:
-            checked: float = whole(
-                place, value, at_least=int(mark.at_least or 0), at_most=_whole_or_none(mark.at_most), hint=hint
-            )
+        if any(get_origin(each) is tuple for each in (kind, *get_args(kind))):
+            items = enumerate(sequence(place, value, mark.hint))
+            checked: Any = tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items)
         else:
-            checked = number(
-                place,
-                value,
-                above=mark.above,
-                at_least=mark.at_least,
-                at_most=mark.at_most,
-                infinite=mark.infinite,
-                hint=hint,
-            )
+            checked = _number(kind, place, value, mark)
         object.__setattr__(record, name, checked)
+
+
+def _number(kind: Any, place: str, value: object, mark: Number) -> float:
+    """A number within the bounds declared."""
+    hint = mark.hint
+    if isinstance(value, str) and value[:1].isdigit() and value[-1].isalpha() and not hint.startswith("in "):
+        hint = f"{hint or 'in natural units'}; give SI to read_rig or Rig.replace"
+    if kind is int:
+        return whole(place, value, at_least=mark.at_least or 0, at_most=mark.at_most, hint=hint)
+    bounds = {"above": mark.above, "at_least": mark.at_least, "at_most": mark.at_most}
+    return number(place, value, **bounds, infinite=mark.infinite, hint=hint)
 
 
 def _choices(kind: Any) -> tuple[str, ...]:
@@ -119,11 +115,7 @@ def _choices(kind: Any) -> tuple[str, ...]:
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
-def _whole_or_none(bound: float | None) -> int | None:
-    return None if bound is None else int(bound)
-
-
-def rescaled(record: Record, factor: Callable[[str], float]) -> Record:
+def rescaled(record: AnyRecord, factor: Callable[[str], float]) -> AnyRecord:
     """Return a record with every number that has a unit multiplied by the factor of its unit."""
 
     def changed(value: Any, unit: str) -> Any:

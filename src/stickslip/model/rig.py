@@ -12,19 +12,11 @@ from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
-from stickslip.model.methods import (
-    METHODS,
-    FromRest,
-    MasterEquation,
-    Method,
-    Output,
-    PaperClosure,
-    Start,
-)
+from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, PaperClosure, Start
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
-from stickslip.model.records import Part, Record, check, rescaled
+from stickslip.model.records import Part, check, rescaled
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
 if TYPE_CHECKING:
@@ -220,18 +212,15 @@ class Rig(Answer):
         0.05
         """
         fields = {name: value for name, value in changes.items() if name in self.__dataclass_fields__}
-        for name, convert in (("drive", self._natural_drive), ("output", self._natural_output)):
-            if name in fields:
-                fields[name] = convert(fields[name])
+        for name, kind in (("drive", Drive), ("output", Output)):
+            if isinstance(fields.get(name), kind) and self.scales is not None:
+                fields[name] = rescaled(fields[name], lambda unit: 1.0 / self.unit(unit))
         changed = replace(self, **fields)
-        for name, value in changes.items():
-            if name not in fields:
-                changed = changed._with(name, value)
+        for name in [name for name in changes if name not in fields]:
+            known = parameter_named(name, place="replace")
+            value = number(name, changed._read(name, changes[name], known), at_least=0)
+            changed = known.set(changed, value / changed.unit(known.unit))
         return changed
-
-    def _with(self, name: str, value: object) -> Rig:
-        known = parameter_named(name, place="replace")
-        return known.set(self, number(name, self._read(name, value, known), at_least=0) / self.unit(known.unit))
 
     def _read(self, place: str, value: object, parameter: Parameter) -> object:
         """Return a value of a parameter in the rig's own unit, if it is a text with a unit."""
@@ -246,49 +235,21 @@ class Rig(Answer):
             raise error.at(f"{place} = {value!r}") from None
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
-        """Return the range a factor `USUAL_RANGE` either way of what the rig has, in natural units.
-
-        Raises
-        ------
-        InputError
-            If the rig has 0.
-        """
+        """Return the range a factor `USUAL_RANGE` either way of what the rig has, in natural units."""
         here = parameter.get(self.natural)
         if here <= 0:
             raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
         return here / USUAL_RANGE, here * USUAL_RANGE
 
     def span(self, parameter: Parameter, between: Ends) -> tuple[float, float]:
-        """Return a range of a parameter in its natural unit.
-
-        Parameters
-        ----------
-        parameter : Parameter
-        between : (float or str, float or str)
-            Its ends, rising, as in `Ends`.
-
-        Raises
-        ------
-        InputError
-            If it is no range.
-        """
+        """Return a range of a parameter, given as in `Ends`, in its natural unit."""
         ends = sequence("between", between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
             raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
         unit = self.unit_name(parameter.unit)
         low = number("between[0]", self._read("between[0]", ends[0], parameter), above=0, hint=unit)
         high = number("between[1]", self._read("between[1]", ends[1], parameter), above=low, hint=unit)
-        size = self.unit(parameter.unit)
-        return low / size, high / size
-
-    def _natural_drive(self, drive: Any) -> Any:
-        return self._in_natural_units(drive) if isinstance(drive, Drive) else drive
-
-    def _natural_output(self, output: Any) -> Any:
-        return self._in_natural_units(output) if isinstance(output, Output) else output
-
-    def _in_natural_units(self, record: Record) -> Record:
-        return record if self.scales is None else rescaled(record, lambda unit: 1.0 / self.unit(unit))
+        return low / self.unit(parameter.unit), high / self.unit(parameter.unit)
 
     def __str__(self) -> str:
         """The rig in words, in its own units."""

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 
 
 @dataclass(frozen=True, kw_only=True)
-class Slider:
+class Slider(Record):
     """The slider and its driving spring, Eq. (11), per contact.
 
     As a function it is their mechanical impedance ``Z(s) = M s^2 + M eta s + K``, force over displacement.
@@ -31,9 +31,6 @@ class Slider:
     stiffness: Annotated[float, Number("k", above=0, hint="K/N")]
     mass: Annotated[float, Number("f_s time^2/x_s", at_least=0, hint="M/N")]
     damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
         """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.model.distribution import Distribution, register
-from stickslip.model.records import Part, check
+from stickslip.model.records import Part
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class SteadyState(Distribution):
     thresholds: Annotated[Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")]
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         object.__setattr__(self, "thresholds", self.thresholds.positive())
 
     @property
@@ -51,9 +51,7 @@ class SteadyState(Distribution):
     def leftmost(self) -> float:
         return self.thresholds.leftmost
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        return (0.0,)
+    knots = (0.0,)
 
     @property
     def support(self) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from stickslip.errors import InputError, shown
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 from stickslip.words import engineering as engineering  # others take it from here
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ Quantity = Literal[
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scales:
+class Scales(Record):
     """The three scales of a rig in SI units.
 
     Parameters
@@ -34,9 +34,6 @@ class Scales:
     force: Annotated[float, Number(above=0, hint="in N")]
     stretching: Annotated[float, Number(above=0, hint="in m")]
     time: Annotated[float, Number(above=0, hint="in s")] = 1.0
-
-    def __post_init__(self) -> None:
-        check(self)
 
     def unit(self, name: str) -> float:
         """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity that it measures.
@@ -94,8 +91,6 @@ QUANTITIES: dict[Quantity, str] = {
     "density": "f_s time^2/x_s^4",
 }
 """Natural unit of each quantity."""
-SI: dict[Quantity, str] = {kind: UNITS[unit][-1] for kind, unit in QUANTITIES.items()}
-"""SI unit of each quantity."""
 
 
 def natural_unit(name: object) -> str:
@@ -115,14 +110,8 @@ def si_unit(name: str) -> str:
 
 
 def quantity(unit: str) -> Quantity:
-    """Return what a natural unit, as results carry it, measures.
-
-    Raises `InputError` if no quantity is measured in it.
-    """
-    for kind, natural in QUANTITIES.items():
-        if natural == unit:
-            return kind
-    raise InputError(f"unit = {shown(unit)}: must be one of {', '.join(QUANTITIES.values())}")
+    """Return what a natural unit, as results carry it, measures."""
+    return {natural: kind for kind, natural in QUANTITIES.items()}[unit]
 
 
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
@@ -145,17 +134,7 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
 
 
 def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) -> str:
-    """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales.
-
-    Parameters
-    ----------
-    value : float
-    unit : str
-        Natural unit, or quantity, as in `Scales.unit`.
-    scales : Scales, optional
-    digits : int
-        Significant digits.
-    """
+    """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales."""
     if scales is None:
         natural = natural_unit(unit)
         return engineering(value, {"time": "time units", "f_s time^2/x_s": ""}.get(natural, natural), digits)
