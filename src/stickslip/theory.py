@@ -216,3 +216,27 @@ def effective_potential(slider: Slider, position: ArrayLike, contact_force: Arra
         raise InputError("position: must start at 0 and rise from each value to the next")
     work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x))])
     return np.asarray(0.5 * slider.stiffness * (drive - x) ** 2 + work)
+
+
+def newborn_pull(interface: Interface, velocity: float, distance: float, points: int) -> tuple[Array, Array]:
+    """Return the force on a slider of constant velocity whose contacts were all newborn at its start, as in Fig. 11.
+
+    Lives at constant velocity are alike, so it follows from a renewal equation.
+
+    Parameters
+    ----------
+    interface : Interface
+        With `Langevin` ageing, without delay; newborn contacts have no strength.
+    velocity, distance : float
+        Of the slider, above 0, in ``x_s`` per time and in ``x_s``.
+    points : int
+        Equal steps of the distance.
+
+    Returns
+    -------
+    positions, forces : ndarray, shape (points,)
+        In ``x_s``, and per contact in ``f_s``.
+    """
+    from stickslip.kernels.langevin_steady import pull_newborns
+
+    return pull_newborns(velocity, ageing_constants(interface), distance, points)

@@ -5,8 +5,8 @@ Eqs. (1)-(4), solved as a renewal equation, beside a thousand contacts followed 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,14 +17,13 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.model.distributions import Distribution
 from stickslip.paper.cases import FIG1
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel
 
 INITIAL_STDS = (0.01, 0.3)
 THRESHOLD_STDS = (0.1, 0.3)
 DISTANCE = 8.0
 _POINTS = 1600  # of the curves
-_STRIDE = 5  # the other methods are sampled so many times as finely
 
 # Widths of the start, from all contacts relaxed alike to the steady state of sliding.
 _STARTS = ("delta", "0.01", "0.03", "0.1", "0.3", "steady")
@@ -64,13 +63,10 @@ def _started(start: str, threshold: float) -> ss.Interface:
     return _interface(0.0 if start == "delta" else float(start), threshold)
 
 
-def _force(interface: ss.Interface) -> Array:
-    return ss.rigid_slide(interface, DISTANCE, method=ss.model.Renewal(_POINTS))["friction_force"].to_numpy()
-
-
-def _sampled(interface: ss.Interface, method: ss.Contacts | ss.MasterEquation) -> Array:
-    """Force where contacts stretched backwards remember that they have not broken."""
-    return ss.rigid_slide(interface, DISTANCE, method=method)["friction_force"].to_numpy()[::_STRIDE]
+def _force(interface: ss.Interface, method: Any = ss.model.Renewal(_POINTS)) -> Array:
+    """Force on the same positions by any method; by all but `Renewal` contacts remember that they have not broken."""
+    force = ss.rigid_slide(interface, DISTANCE, method=method)["friction_force"].to_numpy()
+    return force[:: (force.size - 1) // _POINTS]
 
 
 def _late_deviation(distribution: Distribution) -> tuple[float, float]:
@@ -86,15 +82,14 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     counts = (250, 1000, 4000) if quick else (250, 1000, 4000, 16_000)
     seeds = range(3 if quick else 6)
 
-    def of_each_case(solve: Callable[[ss.Interface], Array]) -> Array:
-        return np.array([[solve(_interface(i, t)) for t in THRESHOLD_STDS] for i in INITIAL_STDS])
-
     def contacts(count: int, seed: int, initial: float, threshold: float, _: Progress) -> dict[str, Array]:
         stream = 1000 * list(_SETTLED).index((initial, threshold)) + seed  # of random numbers, for every run
-        return {"force": _sampled(_interface(initial, threshold), ss.Contacts(count, seed=stream))}
+        return {"force": _force(_interface(initial, threshold), ss.Contacts(count, seed=stream))}
 
-    master = of_each_case(_force)
-    remembering = of_each_case(lambda interface: _sampled(interface, ss.MasterEquation()))
+    master, remembering = (
+        np.array([[_force(_interface(i, t), method) for t in THRESHOLD_STDS] for i in INITIAL_STDS])
+        for method in (ss.model.Renewal(_POINTS), ss.MasterEquation())
+    )
     starts = [[_force(_started(start, threshold)) for threshold in THRESHOLD_STDS] for start in _STARTS]
     deviation = [_late_deviation(distribution) for distribution in _DISTRIBUTIONS.values()]
     force = grid(progress, contacts, counts, seeds, INITIAL_STDS, THRESHOLD_STDS)["force"]
@@ -141,49 +136,39 @@ def _scatter(data: xr.Dataset) -> Claim:
     count = data["contacts"].to_numpy()
     scaled = data["scatter"] * np.sqrt(data["contacts"])
     runs = np.log(data["scatter"].to_numpy()).reshape(count.size, -1)
-    from_mean = np.log(count) - np.log(count).mean()
-    power = float(from_mean @ runs.mean(axis=1) / (from_mean @ from_mean))
-    low, high = float(scaled.min()), float(scaled.max())
-    return Claim(
-        number=1,
-        statement="N contacts scatter about the master equation as N^(-1/2)",
-        verdict=verdict(printed=abs(power + 0.5) < 0.1),
-        measured=(
-            near("power of N", power, -0.5, 0.1),
-            at_least("smallest rms distance times sqrt(N)", low, 0.15, "f_s"),
-            at_most("largest rms distance times sqrt(N)", high, 0.55, "f_s"),
-        ),
+    power = np.polyfit(np.log(count), runs.mean(axis=1), 1)[0]
+    return weighed(
+        1,
+        "N contacts scatter about the master equation as N^(-1/2)",
+        near("power of N", power, -0.5, 0.1),
+        at_least("smallest rms distance times sqrt(N)", scaled.min(), 0.15, "f_s"),
+        at_most("largest rms distance times sqrt(N)", scaled.max(), 0.55, "f_s"),
         evidence=f"rms over 0 to {DISTANCE:g} x_s in {runs.size} runs of {count.min()} to {count.max()} contacts",
     )
 
 
 def _limit(data: xr.Dataset) -> Claim:
     end, middle = data["deviation"].sel(where="end"), data["deviation"].sel(where="middle")
-    worst = float(end.max())
     fall = (end / middle).where(middle > 1e-6, 0.0).max()
     still_on_the_way = "end over half way, largest of all distributions that have not arrived by then"
     narrow, wide = data["F_k"].to_numpy()
-    return Claim(
-        number=2,
-        statement="for any distribution of thresholds but a delta function the force tends to F_k, about N f_s/2",
-        verdict=verdict(printed=worst < 1e-4),
-        measured=(
-            at_most(f"largest relative distance from F_k at {_LATE:g} x_s", worst, 1e-4),
-            at_most(still_on_the_way, fall, 0.1),
-            near("F_k, standard deviation .1", narrow, 0.505, 1e-5, "f_s"),
-            near("F_k, standard deviation .3", wide, 0.54498, 1e-5, "f_s"),
-        ),
+    return weighed(
+        2,
+        "for any distribution of thresholds but a delta function the force tends to F_k, about N f_s/2",
+        at_most(f"largest relative distance from F_k at {_LATE:g} x_s", end.max(), 1e-4),
+        at_most(still_on_the_way, fall, 0.1),
+        near("F_k, standard deviation .1", narrow, 0.505, 1e-5, "f_s"),
+        near("F_k, standard deviation .3", wide, 0.54498, 1e-5, "f_s"),
         evidence=f"{end.size} distributions ({', '.join(map(str, data['distribution'].values))}); F_k in closed form",
     )
 
 
 def _steady_start(data: xr.Dataset) -> Claim:
-    far = float(abs(data["F_c_start"].sel(start="steady") - data["F_k"]).max())
-    return Claim(
-        number=3,
-        statement="started in the steady state Q_s, the force does not depend on X",
-        verdict=verdict(printed=far < 1e-6),
-        measured=(at_most("largest distance from F_k", far, 1e-6, "f_s"),),
+    far = abs(data["F_c_start"].sel(start="steady") - data["F_k"]).max()
+    return weighed(
+        3,
+        "started in the steady state Q_s, the force does not depend on X",
+        at_most("largest distance from F_k", far, 1e-6, "f_s"),
         evidence=f"0 to {DISTANCE:g} x_s; thresholds with standard deviations {' and '.join(map(str, THRESHOLD_STDS))}",
     )
 
@@ -204,11 +189,11 @@ def _delta_start(data: xr.Dataset) -> Claim:
         ]
     wide = data["F_c_remembering"].sel(initial_std=0.3, threshold_std=0.3).to_numpy()
     measured.append(near("the same maximum where contacts remember", _turning_points(wide)[0], 0.56894, 2e-4, "f_s"))
-    return Claim(
-        number=4,
-        statement="the first oscillation of the force is stronger the narrower the start, strongest for a delta start",
-        verdict=verdict(printed=bool(np.all(np.diff(oscillations, axis=0) < 0))),
-        measured=tuple(measured),
+    return weighed(
+        4,
+        "the first oscillation of the force is stronger the narrower the start, strongest for a delta start",
+        *measured,
+        printed=bool(np.all(np.diff(oscillations, axis=0) < 0)),
         evidence="first maximum less first minimum for starts of standard deviation 0, .01, .03, .1 and .3",
     )
 
@@ -253,14 +238,9 @@ def _spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], colo
     """A zigzag from one point to another."""
     along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])
     aside = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0]) * 0.13
-    (x0, y0), (x1, y1) = start, end
-    length = float(np.hypot(x1 - x0, y1 - y0))
-    ax.plot(
-        x0 + (x1 - x0) * along - (y1 - y0) / length * aside,
-        y0 + (y1 - y0) * along + (x1 - x0) / length * aside,
-        color=colour,
-        linewidth=0.8,
-    )
+    way = complex(*end) - complex(*start)
+    places = complex(*start) + way * along + 1j * way / abs(way) * aside
+    ax.plot(places.real, places.imag, color=colour, linewidth=0.8)
 
 
 FIGURE = Figure(

@@ -17,7 +17,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG10
-from stickslip.paper.figure import Claim, Figure, Progress, between, extremes, near, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, between, extremes, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel
 from stickslip.paper.ramps import loses_stability, ramped
 
@@ -78,11 +78,11 @@ def _squares(data: xr.Dataset) -> Claim:
         *extremes("v1/beta^2, smooth sliding loses stability (linear)", (linear / square).to_numpy(), 0.34, 0.50),
         near("slope of log v1 (linear) against log beta", _slope(rates, linear.to_numpy()), 2.0, 0.02),
     ]
-    return Claim(
-        number=16,
-        statement="v1 and v2 grow as beta^2",
-        verdict=verdict(printed=all(1.9 <= s <= 2.15 for s in slopes.values())),
-        measured=tuple(measured),
+    return weighed(
+        16,
+        "v1 and v2 grow as beta^2",
+        *measured,
+        printed=all(1.9 <= s <= 2.15 for s in slopes.values()),
         evidence=f"ramps of {FIG10.contacts} contacts from smooth sliding at {rates.size} rates; stick-slip where "
         f"F_d varies by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
         "makes v2 grow a little faster",

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, panel
 from stickslip.rigid import effective_stiffness
 
@@ -99,50 +99,36 @@ def _landing(X: Array, force: Array, found: Instability, slider: ss.Slider) -> f
     return float(X[beyond[0]]) if beyond.size else math.nan
 
 
-def _minima(V: Array) -> int:
-    """Number of wells of a potential, ends left out."""
-    down = np.diff(V) < 0
-    return int(np.count_nonzero(down[:-1] & ~down[1:]))
-
-
 def _unstable_from_X_star_on(data: xr.Dataset) -> Claim:
     K, K_eff, critical = float(data.attrs["stiffness"]), data["K_eff"].to_numpy(), float(data["K_critical"])
     never = data["instability"].sel(reattachment="never")
-    return Claim(
-        statement="a spring softer than K* is unstable where K_eff(X) > K, from X* on; a stiffer one never is",
-        verdict=verdict(printed=bool(np.any(K_eff > K)) and not np.any(K_eff > STIFF) and STIFF > critical > K),
-        measured=(
-            near("X*, no re-attachment", never.sel(quantity="slider"), 0.9247, 1e-4, "x_s"),
-            near("v_d t*, no re-attachment", never.sel(quantity="drive"), 1.2820, 1e-4, "x_s"),
-            near("largest K_eff on the curve", K_eff.max(), CRITICAL_STIFFNESS, 0.003, "k"),
-        ),
+    return weighed(
+        None,
+        "a spring softer than K* is unstable where K_eff(X) > K, from X* on; a stiffer one never is",
+        near("X*, no re-attachment", never.sel(quantity="slider"), 0.9247, 1e-4, "x_s"),
+        near("v_d t*, no re-attachment", never.sel(quantity="drive"), 1.2820, 1e-4, "x_s"),
+        near("largest K_eff on the curve", K_eff.max(), CRITICAL_STIFFNESS, 0.003, "k"),
+        printed=bool(np.any(K_eff > K)) and not np.any(K_eff > STIFF) and STIFF > critical > K,
         evidence=f"first root of K_eff(X) = {K:g} k; K_eff(X) against {STIFF:g} k over 0 to {_DISTANCE:g} x_s",
     )
 
 
 def _rests_in_a_well(data: xr.Dataset) -> Claim:
     _, unstable, landing = data["point"].to_numpy()
-    near_peak = data["displacement"].to_numpy() < landing
-    wells = [_minima(V[near_peak]) for V in data["V_eff"].to_numpy()]
-    bend = _bend(data)
-    return Claim(
-        statement="the slider rests in a well of V_eff, which bends as K + dF_c/dX and is gone at the instability",
-        verdict=verdict(printed=wells[0] == 1 and wells[-1] == 0 and bend < 1e-3),
-        measured=(
-            near("wells of V_eff at point 1", wells[0], 1, 0),
-            near("wells this side of the landing, as far after the instability", wells[-1], 0, 0),
-            at_most("curvature of V_eff less K + dF_c/dX, largest", bend, 1e-3, "k"),
-            at_least("landing less instability", landing - unstable, 0.1, "x_s"),
-        ),
+    X, V = data["displacement"].to_numpy(), data["V_eff"].to_numpy()
+    near_peak = landing > X  # of the force
+    wells = [np.count_nonzero(np.diff(np.sign(np.diff(one[near_peak]))) > 0) for one in V]
+    stiffness = float(data.attrs["stiffness"]) - data["K_eff"].to_numpy()
+    bend = np.max(np.abs(np.diff(V[1], 2) / (X[1] - X[0]) ** 2 - stiffness[1:-1]))
+    return weighed(
+        None,
+        "the slider rests in a well of V_eff, which bends as K + dF_c/dX and is gone at the instability",
+        near("wells of V_eff at point 1", wells[0], 1, 0),
+        near("wells this side of the landing, as far after the instability", wells[-1], 0, 0),
+        at_most("curvature of V_eff less K + dF_c/dX, largest", bend, 1e-3, "k"),
+        at_least("landing less instability", landing - unstable, 0.1, "x_s"),
         evidence="V_eff by Eq. (5) at three positions of the drive, its second differences, and Eq. (6)",
     )
-
-
-def _bend(data: xr.Dataset) -> float:
-    """Largest distance of the curvature of the potential from what the stiffness of the interface makes it."""
-    X, V = data["displacement"].to_numpy(), data["V_eff"].to_numpy()[1]
-    second = (V[2:] - 2.0 * V[1:-1] + V[:-2]) / (X[1] - X[0]) ** 2
-    return float(np.max(np.abs(second - (float(data.attrs["stiffness"]) - data["K_eff"].to_numpy()[1:-1]))))
 
 
 def _drawing(data: xr.Dataset) -> Picture:

@@ -16,7 +16,7 @@ import stickslip as ss
 from stickslip import plot, theory
 from stickslip.model import Start
 from stickslip.paper.cases import CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER, FIG3, FIG4
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, near, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, near, weighed
 from stickslip.paper.kit import Picture, dataset, grid, panel, portions
 
 _PRINTED = 3.59
@@ -110,27 +110,23 @@ def _decreases(data: xr.Dataset) -> Claim:
     estimate = float(data["critical_stiffness_estimate"].sel(_PAPER))
     settled = [(0.0, 0.1, 3.009), (0.1, 0.1, 1.828), (0.01, 0.2, 1.033), (0.01, 0.3, 0.438)]
     neighbours = "largest change of K* between neighbouring standard deviations of"
-    return Claim(
-        number=5,
-        statement="K* decreases with the standard deviation of the thresholds and of the initial forces; it is largest "
+    return weighed(
+        5,
+        "K* decreases with the standard deviation of the thresholds and of the initial forces; it is largest "
         "for a delta start and zero from the steady state; roughly K* = N k f_s/(Df_s + Df_0)",
-        verdict=verdict(
-            printed=decreases and abs(estimate / float(K.sel(_PAPER)) - 1.0) < 0.5,
-            read=decreases and abs(slope + 1.0) < 0.15,
+        at_most(f"{neighbours} thresholds", with_thresholds, 0.0, "k"),
+        at_most(f"{neighbours} the start", with_start, 0.0, "k"),
+        at_most("K* from the steady state", steady, 1e-6, "k"),
+        near("Eq. (9), Df_0 = .01, Df_s = .1", estimate, 9.09, 0.01, "k"),
+        near("power of Df_s in K*, delta start, .02 to .05", slope, -1.0, 0.15),
+        *(
+            near(f"K*, Df_0 = {i:g}, Df_s = {t:g}", K.sel(initial_std=i, threshold_std=t), value, 0.003, "k")
+            for i, t, value in settled
         ),
+        printed=decreases and abs(estimate / float(K.sel(_PAPER)) - 1.0) < 0.5,
+        read=decreases and abs(slope + 1.0) < 0.15,
         reading="Eq. (9) gives the scaling of K* for narrow distributions, K* ~ 1/width, not its value, which is three "
         f"times too large here; K* decreases throughout for standard deviations of initial forces up to {widest:g}",
-        measured=(
-            at_most(f"{neighbours} thresholds", with_thresholds, 0.0, "k"),
-            at_most(f"{neighbours} the start", with_start, 0.0, "k"),
-            at_most("K* from the steady state", steady, 1e-6, "k"),
-            near("Eq. (9), Df_0 = .01, Df_s = .1", estimate, 9.09, 0.01, "k"),
-            near("power of Df_s in K*, delta start, .02 to .05", slope, -1.0, 0.15),
-            *(
-                near(f"K*, Df_0 = {i:g}, Df_s = {t:g}", K.sel(initial_std=i, threshold_std=t), value, 0.003, "k")
-                for i, t, value in settled
-            ),
-        ),
         evidence=f"Eq. (8) for {K.size} pairs of standard deviations; K_eff is an integral, no numerical derivative",
     )
 
@@ -138,15 +134,13 @@ def _decreases(data: xr.Dataset) -> Claim:
 def _printed(data: xr.Dataset) -> Claim:
     at_once, never = data["critical_stiffness"].sel(_PAPER).to_numpy().tolist()
     half_a_digit = 0.005
-    return Claim(
-        number=6,
-        statement=f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
-        verdict=verdict(printed=any(abs(K - _PRINTED) <= half_a_digit for K in (at_once, never))),
+    return weighed(
+        6,
+        f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
+        near("K*, contacts re-attach at once", at_once, CRITICAL_STIFFNESS, 0.003, "k"),
+        near("K*, contacts never re-attach", never, CRITICAL_STIFFNESS_NEVER, 0.003, "k"),
+        printed=any(abs(K - _PRINTED) <= half_a_digit for K in (at_once, never)),
         exact=f"{CRITICAL_STIFFNESS} k if broken contacts re-attach at once, {CRITICAL_STIFFNESS_NEVER} k if never",
-        measured=(
-            near("K*, contacts re-attach at once", at_once, CRITICAL_STIFFNESS, 0.003, "k"),
-            near("K*, contacts never re-attach", never, CRITICAL_STIFFNESS_NEVER, 0.003, "k"),
-        ),
         evidence="largest K_eff by Eq. (8); the figure printed is 1 % off the nearer of the two",
     )
 
@@ -159,22 +153,21 @@ def _avoided(data: xr.Dataset) -> Claim:
     always = kind[steady_long] == "smooth sliding"
     linear = data["linear_critical_delay"].to_numpy()
     smooth = (steady_short, wide)
-    return Claim(
-        number=18,
-        statement="wide thresholds, or a start in the steady state, avoid stick-slip",
-        verdict=verdict(printed=wide_avoids and steady_avoids and always, read=wide_avoids and steady_avoids),
+    return weighed(
+        18,
+        "wide thresholds, or a start in the steady state, avoid stick-slip",
+        *(
+            at_most(f"peak to peak F_d, {run}", value, 0.02, "f_s")
+            if run in smooth
+            else at_least(f"peak to peak F_d, {run}", value, 0.5, "f_s")
+            for run, value in zip(_RUNS, data["peak_to_peak"], strict=True)
+        ),
+        near("linear critical delay, Df_s = .1", linear[0], 0.1455, 0.0002, "time"),
+        between("linear critical delay, Df_s = .3", linear[1], 0.9, 0.96, "time"),
+        printed=wide_avoids and steady_avoids and always,
+        read=wide_avoids and steady_avoids,
         reading=f"a steady start stays smooth while the delay is below the linear critical delay ({linear[0]:.4f}), "
         "where smooth sliding and stick-slip are both stable; above it any disturbance grows into stick-slip",
-        measured=(
-            *(
-                at_most(f"peak to peak F_d, {run}", value, 0.02, "f_s")
-                if run in smooth
-                else at_least(f"peak to peak F_d, {run}", value, 0.5, "f_s")
-                for run, value in zip(_RUNS, data["peak_to_peak"], strict=True)
-            ),
-            near("linear critical delay, Df_s = .1", linear[0], 0.1455, 0.0002, "time"),
-            between("linear critical delay, Df_s = .3", linear[1], 0.9, 0.96, "time"),
-        ),
         evidence="runs of the master equation at K = 2 k, eta = 200, v_d = 1, evaluated over their last "
         f"{_EVALUATED:g} time units; steady starts perturbed by 5 % in velocity",
     )

@@ -17,7 +17,7 @@ import stickslip as ss
 from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG4, PERIOD
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, near, verdict
+from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, near, weighed
 from stickslip.paper.kit import Picture, dataset, grid, panel, portions, second_axis
 
 STIFFNESSES = (5.0, 2.0)
@@ -124,13 +124,14 @@ def _thresholds_of_delay(data: xr.Dataset) -> Claim:
     stiff = all_are("smooth sliding", 5.0, 0.0, 0.09, 0.1, 0.2)
     # As printed, K = 5 k would be smooth at once; at a delay of .2 the oscillation of the start outlasts the picture.
     at_once = float(data["decay"].sel(stiffness=5.0, delay=0.2).max()) > 10.0
-    return Claim(
-        number=7,
-        statement="at K = 2 k delays up to .09 give smooth sliding and .1 and .2 stick-slip; at K = 5 k all are smooth",
-        verdict=verdict(printed=soft and stiff and at_once, read=soft and stiff),
+    return weighed(
+        7,
+        "at K = 2 k delays up to .09 give smooth sliding and .1 and .2 stick-slip; at K = 5 k all are smooth",
+        *(m for solver in _SOLVERS for m in _long_time_numbers(data.sel(solver=solver), solver)),
+        printed=soft and stiff and at_once,
+        read=soft and stiff,
         reading=f"the regime is that after the transient (x > {_BEGIN:g} x_s): at K = 5 k and a delay of .2 the "
         "initial oscillation decays slowly. K > K* does not forbid oscillation: a delay of .3 sustains a small one",
-        measured=tuple(m for solver in _SOLVERS for m in _long_time_numbers(data.sel(solver=solver), solver)),
         evidence=f"{data.attrs['count']} contacts and the master equation, {len(_DELAYS)} delays at each stiffness",
     )
 
@@ -175,19 +176,18 @@ def _strictly_periodic(data: xr.Dataset) -> Claim:
     # A scatter over n periods is known to 1/sqrt(2 n); here n is about 120.
     error = float(np.sqrt(2.0) / np.sqrt(2.0 * 120.0) / np.log(count[-1] / count[0]))
     periodic, falls = exact < _PERIODIC, abs(power + 0.5) < 3.0 * error + 0.05
-    return Claim(
-        number=11,
-        statement="stick-slip is strictly periodic",
-        verdict=verdict(printed=periodic and bool(scatter.max() < _PERIODIC), read=periodic and falls),
-        reading="for infinitely many contacts; the period of N contacts scatters as N^(-1/2)",
-        measured=(
-            at_most("coefficient of variation of the period, master equation", exact, _PERIODIC),
-            near("power of N in that of N contacts", power, -0.5, 3.0 * error + 0.05),
-            *(
-                Measured(name=f"coefficient of variation of the period, {n} contacts", value=float(v))
-                for n, v in zip(count, scatter, strict=True)
-            ),
+    return weighed(
+        11,
+        "stick-slip is strictly periodic",
+        at_most("coefficient of variation of the period, master equation", exact, _PERIODIC),
+        near("power of N in that of N contacts", power, -0.5, 3.0 * error + 0.05),
+        *(
+            Measured(name=f"coefficient of variation of the period, {n} contacts", value=float(v))
+            for n, v in zip(count, scatter, strict=True)
         ),
+        printed=periodic and bool(scatter.max() < _PERIODIC),
+        read=periodic and falls,
+        reading="for infinitely many contacts; the period of N contacts scatters as N^(-1/2)",
         evidence=f"K = 2 k, delay .2, periods after t = {_BEGIN:g}",
     )
 

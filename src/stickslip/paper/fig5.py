@@ -13,7 +13,7 @@ from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, verdict
+from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, panel, portions
 
 _TRACES = ("displacement", "velocity", "spring_force", "friction_force")
@@ -104,13 +104,14 @@ def _slip_by_eq_12(data: xr.Dataset) -> Claim:
         between(f"slip over Eq. (12) as printed, Omega dt <= 1, eta {eta}, largest", factor, 2.0, 3.5)
         for eta, factor in zip(_DAMPINGS, factors, strict=True)
     ]
-    return Claim(
-        number=8,
-        statement="after the instability the slider moves by v_d dt [1 + (Omega dt)^2/6]",
-        verdict=verdict(printed=bool(factors.max() <= 1.1), read=bool(errors.max() <= 0.1)),
+    return weighed(
+        8,
+        "after the instability the slider moves by v_d dt [1 + (Omega dt)^2/6]",
+        *measured,
+        printed=bool(factors.max() <= 1.1),
+        read=bool(errors.max() <= 0.1),
         reading="with the slider's velocity when it passes X*, 2 to 3 v_d, in place of v_d, and for Omega dt <= 1; "
         f"as printed it is too small by a factor {factors.min():.2g} to {factors.max():.2g}",
-        measured=tuple(measured),
         evidence="runs with dampings 200, .3 Omega and 0, from the moment when X passes X*",
     )
 

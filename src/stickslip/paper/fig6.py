@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG4, FIG6
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, between, near, verdict
+from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, between, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, panel
 
 _MASS = FIG6.slider.mass
@@ -123,29 +123,28 @@ def _powers(data: xr.Dataset) -> Claim:
     whichever = _as_expected(_fit(mass, linear.to_numpy()))  # of the two delays, it goes so
     at_paper = data["sustained_by_velocity"].sel(velocity=1.0)
     spread = "linear critical delay, largest over smallest of all masses"
-    return Claim(
-        number=9,
-        statement="the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 v^(-1/3) with the "
+    return weighed(
+        9,
+        "the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 v^(-1/3) with the "
         "velocity, and grows with the damping",
-        verdict=verdict(printed=read and whichever, read=read),
+        near("tau*, M 1e-4, v 1, eta .3 Omega", at_paper, 0.0755, 0.003),
+        near("tau*, eta 200", data["sustained_eta_200"], 0.098, 0.002),
+        between("A1 of tau*(M)", of_mass[0], *_A1),
+        between("A2 of tau*(M)", of_mass[1], *_A2),
+        between("A3 of tau*(v)", of_velocity[0], *_A1),
+        between("A4 of tau*(v) over M^(1/3)", of_velocity[1], *_A2),
+        at_most("largest relative misfit of A1 + A2 M^(1/3)", misfit, 0.03),
+        at_most("largest relative difference of tau* v at equal M v^2", apart, 0.02),
+        at_most("the same for the linear critical delay", linear_apart, 1e-6),
+        at_least("smallest rise of tau* from one damping to the next", rises, 0.0),
+        near("linear critical delay, M 1e-4, v 1", linear.sel(mass=_MASS, method="nearest"), 0.138218, 1e-6),
+        Measured(name=spread, value=float(linear.max() / linear.min())),
+        printed=read and whichever,
+        read=read,
         reading="tau* is the shortest delay with which stick-slip persists from a narrow start, damping is a fixed "
         f"fraction of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
         "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same for all masses; tau* does "
         "not exceed it",
-        measured=(
-            near("tau*, M 1e-4, v 1, eta .3 Omega", at_paper, 0.0755, 0.003),
-            near("tau*, eta 200", data["sustained_eta_200"], 0.098, 0.002),
-            between("A1 of tau*(M)", of_mass[0], *_A1),
-            between("A2 of tau*(M)", of_mass[1], *_A2),
-            between("A3 of tau*(v)", of_velocity[0], *_A1),
-            between("A4 of tau*(v) over M^(1/3)", of_velocity[1], *_A2),
-            at_most("largest relative misfit of A1 + A2 M^(1/3)", misfit, 0.03),
-            at_most("largest relative difference of tau* v at equal M v^2", apart, 0.02),
-            at_most("the same for the linear critical delay", linear_apart, 1e-6),
-            at_least("smallest rise of tau* from one damping to the next", rises, 0.0),
-            near("linear critical delay, M 1e-4, v 1", linear.sel(mass=_MASS, method="nearest"), 0.138218, 1e-6),
-            Measured(name=spread, value=float(linear.max() / linear.min())),
-        ),
         evidence="bisection over runs of the master equation from rest, each followed until its oscillation "
         f"settles or decays; brackets to {data.attrs['tolerance']:g}",
     )

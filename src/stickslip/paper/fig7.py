@@ -21,7 +21,7 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.model import NegativeDelay
 from stickslip.paper.cases import FIG7, V1
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, extremes, near, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, extremes, near, weighed
 from stickslip.paper.kit import Picture, dataset, grid, panel, portions
 from stickslip.paper.ramps import draw_around, draw_mark, draw_ramp, ramped, time_of
 
@@ -122,16 +122,14 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 def _hysteresis(data: xr.Dataset) -> Claim:
     v1, v1_down = data["v1_ramp"].to_numpy(), data["v1_down_ramp"].to_numpy()
     linear, fold = float(data["v1_linear"]), float(data["v1_down_fold"])
-    return Claim(
-        number=10,
-        statement="stick-slip that sets in at v1 when the velocity rises ends at a lower velocity v1' when it falls",
-        verdict=verdict(printed=fold < linear and bool(np.all(v1_down < v1))),
-        measured=(
-            near("v1, smooth sliding loses stability (linear)", linear, V1, 1e-6, "x_s/time"),
-            near("v1', stick-slip decays at its fold (nonlinear)", fold, 0.71, 0.02, "x_s/time"),
-            *extremes("v1 of the ramps", v1, 1.0, 1.85, "x_s/time"),
-            *extremes("v1' of the ramps", v1_down, 0.2, 0.72, "x_s/time"),
-        ),
+    return weighed(
+        10,
+        "stick-slip that sets in at v1 when the velocity rises ends at a lower velocity v1' when it falls",
+        near("v1, smooth sliding loses stability (linear)", linear, V1, 1e-6, "x_s/time"),
+        near("v1', stick-slip decays at its fold (nonlinear)", fold, 0.71, 0.02, "x_s/time"),
+        *extremes("v1 of the ramps", v1, 1.0, 1.85, "x_s/time"),
+        *extremes("v1' of the ramps", v1_down, 0.2, 0.72, "x_s/time"),
+        printed=fold < linear and bool(np.all(v1_down < v1)),
         evidence=f"{v1.size} ramps of {data.attrs['count']} contacts, {_EACH_WAY:g} time units each way; the cycle "
         "followed by the master equation. Ramps overshoot both boundaries: it takes time to grow, and to die",
     )
@@ -157,14 +155,15 @@ def _smooth_again(data: xr.Dataset) -> Claim:
             measured.append(between(f"stick-slip persists up to, {case}", high, 0.8, 0.95, "x_s/time"))
         else:
             measured.append(at_least(f"stick-slip persists nowhere (1: so), {case}", np.isnan(low), 1.0))
-    return Claim(
-        number=12,
-        statement="with random delays the motion is smooth again at high velocity",
-        verdict=verdict(printed=printed and lasts_within, read=lasts_within and all(m.ok for m in measured)),
+    return weighed(
+        12,
+        "with random delays the motion is smooth again at high velocity",
+        *measured,
+        printed=printed and lasts_within,
+        read=lasts_within and all(m.ok for m in measured),
         reading="at mean .2 and standard deviations of .06 and .08. At the paper's .12 stick-slip persists from a "
         "narrow start at no velocity if negative draws are clipped to 0 or folded, and only between about .7 and .85 "
         "if they are drawn again",
-        measured=tuple(measured),
         evidence=f"master equation from the relaxed start at velocities of .2 to {_TOP:g}: each run followed until its "
         "oscillation settles or decays",
     )

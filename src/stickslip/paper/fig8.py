@@ -14,17 +14,17 @@ import numpy as np
 import xarray as xr
 
 import stickslip as ss
-from stickslip import plot, theory
+from stickslip import plot
 from stickslip.model import Method, Start
 from stickslip.paper.cases import FIG8
-from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel
 
 _STARTS: dict[str, Start] = {"relaxed": ss.FromRest(), "smooth": ss.FromSliding()}
 _METHODS: dict[str, Method] = {"contacts": ss.Contacts(FIG8.contacts, seed=8), "kinetic equation": ss.MasterEquation()}
 _SHOWN = {0.7: plot.BLUE, 0.9: plot.SKY, 1.5: plot.VERMILLION, 2.0: plot.GREEN}
 _INTERVAL = 0.005
-_BINS = 60
+_COUNT, _BINS = 100_000, 60  # of thresholds
 _EDGES = (0.80, 1.63)
 """Rates between which smooth sliding is unstable, as runs from it show."""
 
@@ -73,22 +73,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     )
 
 
-def _at_rest(count: int = 100_000) -> tuple[Array, Array, Array]:
-    """Thresholds; their distribution, Eq. (17); and that of contacts aged at rest for ten ``1/rate^2``."""
-    from stickslip.kernels.drive import Quadratic
-    from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
-    from stickslip.kernels.oscillator import RIGID
-    from stickslip.kernels.stepping import Course
-
-    ageing = theory.ageing_constants(FIG8.interface)._replace(newborn=0.0)
-    contacts = Contacts(np.zeros(count), np.zeros(count), np.full(count, -math.inf))
-    time = 1.0 / ageing.rate**2
-    course = Course(Quadratic(0.0, 0.0, 0.0, 0.0), RIGID, np.array([10.0 * time]), 0.1 * time, math.inf)
-    advance_contacts(np.zeros(4), contacts, course, ageing, np.zeros(1), np.random.default_rng(13))
-    counts, edges = np.histogram(contacts.threshold, _BINS, (0.5, 1.5))
-    middle = np.asarray(0.5 + (np.arange(_BINS) + 0.5) / _BINS)
-    exact = ss.Gaussian(mean=ageing.mean, std=ageing.std).density(middle)
-    return middle, exact, np.asarray(counts / np.diff(edges) / count)
+def _at_rest() -> tuple[Array, Array, Array]:
+    """Thresholds; their distribution, Eq. (17); and that of contacts aged at rest by Eq. (13), in small steps."""
+    rng, thresholds, step = np.random.default_rng(13), np.zeros(_COUNT), 0.01  # of time, in 1/rate^2
+    stationary = FIG8.interface.threshold_distribution
+    mean, std = stationary.moment(1), stationary.standard_deviation()
+    for _ in range(round(10.0 / step)):
+        thresholds += (mean - thresholds) * step + std * math.sqrt(2.0 * step) * rng.standard_normal(_COUNT)
+    seen, edges = np.histogram(thresholds, _BINS, (0.5, 1.5), density=True)
+    middle = np.asarray(0.5 * (edges[1:] + edges[:-1]))
+    return middle, stationary.density(middle), seen
 
 
 def _stationary(data: xr.Dataset) -> Claim:
@@ -103,11 +97,11 @@ def _stationary(data: xr.Dataset) -> Claim:
         near("standard deviation of the thresholds", std, math.sqrt(0.01 + width**2 / 12.0), 1.1e-3, "f_s"),
         at_most("largest distance of the cumulative distributions", apart, 6e-3),
     )
-    return Claim(
-        number=13,
-        statement="the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
-        verdict=verdict(printed=all(m.ok for m in measured)),
-        measured=measured,
+    return weighed(
+        13,
+        "the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
+        *measured,
+        printed=all(m.ok for m in measured),
         evidence="100000 newborn contacts without strength, ten ageing times at rest",
     )
 
@@ -150,13 +144,14 @@ def _window(data: xr.Dataset) -> Claim:
     at_rest = bool((smooth.sel(rate=[0.7, 2.0]) < 0.12).all())
     from_smooth = at_rest and bool((smooth.sel(rate=1.5) > 0.6).all())
     either = from_smooth and bool((oscillation.sel(rate=2.0, start="relaxed") < 0.12).all())
-    return Claim(
-        number=14,
-        statement="stick-slip for 1 <= beta <= 1.6, smooth sliding below and above",
-        verdict=verdict(printed=either, read=from_smooth),
+    return weighed(
+        14,
+        "stick-slip for 1 <= beta <= 1.6, smooth sliding below and above",
+        *measured,
+        printed=either,
+        read=from_smooth,
         reading=f"from steady smooth sliding, which is unstable for beta of {low:.2f} to {high:.2f}; the oscillation "
         "grows gradually from the lower edge on, and from relaxed contacts stick-slip persists up to beta of 3 or more",
-        measured=tuple(measured),
         evidence=f"{FIG8.contacts} contacts and the kinetic equation, from both starts; linear stability",
     )
 
@@ -177,7 +172,8 @@ def _drawing(data: xr.Dataset) -> Picture:
         ax.legend(loc="upper right", ncols=4, handlelength=1.0, columnspacing=0.8, borderaxespad=0.0)
         ax.tick_params(labelbottom=row == 1)
     ax = figure.add_subplot(places[2, 0])
-    ax.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts aged at rest")
+    edges = np.linspace(0.5, 1.5, _BINS + 1)
+    ax.stairs(data["P_c_seen"], edges, fill=True, color=plot.SKY, label="contacts aged at rest")
     ax.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
     density = plot.label(data["P_c"].assign_attrs(long_name="density"))
     panel(ax, "(c) thresholds at rest", data["f"], density, "upper left", xlim=(0.15, 1.5))

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG9
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, extremes, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, extremes, weighed
 from stickslip.paper.kit import Picture, dataset, panel, portions
 from stickslip.paper.ramps import draw_around, draw_mark, draw_ramp, loses_stability, ramped, time_of
 
@@ -68,12 +68,14 @@ def _four_transitions(data: xr.Dataset) -> Claim:
         for name, values in seen.items()
         for measured in extremes(_SYMBOLS[name].replace("_", ""), values, *_BANDS[name], "x_s/time")
     ]
-    return Claim(
-        number=15,
-        statement="two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
+    return weighed(
+        15,
+        "two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
         "two while it falls, at v2' and v1'",
-        verdict=verdict(printed=four and bool(np.all(seen["v1_down"] < seen["v1"]))),
-        measured=(linear, *ends, at_least("v1 over v1', smallest", np.min(seen["v1"] / seen["v1_down"]), 5.0)),
+        linear,
+        *ends,
+        at_least("v1 over v1', smallest", np.min(seen["v1"] / seen["v1_down"]), 5.0),
+        printed=four and bool(np.all(seen["v1_down"] < seen["v1"])),
         evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
         f"where F_d varies by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "
         "gradually; v1 and v1' do not",

@@ -161,6 +161,24 @@ def verdict(*, printed: bool, read: bool = False) -> Verdict:
     return "reproduced under the stated reading" if read else "not reproduced"
 
 
+def weighed(
+    number: int | None,
+    statement: str,
+    *measured: Measured,
+    evidence: str,
+    printed: bool | None = None,
+    read: bool = False,
+    reading: str = "",
+    exact: str = "",
+) -> Claim:
+    """Return a claim with its verdict; if nothing else is said, it holds as printed where its numbers are met."""
+    met = all(m.ok for m in measured) if printed is None else printed
+    words = {"evidence": evidence, "reading": reading, "exact": exact}
+    return Claim(
+        number=number, statement=statement, verdict=verdict(printed=met, read=read), measured=measured, **words
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Figure:
     """A figure of the paper.
