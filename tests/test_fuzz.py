@@ -3,10 +3,12 @@
 The quick run takes a few examples, the slow one a thousand, always the same; `make fuzz` takes others.
 """
 
+import inspect
 import json
 import os
 import time
 import tomllib
+from dataclasses import is_dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from test_laws import MECHANISMS, TENTH
 
 import stickslip as ss
 from stickslip.errors import LONGEST_MESSAGE, UndecidedError
@@ -52,37 +55,13 @@ PLAIN = VALUES | st.none() | st.just(b"1") | st.just(1j) | st.just(object())
 
 @cache
 def documents_to_begin_with():
-    small = {
-        "units": "natural",
-        "slider": {"stiffness": 2.0, "mass": 1e-4, "damping": 200.0},
-        "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}, "delay": 0.2},
-        "drive": {"velocity": 1.0, "distance": 4.0},
-        "simulation": {"contacts": 50},
-    }
-    thresholds = {"distribution": "gaussian", "std": 0.1}
-    many = {
-        "thresholds": thresholds,
-        "sliding_force": 0.2,
-        "newborn": {"distribution": "uniform", "low": 0.0, "high": 0.1},
-        "track_scatter": 0.1,
-        "delay": {"mean": 0.2, "std": 0.05, "negative": "redraw"},
-    }
-    interfaces = [
-        many,
-        {"thresholds": thresholds, "delay": "on arrest", "sliding_force": 0.1},
-        {"thresholds": thresholds, "ageing": {"model": "langevin", "time": 1.0}},
-        {"thresholds": thresholds, "ageing": {"model": "logarithmic", "slope": 0.05, "time": 0.1}},
-        {"thresholds": thresholds, "delay": 0.1, "temperature": {"kind": "bell", "width": 0.05, "attempts": 1e4}},
-        {"thresholds": thresholds, "temperature": {"kind": "parabolic", "temperature": 0.01, "attempts": 1e4}},
-        {"thresholds": thresholds, "temperature": {"kind": "barrier", "height": 50.0, "power": 1.5, "attempts": 1e6}},
-    ]
+    small = rig_files.to_document(RIG)
     speeds = {**small, "drive": {"velocity": {"from": 0.5, "to": 2.0}}, "feasible": {"stiffness": [1.0, 4.0]}}
     pieces = {**small, "drive": {"pieces": [{"start": 1.0, "end": -1.0, "duration": 2.0}]}}
-    bar = {"blocks": 4, "coupling": 10.0, "mass": 0.01, "damping": 1.0, "side": 0.5}
-    chain = {**{key: small[key] for key in ("units", "interface", "drive")}, "chain": bar}
-    mechanisms = [{**small, "interface": interface} for interface in interfaces]
+    interfaces = [ss.Interface(thresholds=TENTH, **fields) for fields in MECHANISMS.values()]
+    mechanisms = [rig_files.to_document(replace(RIG, interface=interface)) for interface in interfaces]
     shipped = [tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.example_names()]
-    return [small, speeds, pieces, chain, *mechanisms, *shipped]
+    return [small, speeds, pieces, rig_files.to_document(CHAIN), *mechanisms, *shipped]
 
 
 def paths(node, at=()):
@@ -165,9 +144,7 @@ def with_a_trace(text, tmp_path):
     ss.regime(trace)
 
 
-INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
-AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1.0))
-THERMAL = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), temperature=ss.Bell(width=0.05, attempts=1e4))
+INTERFACE = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
 CHAIN = ss.Rig(
     INTERFACE,
     ss.Chain(blocks=4, coupling=10.0, mass=0.01, damping=1.0, leaf=0.1),
@@ -180,68 +157,56 @@ RIG = ss.Rig(
     ss.constant(1.0, duration=4.0),
     method=ss.Contacts(50, seed=1),
 )
-CALLS = (
-    lambda a, b: ss.Gaussian(mean=a, std=b),
-    lambda a, b: ss.Uniform(low=a, high=b),
-    lambda a, b: ss.Gamma(mean=a, std=b),
-    lambda a, b: ss.LogNormal(mean=a, std=b),
-    lambda a, b: ss.Weibull(scale=a, shape=b),
-    lambda a, b: ss.Empirical(edges=a, weights=b),
-    lambda a, b: ss.RandomDelay(mean=a, std=b),
-    lambda a, b: ss.Slider(stiffness=a, mass=b, damping=1.0),
-    lambda a, b: ss.Output(interval=a, snapshots=b),
-    lambda a, b: ss.Contacts(a, seed=b),
-    lambda a, b: ss.MasterEquation(rtol=a, memoryless=b),
-    lambda a, b: ss.ramp(a, b, duration=1.0),
-    lambda a, b: ss.constant(a, duration=b),
-    lambda a, b: RIG.replace(**{str(a): b}),
-    lambda a, b: RIG.replace(velocity=a, stiffness=b),
-    lambda a, b: estimate(RIG.replace(mass=a, drive=ss.constant(1.0, duration=b))),
-    lambda a, b: ss.kinetic_friction(a, b),
-    lambda a, _: ss.kinetic_friction(INTERFACE, a),
-    lambda a, _: ss.kinetic_friction(AGEING, a),
-    lambda a, _: ss.regime(a),
-    lambda a, b: ss.critical(RIG, a, between=b),
-    lambda a, b: ss.rigid_slide(INTERFACE, a, velocity=b),
-    lambda a, b: ss.Bell(width=a, attempts=b),
-    lambda a, b: ss.model.Parabolic(temperature=a, attempts=b),
-    lambda a, b: ss.Barrier(height=a, attempts=1.0, power=b),
-    lambda a, b: ss.LogarithmicGrowth(slope=a, time=b),
-    lambda a, b: ss.Interface(thresholds=ss.Uniform(0.5, 1.5), sliding_force=a, newborn=b),
-    lambda a, b: ss.Interface(thresholds=a, temperature=b),
-    lambda a, b: ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), track_scatter=a, delay=b),
-    lambda a, b: ss.Chain(blocks=a, coupling=b, mass=1.0, damping=1.0),
-    lambda a, b: ss.model.Sheet(along=a, across=2, coupling=b, shear=1.0, mass=1.0, damping=1.0),
-    lambda a, b: ss.Prestressed(stretching=a, push=b),
-    lambda a, b: ss.Rig(INTERFACE, a, b),
-    lambda a, b: ss.simulate(RIG, method=a, start=b),
-    lambda a, b: ss.save(a, b),
-    lambda a, _: ss.example(a),
-    lambda a, _: ss.static_friction(a),
-    lambda a, _: ss.stability.friction_slope(THERMAL, a),
-    lambda a, b: ss.stability.turning_velocities(THERMAL, between=(a, b)),
-    lambda a, b: ss.rate_and_state(THERMAL, a, step=b),
-    lambda a, b: ss.rate_state.fit_rate_and_state(a, at=b),
-    lambda a, b: ss.velocity_step(INTERFACE, before=a, after=b, distance=2.0, method=ss.Contacts(20)),
-    lambda a, b: ss.slide_hold_slide(THERMAL, velocity=a, holds=b, method=ss.Contacts(20)),
-    lambda a, b: ss.elastic.front_speed(CHAIN, prestress=a, blocks=b),
-    lambda a, _: ss.elastic.modes(CHAIN, count=a),
-    lambda a, _: ss.measure.fronts(a),
-    lambda a, b: ss.growth_rate(RIG.replace(velocity=a, delay=b)),
-    lambda a, _: ss.critical_stiffness(ss.Interface(thresholds=ss.Gaussian(1.0, a))),
-    lambda a, b: ss.sustained(RIG, a, between=b),
-    lambda a, b: ss.bistable_range(RIG, a, between=b),
-    lambda a, b: ss.stability_map(RIG, over=a, values=b),
-    lambda a, b: ss.fit(a, known=b),
-    lambda a, b: ss.quick_fit(static_friction=a, kinetic_friction=b, stiffness="1 N/m", speed="1 mm/s", mass="1 kg"),
-    lambda a, b: ss.sweep(RIG, {str(a): [b]}),
-    lambda a, b: ss.transitions(a, level=b),
+RECORDS = (ss.model.Parabolic, ss.model.PaperClosure, ss.model.Renewal, ss.model.Sheet)
+ROOMS = (
+    ss.stability.friction_slope,
+    ss.stability.turning_velocities,
+    ss.rate_state.fit_rate_and_state,
+    ss.measure.fronts,
 )
+PUBLIC = [*(getattr(ss, name) for name in ss.__all__), *(getattr(ss.elastic, name) for name in ss.elastic.__all__)]
+CALLS = {
+    call.__name__: call
+    for call in (*PUBLIC, *RECORDS, *ROOMS)
+    if inspect.isfunction(call) or (is_dataclass(call) and call.__module__.startswith("stickslip.model"))
+}
+"""What users call and the records they give to it."""
+SAWTOOTH = "time,force\n" + "\n".join(f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600))
+USUAL = {
+    "interface": INTERFACE,
+    "rig": RIG,
+    "slider": RIG.slider,
+    "drive": RIG.drive,
+    "thresholds": TENTH,
+    "parameter": "velocity",
+    "between": (0.5, 2.0),
+    "values": ((1.0, 2.0), (1.0, 2.0)),
+    "edges": (0.5, 1.0),
+    "holds": (1.0,),
+    "name": "brake_pad",
+    **dict.fromkeys(("mean", "scale", "shape", "rate", "velocity", "before", "start", "push", "mass", "shear"), 1.0),
+    **dict.fromkeys(("stiffness", "distance", "after", "end", "duration", "high", "static_friction"), 2.0),
+    **dict.fromkeys(("std", "low", "slope", "width", "time", "temperature", "stretching", "prestress", "speed"), 0.1),
+    **dict.fromkeys(("attempts", "height", "coupling", "damping", "kinetic_friction"), 10.0),
+    **dict.fromkeys(("blocks", "along", "across"), 4),
+}
+"""What a parameter is given that is not the one in question."""
+
+
+@st.composite
+def arguments(draw):
+    """The name of a call, and its arguments by name, one or two of them odd: of a function one that it needs."""
+    name = draw(st.sampled_from(sorted(CALLS)))
+    parameters = inspect.signature(CALLS[name]).parameters
+    needed = [each.name for each in parameters.values() if each.default is each.empty]
+    first = needed if inspect.isfunction(CALLS[name]) else list(parameters)
+    odd = {draw(st.sampled_from(first)), draw(st.sampled_from(list(parameters)))} if first else set()
+    return name, {each: draw(PLAIN) if each in odd else USUAL.get(each, 0) for each in {*needed, *odd}}
 
 
 def with_arguments(given_, _tmp_path):
-    call, a, b = given_
-    CALLS[call](a, b)
+    name, given_ = given_
+    CALLS[name](**given_)
 
 
 def with_a_message(message, _tmp_path):
@@ -323,7 +288,7 @@ PROPERTIES = {
         st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4),
     ),
     "traces": (with_a_trace, traces()),
-    "arguments": (with_arguments, st.tuples(st.integers(0, len(CALLS) - 1), PLAIN, PLAIN)),
+    "arguments": (with_arguments, arguments()),
     "messages": (with_a_message, messages()),
     "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS)),
     "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS)),
@@ -369,11 +334,10 @@ def told(use, what, tmp_path):
 
 def first(name):
     """An example that is whole."""
-    sawtooth = "time,force\n" + "\n".join(f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600))
     return {
         "rig files": documents_to_begin_with()[0],
-        "traces": sawtooth,
-        "arguments": (0, 1.0, 0.1),
+        "traces": SAWTOOTH,
+        "arguments": ("kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}),
         "messages": ("", "run", {"document": documents_to_begin_with()[0]}),
         "damaged runs": ([], None),
         "damaged stores": ([], None),

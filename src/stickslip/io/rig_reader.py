@@ -98,7 +98,8 @@ class _Reader:
         keys = {**rig_keys.tables(), "simulation": rig_keys.keys_of_simulation(method)}
         for name in ("contacts", "seed", "rtol"):
             methods = rig_keys.methods_with(name)
-            if isinstance(given, Mapping) and name in given and method in METHODS and method not in methods:
+            others = [each for each in METHODS if each not in methods]
+            if isinstance(given, Mapping) and name in given and method in others:
                 words = " or ".join(map(repr, methods))
                 self.file.wrong(f"simulation.{name}", f"belongs to method = {words}; leave it out with {method!r}")
         names = (self.body, "interface", "drive", "simulation")
