@@ -239,4 +239,5 @@ def newborn_pull(interface: Interface, velocity: float, distance: float, points:
     """
     from stickslip.kernels.langevin_steady import pull_newborns
 
-    return pull_newborns(velocity, ageing_constants(interface), distance, points)
+    speed, way = number("velocity", velocity, above=0), number("distance", distance, above=0)
+    return pull_newborns(speed, ageing_constants(interface), way, points)
