@@ -13,7 +13,7 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction, say
-from stickslip.advise.runs import Budget, always_slides_smoothly, judge, length_of, slides_smoothly
+from stickslip.advise.runs import Budget, judge, slides_smoothly
 from stickslip.advise.speeds import Survey, bands_by_theory
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
@@ -101,7 +101,7 @@ def test_the_change_proposed_is_the_smallest_to_a_few_percent(paper_s_rig):
     """To 5 % of the search, and 5 % that it may be set beside: there, not all of eight runs slide smoothly."""
     speed = next(m.stops[0] for m in paper_s_rig.mitigations if m.parameters == ("velocity",))
     faster = at(paper_s_rig.rig, "velocity", 1.12 * speed)
-    assert not always_slides_smoothly(faster, faster.method, Budget(60.0), ss.FromRest())
+    assert not slides_smoothly(faster, faster.method, Budget(60.0), ss.FromRest())
 
 
 def test_the_speeds_of_the_paper_s_rig(paper_s_rig):
@@ -396,9 +396,9 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
     method = ss.Contacts(2000, seed=1)
     seen = ss.regime(ss.simulate(rig, method=method))
     assert (seen.kind, seen.largest_velocity < 3.0) == ("sustained oscillation", True)
-    assert not slides_smoothly(rig, method, Budget(20.0), ss.FromRest(), length_of(rig))
+    assert not slides_smoothly(rig, method, Budget(20.0), ss.FromRest())
     stiff = replace(rig, slider=replace(rig.slider, stiffness=50.0))
-    assert slides_smoothly(stiff, method, Budget(20.0), ss.FromRest(), length_of(stiff))
+    assert slides_smoothly(stiff, method, Budget(20.0), ss.FromRest())
 
 
 @pytest.mark.filterwarnings("error")

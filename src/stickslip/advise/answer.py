@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip.advise import say
 from stickslip.advise.mitigations import Attempt, Mitigation
-from stickslip.advise.speeds import OSCILLATES, Band
+from stickslip.advise.runs import OSCILLATES
+from stickslip.advise.speeds import Band
 from stickslip.answers import Answer, plain
 from stickslip.measure import Regime
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG

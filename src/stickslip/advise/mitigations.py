@@ -12,12 +12,10 @@ from stickslip.advise.runs import (
     PRECISION,
     Budget,
     Spent,
-    always_slides_smoothly,
     at_speed,
     contacts_of,
     first_smooth,
     judge,
-    length_of,
     slides_smoothly,
 )
 from stickslip.advise.speeds import BY_THEORY
@@ -254,7 +252,7 @@ class Search:
         try:
             for low, high, _ in self._promising(parts):
                 if (begin := low * _CLEARANCE) < high:
-                    factor = first_smooth(*self._tests(parts, FromRest()), begin, high, ill=low)
+                    factor = first_smooth(self._test(parts, FromRest()), begin, high, ill=low)
                     if factor is not None:
                         return factor
         except Spent:
@@ -266,11 +264,11 @@ class Search:
 
         Just past its boundary, or a little further.
         """
-        once, surely = self._tests((part,), FromSliding())
+        smooth = self._test((part,), FromSliding())
         try:
             for low, high, _ in self._promising((part,))[:1]:
                 for factor in (low * clearance for clearance in _CLEARANCES):
-                    if factor < high and math.log(factor) < within and once(factor) and surely(factor):
+                    if factor < high and math.log(factor) < within and smooth(factor):
                         return factor
         except Spent:
             pass
@@ -299,21 +297,15 @@ class Search:
                 furthest = min(furthest, WIDEST_STD * self.setting.interface.thresholds.moment(1) / value)
         return furthest
 
-    def _tests(
-        self, parts: Parts, start: FromRest | FromSliding
-    ) -> tuple[Callable[[float], bool], Callable[[float], bool]]:
-        """Whether one run slides smoothly, by the factor of a change; and whether many do, so that it can be said."""
+    def _test(self, parts: Parts, start: FromRest | FromSliding) -> Callable[[float], bool]:
+        """Whether the rig slides smoothly, by the factor of a change."""
         path = together(parts)
 
-        def once(factor: float) -> bool:
+        def smooth(factor: float) -> bool:
             there = path.set(self.setting, factor)
-            may = is_stable(there) is not False
-            return may and slides_smoothly(there, self.method, self.budget, start, length_of(there))
+            return is_stable(there) is not False and slides_smoothly(there, self.method, self.budget, start)
 
-        def surely(factor: float) -> bool:
-            return always_slides_smoothly(path.set(self.setting, factor), self.method, self.budget, start)
-
-        return once, surely
+        return smooth
 
 
 def _nearest(factors: dict[int, float | None]) -> tuple[int, float] | None:

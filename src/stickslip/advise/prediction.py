@@ -37,9 +37,8 @@ from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording
 from stickslip.sliding import kinetic_friction, respond
 
-_FIRST, _ALL, _FOR_SPEEDS = 0.8, 10.0, 0.25
-"""Seconds, by estimate, for the first run, and for all runs, which is as long as attention lasts (J. Nielsen, Usability
-Engineering, 1993); the part of what is then left that goes to other speeds."""
+_FIRST, _ALL, _FOR_SPEEDS = 0.8, 15.0, 0.25
+"""Seconds, by estimate, for the first run, and for all runs; the part of the rest that goes to other speeds."""
 _DEARER = 10.0
 """How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
 _FEWEST_CYCLES = 3.3
@@ -116,7 +115,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
             noise = rms_over_mean(recording, seen.window[0])
             reason = (
                 f"the force fluctuates by {100 * noise:.2g} % rms, noise of {recording.rig.method.count} contacts: as "
-                "much from sliding as from rest, and less with four times as many"
+                "much from sliding as from rest, and more with a quarter as many"
             )
             seen = replace(seen, kind="smooth sliding", reason=reason)
     if modes:  # what grows is no transient
@@ -170,14 +169,13 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     found = replace(found, margins=tuple(_margins(rig, theory)), complete=True)
     report(0.4)
     if found.ill:
-        changing = Budget((1.0 - _FOR_SPEEDS) * left)
+        changing = Budget(left - _FOR_SPEEDS * left + allowed.left)
         search = changes.Search(rig, bool(found.unstable_modes), theory, changing)
         found = _with_mitigations(found, search, lambda share: report(0.4 + 0.5 * share))
         for change in found.mitigations:
             if change.parameters == (VELOCITY.name,) and change.stops is not None:
                 survey.know(change.stops[0] / speed, "smooth sliding")
-        allowed = Budget(allowed.left + min(changing.left, _FOR_SPEEDS * left))
-        survey.look(allowed, lambda share: report(0.9 + 0.1 * share))
+        survey.look(changing, lambda share: report(0.9 + 0.1 * share))
     report(1.0)
     return replace(found, bands=tuple(_scaled(band, speed) for band in survey.bands()))
 
@@ -207,7 +205,7 @@ def _with_mitigations(found: Prediction, search: changes.Search, report: Progres
     tried = attempts() if tried is None else tried
 
     def order(mitigation: Mitigation) -> tuple[bool, bool, float]:
-        return not turnable.issuperset(mitigation.parameters), mitigation.stops is None, mitigation.size
+        return not turnable.issuperset(mitigation.parameters), mitigation.stops is None, round(mitigation.size, 3)
 
     helped = {parameter_named(m.parameters[0]).title for m in single if m.stops is not None}
     return replace(

@@ -34,6 +34,7 @@ _NO_NOISE = 2.0 * SLIP_VELOCITY
 """Times the velocity of the drive that no noise of contacts in smooth sliding reaches."""
 _PARTS = 10
 """Parts of a run over which the error of a variance is told."""
+OSCILLATES = ("stick-slip", "sustained oscillation")
 _READING = 0.006
 """Seconds that it takes to set up a run and to read it."""
 PRECISION = 0.05
@@ -167,44 +168,53 @@ def judge(
 ) -> Regime:
     """The regime that a start leads to at the constant speed of a rig, in natural units; runs on until it can be told.
 
+    An oscillation about stable smooth sliding is sustained only if it outlasts the slowest mode.
+
     Raises
     ------
     Spent
         If the budget does not allow for a first run. What cannot be told with what is left is undecided.
     """
-    rig = replace(at_speed(setting, setting.velocity, distance), method=method, start=start)
-    budget.pay(cost_of(rig))
-    run, seen = until_judged(rig, budget)
-    if seen.kind in ("smooth sliding", "stick-slip") or not isinstance(method, Contacts):
+    distance = length_of(setting) if distance is None else distance
+    run, seen = _judged(replace(at_speed(setting, setting.velocity, distance), method=method, start=start), budget)
+    if seen.kind not in OSCILLATES or not linear.is_stable(setting):
         return seen
     try:
-        if linear.is_stable(setting) and steady_state(run, seen, budget) == "noise":
+        if (longer := until_decayed(setting)) > distance:
+            run, seen = _judged(replace(run.rig, drive=constant(setting.velocity, longer / setting.velocity)), budget)
+        noise = seen.kind == "sustained oscillation" and isinstance(method, Contacts)
+        if noise and steady_state(run, seen, budget) == "noise":
             return replace(seen, kind="smooth sliding", reason=f"noise of {method.count} contacts, as from sliding")
     except Spent:
         return replace(seen, kind="undecided", reason="noise of the contacts or an oscillation: not looked for")
     return seen
 
 
+def _judged(rig: Rig, budget: Budget) -> tuple[Recording, Regime]:
+    budget.pay(cost_of(rig))
+    return until_judged(rig, budget)
+
+
 def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise", "leaves", "stays"]:
     """What a linearly stable rig does that does not look smooth from rest, told by runs from smooth sliding.
 
-    A rig that does the same from rest and from sliding is in its steady state. Noise of its contacts has a quarter of
-    the variance with four times as many of them: then that is what it does. Otherwise, or where it slips, its contacts
-    leave smooth sliding. Where the run from sliding fluctuates less, smooth sliding stays, once reached.
+    A rig that does the same from rest and from sliding is in its steady state. Noise of its contacts has four times the
+    variance with a quarter of them: then that is what it does. Otherwise, or where it slips, its contacts leave smooth
+    sliding. Where the run from sliding fluctuates less, smooth sliding stays, once reached.
     """
     method = run.rig.method
     assert isinstance(method, Contacts)
     own = replace(run.rig, start=FromSliding(), method=other_contacts(method, 1))
-    more = replace(own, method=replace(method, count=4 * method.count, seed=method.seed + 2))
     budget.pay(cost_of(own))
     from_rest, from_sliding = _variance(run, seen.window[0]), _variance(record(own, long=True), seen.window[0])
     if from_rest[0] - from_sliding[0] > max(math.log(2.0), 3.0 * math.hypot(from_rest[1], from_sliding[1])):
         return "stays"
     if seen.kind == "stick-slip":
         return "leaves"
-    budget.pay(cost_of(more))
-    fallen = 0.5 * (from_rest[0] + from_sliding[0]) - _variance(record(more, long=True), seen.window[0])[0]
-    return "noise" if fallen > math.log(2.0) else "leaves"  # half of the variance lies between a quarter and all of it
+    fewer = replace(own, method=replace(method, count=max(method.count // 4, 1), seed=method.seed + 2))
+    budget.pay(cost_of(fewer))
+    risen = _variance(record(fewer, long=True), seen.window[0])[0] - 0.5 * (from_rest[0] + from_sliding[0])
+    return "noise" if risen > math.log(2.0) else "leaves"  # twice the variance lies between as much and four times
 
 
 def _variance(run: Recording, begin: float) -> tuple[float, float]:
@@ -222,38 +232,32 @@ def rms_over_mean(run: Recording, begin: float) -> float:
     return float(force.std() / abs(force.mean()))
 
 
-def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start, distance: float) -> bool:
-    """Whether a run slides smoothly."""
+def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start) -> bool:
+    """Whether `SEEDS` runs of other contacts all slide smoothly, one of them until the slowest mode decays."""
+    usual = length_of(setting)
+    long = max(until_decayed(setting), 2.0 * usual)
+    distances = [usual, long, *[usual] * (SEEDS - 2)]  # what does not slide is most often told by the first, short one
     try:
-        seen = judge(setting, method, budget, start=start, distance=distance)
+        for other, distance in enumerate(distances, start=1):
+            seen = judge(setting, other_contacts(method, other), budget, start=start, distance=distance)
+            # So few contacts that slips are no larger than their noise: how fast the slider goes tells them apart.
+            fast = seen.largest_velocity is not None and seen.largest_velocity > _NO_NOISE
+            if fast or seen.kind != "smooth sliding":
+                return False
     except InputError:  # such a rig cannot be simulated
         return False
-    # So few contacts that slips are no larger than their noise: how fast the slider goes tells them apart.
-    fast = seen.largest_velocity is not None and seen.largest_velocity > _NO_NOISE
-    return seen.kind == "smooth sliding" and not fast
+    return True
 
 
-def always_slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start) -> bool:
-    """Whether `SEEDS` runs of other contacts all slide smoothly, the first of them until the slowest mode decays."""
-    usual = length_of(setting)
-    distances = [max(until_decayed(setting), 2.0 * usual), *[usual] * (SEEDS - 1)]
-    others = [(other_contacts(method, other), far) for other, far in enumerate(distances, start=1)]
-    return all(slides_smoothly(setting, contacts, budget, start, far) for contacts, far in others)
+def first_smooth(smooth: Callable[[float], bool], begin: float, end: float, ill: float) -> float | None:
+    """A value between two ends down to `PRECISION` below which it slides smoothly, the nearest one within `PRECISION`.
 
-
-def first_smooth(
-    smooth: Callable[[float], bool], surely: Callable[[float], bool], begin: float, end: float, ill: float
-) -> float | None:
-    """A value between two ends within `PRECISION` of which it slides smoothly: the nearest one, to twice that.
-
-    Steps double from the beginning on; the end itself is the last that is tried. What is found must pass the second
-    test, and is moved on in steps of `PRECISION` until it does. The value returned is one such step further, so that
-    it has passed at its nearer end. None if there is no such value.
+    Steps double from the beginning on; the end itself is the last that is tried. None if there is no such value.
 
     Parameters
     ----------
-    smooth, surely : callable
-        A test by one run, and one by many.
+    smooth : callable
+        Whether it slides smoothly at a value; as it is told by runs, bisection ends on a value that has passed.
     begin, end : float
         Where to look, and until where.
     ill : float
@@ -266,9 +270,5 @@ def first_smooth(
             return None
         value = min(value * step, end)
         step *= step
-    value = linear.bisect(smooth, ill, value, PRECISION)[1]
-    while value * (1.0 + PRECISION) <= end:
-        if surely(value):
-            return value * (1.0 + PRECISION)
-        value *= 1.0 + PRECISION
-    return None
+    value = linear.bisect(smooth, ill, value, PRECISION)[1] * (1.0 + PRECISION)
+    return value if value <= end else None

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from stickslip.advise.linear import is_dear, stability_along
 from stickslip.advise.runs import (
+    OSCILLATES,
     PRECISION,
     Budget,
     Spent,
@@ -16,9 +17,6 @@ from stickslip.advise.runs import (
     contacts_of,
     cost_of,
     judge,
-    length_of,
-    other_contacts,
-    until_decayed,
 )
 from stickslip.errors import InputError
 from stickslip.measure import Regime
@@ -39,7 +37,6 @@ MOTIONS = {
     "unknown": "not known",
 }
 """What each kind of motion is called in a sentence."""
-OSCILLATES = ("stick-slip", "sustained oscillation")
 _DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
@@ -157,18 +154,12 @@ class Survey:
             return False
         try:
             seen = judge(there, self._method, budget).kind
-            if seen in OSCILLATES and self._is_stable(speed) and (distance := until_decayed(there)) > length_of(there):
-                longer = judge(there, other_contacts(self._method, 1), budget, distance=distance)
-                seen = longer.kind if longer.kind in OSCILLATES else "undecided"
         except Spent:
             return False
         except InputError:
             seen = "undecided"
         self._known[speed] = seen
         return True
-
-    def _is_stable(self, speed: float) -> bool:
-        return any(band.kind == "stable" for band in self._linear if band.low <= speed <= band.high)
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
         """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.
