@@ -182,8 +182,9 @@ def judge(
     try:
         if (longer := until_decayed(setting)) > distance:
             run, seen = _judged(replace(run.rig, drive=constant(setting.velocity, longer / setting.velocity)), budget)
-        noise = seen.kind == "sustained oscillation" and isinstance(method, Contacts)
-        if noise and steady_state(run, seen, budget) == "noise":
+        if seen.kind != "sustained oscillation" or not isinstance(method, Contacts):
+            return seen
+        if steady_state(run, seen, budget) == "noise":
             return replace(seen, kind="smooth sliding", reason=f"noise of {method.count} contacts, as from sliding")
     except Spent:
         return replace(seen, kind="undecided", reason="noise of the contacts or an oscillation: not looked for")
