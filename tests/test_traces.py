@@ -170,7 +170,7 @@ def test_files_that_are_no_trace_are_refused_in_one_line(tmp_path, text, options
 def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
     with pytest.raises(ss.InputError, match="no such file"):
         read_trace(tmp_path / "none.csv", step=1.0)
-    with pytest.raises(ss.InputError, match="is a folder"):
+    with pytest.raises(ss.InputError, match="is a directory, not a force trace"):
         read_trace(tmp_path, step=1.0)
     for start, message in ((b"\x89HDF\r\n", "HDF5"), (b"CDF\x01", "NetCDF"), (b"PK\x03\x04", "spreadsheet")):
         (tmp_path / "wrong").write_bytes(start + bytes(100))

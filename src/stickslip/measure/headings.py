@@ -7,32 +7,31 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from stickslip.model.quantities import unit_size
 from stickslip.words import PREFIXES
 
 Quantity = Literal["force", "load", "coefficient", "time", "displacement", "other", ""]
 
-_BASES = {"N": "force", "s": "time", "m": "length", "Pa": "stress", "V": "signal", "A": "signal", "m/s": "velocity"}
+_KINDS: dict[str, dict[str, int]] = {
+    "force": {"kg": 1, "m": 1, "s": -2},
+    "time": {"s": 1},
+    "length": {"m": 1},
+    "stress": {"kg": 1, "m": -1, "s": -2},
+    "velocity": {"m": 1, "s": -1},
+    "temperature": {"K": 1},
+}
 _WORDS: dict[str, tuple[str, float]] = {
-    **dict.fromkeys(("sec", "secs", "second", "seconds", "sek", "sekunden"), ("time", 1.0)),
-    **dict.fromkeys(("min", "minutes", "minuten"), ("time", 60.0)),
-    **dict.fromkeys(("h", "hours", "stunden"), ("time", 3600.0)),
-    **dict.fromkeys(("usec", "microseconds"), ("time", 1e-6)),
-    **dict.fromkeys(("msec", "milliseconds"), ("time", 1e-3)),
-    **dict.fromkeys(("newton", "newtons"), ("force", 1.0)),
-    "gf": ("force", 9.80665e-3),
-    **dict.fromkeys(("kgf", "kp"), ("force", 9.80665)),
-    "lbf": ("force", 4.4482216152605),
-    **dict.fromkeys(("micron", "microns", "micrometer"), ("length", 1e-6)),
-    **dict.fromkeys(("in", "inch", "inches"), ("length", 0.0254)),
-    "bar": ("stress", 1e5),
-    "psi": ("stress", 6894.757293168),
+    **dict.fromkeys(("sek", "sekunden"), ("time", 1.0)),
+    "minuten": ("time", 60.0),
+    "stunden": ("time", 3600.0),
     **dict.fromkeys(("volt", "volts"), ("signal", 1.0)),
     **dict.fromkeys(("1", "-", "\N{EN DASH}", "\N{EM DASH}", "none"), ("number", 1.0)),
-    **dict.fromkeys(("°c", "degc", "k", "°f"), ("temperature", 1.0)),
+    **dict.fromkeys(("°c", "degc", "°f"), ("temperature", 1.0)),
     **dict.fromkeys(("hz", "1/s"), ("frequency", 1.0)),
     "%": ("percentage", 0.01),
     **dict.fromkeys(("deg", "°", "rad", "rpm"), ("angle", 1.0)),
 }
+"""What instruments write besides the units that `stickslip.model.quantities` reads."""
 _NAMES: dict[Quantity, set[str]] = {
     "time": {"t", "time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit", "x value", "timestamp"},
     "coefficient": {
@@ -59,12 +58,16 @@ _TAIL = re.compile(r"(?P<name>.*?[^\W_])\s*(?:[/,_]|\s+in\b|\s)\s*(?P<unit>[^\s/
 
 def unit_named(text: str) -> tuple[str, float] | None:
     """Kind of quantity and size in SI units of a unit that instruments write; None if it is not one of these."""
-    plain = text.strip().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
-    for base, kind in _BASES.items():
-        prefix = plain[: -len(base)]
-        if plain.endswith(base) and (prefix in PREFIXES or not prefix):
-            return kind, float(f"1e{PREFIXES[prefix][1]}") if prefix else 1.0
-    return _WORDS.get(plain.lower())
+    plain = text.strip()
+    if plain.lower() in _WORDS:
+        return _WORDS[plain.lower()]
+    prefix = plain[:-1]
+    if plain[-1:] in ("V", "A") and (prefix in PREFIXES or not prefix):
+        return "signal", float(f"1e{PREFIXES[prefix][1]}") if prefix else 1.0
+    found = unit_size(plain) or (unit_size(plain.lower()) if len(plain) > 1 else None)  # Newton, MIN, but no "S"
+    if found is None or plain == "d":  # which names a displacement rather than days
+        return None
+    return next(((kind, found[0]) for kind, parts in _KINDS.items() if parts == found[1]), None)
 
 
 def ratio(unit: str, of: str) -> float | None:
@@ -81,13 +84,7 @@ def simple(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Heading:
-    """Name and unit of a column; either may be empty.
-
-    Attributes
-    ----------
-    name, unit : str
-        As the file has them.
-    """
+    """Name and unit of a column as the file has them; either may be empty."""
 
     name: str = ""
     unit: str = ""

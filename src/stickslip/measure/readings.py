@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.bench import far_outside, spikes
-from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
+from stickslip.measure.headings import Heading, ratio, simple, unit_named
 from stickslip.measure.tables import Rows, Table, read_cell, short
 
 if TYPE_CHECKING:
@@ -96,17 +96,10 @@ def read_trace(
             raise InputError(f"{place}: both step = {step:g} and time = {time!r} are given; leave one out")
     table = Table.read(place, delimiter, decimal)
     constant = _quantity(load)
-    chosen = _choose(
-        table,
-        force=force,
-        time=time,
-        displacement=displacement,
-        load=None if constant else load,
-        step=step,
-        skip=("load",) if constant else (),
-    )
-    read = table.rows(list(chosen.values()))
-    return _dataset(table, read, chosen, step=table.step if step is None else step, load=constant, flip=flip)
+    asked = {"force": force, "time": time, "displacement": displacement} | ({} if constant else {"load": load})
+    chosen = _choose(table, asked, step)
+    read = table.rows(chosen.values())
+    return _dataset(table, read, chosen, step=step or table.step or 0.0, load=constant, flip=flip)
 
 
 def _dataset(
@@ -114,7 +107,7 @@ def _dataset(
     read: Rows,
     chosen: dict[str, int],
     *,
-    step: float | None,
+    step: float,
     load: tuple[float | Array, str] | None,
     flip: bool,
 ) -> xr.Dataset:
@@ -123,31 +116,23 @@ def _dataset(
 
     values = {name: read.values[i] for name, i in chosen.items()}
     units = {name: read.units[i] for name, i in chosen.items()}
-    place, forces = table.place, values["force"]
-    if "time" in chosen:
-        times = values["time"]
-    else:
-        assert step is not None
-        times = step * np.arange(forces.size, dtype=float)
-    outside = far_outside(forces)
-    if outside.any():
-        forces = np.where(outside, np.nan, forces)
+    forces = values["force"]
+    forces = np.where(far_outside(forces), np.nan, forces)
+    times = values["time"] if "time" in chosen else step * np.arange(forces.size, dtype=float)
     readable = np.isfinite(times) & np.isfinite(forces)
     bad = np.flatnonzero(~readable)
     _check_rows(table, read, bad)
-    _check_times(place, read, times)
-    kept: slice | NDArray[np.bool_] = slice(None)
-    if bad.size:
-        first, last = np.flatnonzero(readable)[[0, -1]]
-        kept = np.isfinite(times) & (np.arange(times.size) >= first) & (np.arange(times.size) <= last)
+    _check_times(table.place, read, times)
     spiky = spikes(forces)
     values["force"] = np.where(spiky, np.nan, forces)
+    inner = slice(np.argmax(readable), readable.size - np.argmax(readable[::-1]))
+    kept = np.flatnonzero(np.isfinite(times[inner])) + inner.start
     t = times[kept]
 
     def filled(name: str) -> Array:
         part: Array = values[name][kept]
         known = np.isfinite(part)
-        return part if bool(known.all()) else np.interp(t, t[known], part[known])
+        return part if known.all() else np.asarray(np.interp(t, t[known], part[known]))
 
     coefficient = table.headings[chosen["force"]].quantity == "coefficient"
     force_unit = "1" if coefficient else units["force"] or "N"
@@ -180,7 +165,7 @@ def _dataset(
         {key: ("time", column, {"units": unit, "long_name": text}) for key, (column, unit, text) in columns.items()},
         coords={"time": ("time", t, {"units": units.get("time") or "s", "long_name": "time"})},
         attrs={
-            "source": Path(place).name,
+            "source": Path(table.place).name,
             "rows": int(forces.size),
             "flipped": int(flip),
             "note": "; ".join([*_note(unreadable, forces.size), *assumed]),
@@ -194,24 +179,13 @@ def _dataset(
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _choose(
-    table: Table,
-    *,
-    force: str | int | None,
-    time: str | int | None,
-    displacement: str | int | None,
-    load: str | int | None,
-    step: float | None,
-    skip: tuple[str, ...],
-) -> dict[str, int]:
+def _choose(table: Table, asked: dict[str, str | int | None], step: float | None) -> dict[str, int]:
     """Columns that were asked for, and those that the headings tell."""
     place = table.place
-    asked = {"force": force, "time": time, "displacement": displacement, "load": load}
     given = {name: _column(table, name, wanted) for name, wanted in asked.items() if wanted is not None}
 
-    def only(*quantities: Quantity) -> int | None:
-        taken = given.values()
-        named = [i for i in table.numeric if table.headings[i].quantity in quantities and i not in taken]
+    def only(quantity: str) -> int | None:
+        named = [i for i in table.numeric if table.headings[i].quantity == quantity and i not in given.values()]
         return named[0] if len(named) == 1 else None
 
     if "time" not in given and (clock := only("time")) is not None:
@@ -219,7 +193,7 @@ def _choose(
     if "force" not in given:
         given["force"] = _force_column(table, given, only("force"), only("coefficient"))
     for name in ("displacement", "load"):
-        if name not in given and name not in skip and (found := only(name)) is not None:
+        if name in asked and name not in given and (found := only(name)) is not None:
             given[name] = found
     twice = [(a, b) for a in given for b in given if a < b and given[a] == given[b]]
     if twice:
@@ -336,10 +310,10 @@ def _check_rows(table: Table, read: Rows, bad: np.ndarray[tuple[int, ...], np.dt
 
 
 def _check_times(place: str, read: Rows, times: Array) -> None:
-    known = np.flatnonzero(np.isfinite(times)) if not np.isfinite(times).all() else None
-    back = np.flatnonzero(np.diff(times if known is None else times[known]) <= 0)
+    known = np.flatnonzero(np.isfinite(times))
+    back = np.flatnonzero(np.diff(times[known]) <= 0)
     if back.size:
-        before, after = (back[0], back[0] + 1) if known is None else (known[back[0]], known[back[0] + 1])
+        before, after = known[back[0] : back[0] + 2]
         raise InputError(
             f"{place}: line {read.lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times "
             "must rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"

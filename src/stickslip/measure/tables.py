@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import csv
-import datetime as dt
 import io
 import math
 import re
+import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
+from stickslip.io import files
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import Heading, coefficients_without_unit, is_units_row, ratio, simple, unit_named
 
@@ -28,7 +28,6 @@ LONGEST_LINE = 65_536  # characters
 MOST_COLUMNS = 1000
 _SAMPLE = 400  # lines looked at to find out how a table is laid out
 _HEAD = 1000  # lines among which a table must start
-_CHUNK = 250_000  # rows read at a time
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _ONE_COMMA = re.compile(r"^\s*[-+]?\d+,\d+\s*(?:[^\W\d].*)?$", re.MULTILINE)
@@ -37,7 +36,7 @@ _OTHER_FILES = {
     b"CDF": "NetCDF or HDF5 file, not a table in text; open it as a run",
     b"\xd0\xcf\x11\xe0": "spreadsheet of the old kind (.xls); save it as .xlsx, or as CSV",
 }
-_COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
+_COMMENT = re.compile(r"^\s*(#|%|//|!)+\s*")
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"}
@@ -63,7 +62,6 @@ class Table:
     numeric: list[int]
     source: _Text | dict[int, Array]
     step: float | None = None
-    labels: list[str] = field(default_factory=list)
 
     @classmethod
     def read(cls, place: str, delimiter: str | None, decimal: str | None) -> Table:
@@ -72,20 +70,20 @@ class Table:
         if raw.startswith(b"TDSm"):
             return _tdms(place)
         if raw.startswith(b"PK\x03\x04"):
-            return _of_text(place, _Lines.of(place, _spreadsheet(place, raw)), "\t", ".")
-        return _of_text(place, _Lines.of(place, _as_utf8(place, raw)), delimiter, decimal)
+            raw, delimiter, decimal = _spreadsheet(place, raw), "\t", "."
+        return _of_text(_Text.of(place, raw), delimiter, decimal)
 
-    def rows(self, columns: Sequence[int]) -> Rows:
+    def rows(self, columns: Iterable[int]) -> Rows:
         """Read some columns."""
         if isinstance(self.source, _Text):
-            return self.source.rows(self, sorted(set(columns)))
+            return self.source.rows(self.headings, sorted(set(columns)))
         values = {i: self.source[i] for i in columns}
         lines = np.arange(1, next(iter(values.values())).size + 1, dtype=np.int64)
         return Rows(values=values, units={i: self.headings[i].unit for i in columns}, lines=lines)
 
     def line(self, number: int) -> str:
         """Text of a line, counted from 1."""
-        return self.source.lines.text(number - 1).strip() if isinstance(self.source, _Text) else f"sample {number}"
+        return self.source.line(number - 1).strip() if isinstance(self.source, _Text) else f"sample {number}"
 
     def listed(self) -> str:
         """The columns of numbers, for a message."""
@@ -94,29 +92,180 @@ class Table:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Bytes and lines
+# A text
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Text:
+    """A text by its lines, which are never all held as Python's strings; where its rows start, and how they part."""
+
+    place: str
+    raw: bytes
+    ends: NDArray[np.int64]
+    start: int = 0  # first line of the rows, from 0
+    mark: str | None = None  # between columns; None for blanks
+    comma: bool = False  # as the decimal sign
+    quoted: bool = False
+    width: int = 0
+    labels: Sequence[str] = ()  # of columns of text that hold one unit
+
+    @classmethod
+    def of(cls, place: str, raw: bytes) -> _Text:
+        """The text of a file in UTF-8, its lines ended by a line feed."""
+        raw = _as_utf8(place, raw)
+        found = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == 10)
+        ends = found if found.size and found[-1] == len(raw) - 1 else np.append(found, len(raw))
+        length = np.diff(ends, prepend=-1)
+        longest = int(length.argmax())
+        if length[longest] > LONGEST_LINE:
+            raise InputError(
+                f"{place}: line {longest + 1} has {length[longest]:,} characters, more than {LONGEST_LINE:,}: "
+                "no row of a trace; one row to a line, and the columns of time and force are enough"
+            )
+        return cls(place=place, raw=raw, ends=ends)
+
+    def __len__(self) -> int:
+        return int(self.ends.size)
+
+    def line(self, i: int) -> str:
+        """A line, counted from 0."""
+        begin = int(self.ends[i - 1]) + 1 if i else 0
+        return self.raw[begin : int(self.ends[i])].decode(errors="replace").rstrip("\r")
+
+    def rows(self, headings: Sequence[Heading], columns: Sequence[int]) -> Rows:
+        """Read some columns; blank lines and comments are left out."""
+        # Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number.
+        labels = [*self.labels, *[""] * (self.width + 2)]
+        beside = {i: i + 1 for i in columns if labels[i + 1]}
+        for i in beside:
+            if unit_named(labels[i + 2]):
+                unit = f"{labels[i + 1]} {labels[i + 2]}"
+                raise InputError(
+                    f"{self.place}: column {i + 1} holds numbers in {unit!r}; write one unit without blanks"
+                )
+        frame = self._frame([*columns, *beside.values(), self.width])
+        count = len(self) - self.start
+        if len(frame) != count:
+            raise InputError(
+                f"{self.place}: {count} lines from line {self.start + 1} on make {len(frame)} rows: "
+                "a quotation mark is not closed, or a row is cut off"
+            )
+        beyond = frame[self.width]
+        surplus = np.isfinite(_numbers(beyond, self.comma)[0])
+        if self.mark is None:
+            surplus |= beyond.map(lambda cell: isinstance(cell, str) and unit_named(cell) is not None).to_numpy(bool)
+        values, units = {}, {}
+        for i in columns:
+            values[i], cells = _numbers(frame[i], self.comma)
+            if i in beside:
+                cells = frame[beside[i]].astype(str)
+            values[i][surplus] = math.nan
+            units[i] = self._one_unit(i, values[i], cells, headings[i].unit, label=i in beside)
+        keep = np.logical_or.reduce([np.isfinite(numbers) for numbers in values.values()])
+        for row in np.flatnonzero(~keep).tolist():
+            line = self.line(self.start + row)
+            keep[row] = bool(line.strip()) and not _COMMENT.match(line)
+        if not keep.all():
+            values = {i: numbers[keep] for i, numbers in values.items()}
+        return Rows(values=values, units=units, lines=np.flatnonzero(keep) + self.start + 1)
+
+    def _frame(self, columns: Sequence[int]) -> pd.DataFrame:
+        """Cells of the rows; a column beyond the last takes what is too much."""
+        import pandas as pd
+
+        begin = int(self.ends[self.start - 1]) + 1 if self.start else 0
+        full = (self.mark or " ").join("0" * (self.width + 1)) + "\n"  # a row that has them all
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are told of later
+            try:
+                cells = pd.read_csv(
+                    io.BytesIO(full.encode() + self.raw[begin:]),
+                    sep=r"\s+" if self.mark is None else self.mark,
+                    decimal="," if self.comma else ".",
+                    header=None,
+                    names=range(self.width + 1),
+                    usecols=sorted(columns),
+                    skip_blank_lines=False,
+                    skipinitialspace=True,
+                    quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
+                    encoding_errors="replace",
+                )
+            except pd.errors.ParserError as error:
+                reason = shortened(" ".join(str(error).split()))
+                raise InputError(f"{self.place}: its rows do not have {self.width} columns ({reason})") from None
+        return cells[1:]
+
+    def _one_unit(self, column: int, values: Array, cells: pd.Series[str] | None, head: str, *, label: bool) -> str:
+        """The one unit of a column of numbers; `InputError` where its cells have several, or leave it open."""
+        if cells is None:
+            return head
+        cells = cells.where(np.isfinite(values), "")
+
+        def refuse(unit: str, what: str) -> None:
+            line = self.start + int(np.flatnonzero(cells == unit)[0]) + 1
+            raise InputError(
+                f"{self.place}: line {line}, {short(self.line(line - 1).strip())!r}: column {column + 1} holds "
+                f"{unit!r}{what}; write one unit of one kind"
+            )
+
+        count = cells.value_counts()
+        bare = int(np.isfinite(values).sum() - count.drop("", errors="ignore").sum())
+        named = count.drop("", errors="ignore")
+        usual = str(named.index[0]) if named.size and named.iloc[0] >= bare else ""
+        for unit in named.index:
+            known = unit_named(unit)
+            if unit != usual and known:
+                refuse(unit, f" among {usual!r}" if usual else " among numbers without a unit")
+            if unit == usual and not known and "/" in unit:
+                refuse(unit, "")
+            if unit != usual or not (label or known):  # a cell that holds more than a number and its unit is none
+                values[cells == unit] = math.nan
+        if not unit_named(usual):
+            return head
+        if head and not ratio(usual, head):
+            refuse(usual, f" below the heading {head!r}")
+        return usual
+
+
+def _numbers(column: pd.Series[Any], comma: bool) -> tuple[Array, pd.Series[str] | None]:
+    """The numbers of a column, NaN where a cell holds none, and their units; None where it is one of bare numbers."""
+    import pandas as pd
+
+    if column.dtype.kind in "fiu":
+        values = column.to_numpy(dtype=float, copy=True)
+        values[np.isinf(values)] = math.nan
+        return values, None
+    which, texts = pd.factorize(column.to_numpy(), use_na_sentinel=False)
+    read = [read_cell(str(text), comma) for text in texts]
+    values = np.array([math.nan if value is None else value for value, _ in read])[which]
+    return values, pd.Series(np.array([unit for _, unit in read], dtype=object)[which], index=column.index)
+
+
+def read_cell(cell: str, comma: bool) -> tuple[float | None, str]:
+    """Number and unit of a cell; no number, and no unit, where it holds none that is finite."""
+    cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
+    match = _NUMBER.fullmatch(cell.replace(",", ".") if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
+    value = float(match[1].translate(_FORTRAN)) if match else math.nan
+    return (value, (match[2] or "").strip()) if match and math.isfinite(value) else (None, "")
+
+
+def short(text: str) -> str:
+    """A text cut to what a message bears."""
+    text = text.strip()
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Bytes
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 def _bytes(place: str) -> bytes:
     """The content of a file, or one clear line on why there is none."""
-    path = Path(place)
-    try:
-        if path.exists() and not path.is_file():
-            what = "a folder" if path.is_dir() else "no regular file"
-            raise InputError(f"{place}: is {what}; name the file with the force trace")
-        size = path.stat().st_size
-        raw = path.read_bytes() if size <= LARGEST_FILE else b""
-    except FileNotFoundError:
-        raise InputError(f"{place}: no such file; check the name and the folder") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{place}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    if size == 0:
+    raw = files.read(place, "force trace", largest=LARGEST_FILE)
+    if not raw:
         raise InputError(f"{place}: is empty; it should hold a column of forces")
-    if size > LARGEST_FILE:
-        raise InputError(
-            f"{place}: has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:.0f}; keep every n-th row, or a part"
-        )
     for start, what in _OTHER_FILES.items():
         if raw.startswith(start):
             raise InputError(f"{place}: is a {what}")
@@ -149,254 +298,77 @@ def _as_utf8(place: str, raw: bytes) -> bytes:
     return raw
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Lines:
-    """A text by its lines; they are never all held as Python's strings."""
-
-    raw: bytes
-    ends: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, place: str, raw: bytes) -> _Lines:
-        found = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == 10)
-        ends = found if found.size and found[-1] == len(raw) - 1 else np.append(found, len(raw))
-        length = np.diff(ends, prepend=-1)
-        longest = int(length.argmax())
-        if length[longest] > LONGEST_LINE:
-            raise InputError(
-                f"{place}: line {longest + 1} has {length[longest]:,} characters, more than {LONGEST_LINE:,}: "
-                "no row of a trace; one row to a line, and the columns of time and force are enough"
-            )
-        return cls(raw=raw, ends=ends)
-
-    def __len__(self) -> int:
-        return int(self.ends.size)
-
-    def text(self, i: int) -> str:
-        begin = int(self.ends[i - 1]) + 1 if i else 0
-        return self.raw[begin : int(self.ends[i])].decode(errors="replace").rstrip("\r")
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # Layout of a text
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Text:
-    """Where in a text the rows stand, and how they are parted."""
-
-    lines: _Lines
-    start: int  # first line of the rows, from 0
-    parting: str | None
-    comma: bool
-    quoted: bool
-    width: int
-
-    def rows(self, table: Table, columns: Sequence[int]) -> Rows:
-        """Read some columns; blank lines and comments are left out."""
-        beside = self._unit_columns(table, columns)
-        wanted = sorted({*columns, *beside.values(), self.width})
-        cells: dict[int, list[tuple[Array, NDArray[np.intp]]]] = {i: [] for i in columns}
-        units = [""]
-        for chunk in self._chunks(wanted, table.place):
-            wide = _numbers(chunk[self.width], self.comma, [""])[0]
-            surplus = np.isfinite(wide) | (self.parting is None and chunk[self.width].map(_is_unit).to_numpy(bool))
-            for i in columns:
-                values, unit = _numbers(chunk[i], self.comma, units)
-                if i in beside:
-                    unit = _coded(chunk[beside[i]].map(lambda cell: cell if isinstance(cell, str) else ""), units)
-                values[surplus] = math.nan
-                cells[i].append((values, unit))
-        whole = {
-            i: (np.concatenate([a for a, _ in parts])[1:], np.concatenate([b for _, b in parts])[1:])
-            for i, parts in cells.items()
-        }
-        count, filled = len(self.lines) - self.start, whole[columns[0]][0].size
-        if filled != count:
-            raise InputError(
-                f"{table.place}: {count} lines from line {self.start + 1} on make {filled} rows: "
-                "a quotation mark is not closed, or a row is cut off"
-            )
-        names = {i: self._one_unit(table, i, *whole[i], units, label=i in beside) for i in columns}
-        read = {i: numbers for i, (numbers, _) in whole.items()}
-        empty = np.logical_and.reduce([~np.isfinite(numbers) for numbers in read.values()])
-        keep = np.ones(count, dtype=bool)
-        for row in np.flatnonzero(empty).tolist():
-            content = self.lines.text(self.start + row)
-            keep[row] = bool(content.strip()) and not _COMMENT.match(content)
-        if not keep.all():
-            read = {i: numbers[keep] for i, numbers in read.items()}
-        return Rows(values=read, units=names, lines=np.flatnonzero(keep) + self.start + 1)
-
-    def _unit_columns(self, table: Table, columns: Sequence[int]) -> dict[int, int]:
-        """Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number."""
-
-        def label(column: int) -> str:
-            return table.labels[column] if column < self.width and column not in table.numeric else ""
-
-        beside = {i: i + 1 for i in columns if self.parting is None and label(i + 1)}
-        for i in beside:
-            if unit_named(label(i + 2)):
-                unit = f"{label(i + 1)} {label(i + 2)}"
-                raise InputError(
-                    f"{table.place}: column {i + 1} holds numbers in {unit!r}; write one unit without blanks"
-                )
-        return beside
-
-    def _chunks(self, columns: Sequence[int], place: str) -> Iterator[pd.DataFrame]:
-        """The rows in parts; a column beyond the last takes what is too much."""
-        import pandas as pd
-
-        begin = int(self.lines.ends[self.start - 1]) + 1 if self.start else 0
-        full = (self.parting or " ").join("0" * (self.width + 1)) + "\n"  # a row that has them all
-        try:
-            yield from pd.read_csv(
-                io.BytesIO(full.encode() + self.lines.raw[begin:]),
-                sep=r"\s+" if self.parting is None else self.parting,
-                decimal="," if self.comma else ".",
-                header=None,
-                names=range(self.width + 1),
-                usecols=columns,
-                skip_blank_lines=False,
-                skipinitialspace=True,
-                quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
-                chunksize=_CHUNK,
-                encoding_errors="replace",
-            )
-        except pd.errors.ParserError as error:
-            reason = shortened(" ".join(str(error).split()))
-            raise InputError(f"{place}: its rows do not have {self.width} columns ({reason})") from None
-
-    def _one_unit(
-        self, table: Table, column: int, values: Array, code: NDArray[np.intp], names: list[str], *, label: bool
-    ) -> str:
-        """The one unit of a column of numbers; `InputError` where its cells have several, or leave it open."""
-
-        def refuse(unit: int, what: str) -> None:
-            line = self.start + int(np.flatnonzero(code == unit)[0]) + 1
-            raise InputError(
-                f"{table.place}: line {line}, {short(table.line(line))!r}: column {column + 1} holds "
-                f"{names[unit]!r}{what}; write one unit of one kind"
-            )
-
-        head = table.headings[column].unit
-        code[~np.isfinite(values)] = 0
-        count = np.bincount(code, minlength=len(names))
-        bare = int(np.count_nonzero(np.isfinite(values))) - int(count[1:].sum())
-        usual = int(np.argmax(count[1:])) + 1 if count[1:].any() else 0
-        if bare > count[usual]:
-            usual = 0
-        among = f" among {names[usual]!r}" if usual else " among numbers without a unit"
-        for unit in (np.flatnonzero(count[1:]) + 1).tolist():
-            known = unit_named(names[unit])
-            if unit != usual and known:
-                refuse(unit, among)
-            elif unit == usual and not known and "/" in names[unit]:
-                refuse(unit, "")
-            elif unit != usual or not (label or known):  # a cell that holds more than a number and its unit is none
-                values[code == unit] = math.nan
-        if not usual or not unit_named(names[usual]):
-            return head
-        if head and not ratio(names[usual], head):
-            refuse(usual, f" below the heading {head!r}")
-        return names[usual]
-
-
-def _is_unit(cell: object) -> bool:
-    return isinstance(cell, str) and unit_named(cell) is not None
-
-
-def _numbers(column: pd.Series[Any], comma: bool, units: list[str]) -> tuple[Array, NDArray[np.intp]]:
-    """The numbers of a column, NaN where a cell holds none, and for each the place of its unit among `units`."""
-    import pandas as pd
-
-    code = np.zeros(column.size, dtype=np.intp)
-    if column.dtype.kind in "fiu":
-        values = column.to_numpy(dtype=float, copy=True)
-    else:
-        which, texts = pd.factorize(column.to_numpy(), use_na_sentinel=False)
-        read = [read_cell(str(text), comma) for text in texts]
-        values = np.array([math.nan if value is None else value for value, _ in read])[which]
-        code = _coded(pd.Series([unit for _, unit in read]), units)[which]
-    values[np.isinf(values)] = math.nan
-    return values, code
-
-
-def _coded(texts: pd.Series[Any], units: list[str]) -> NDArray[np.intp]:
-    """The place of each text among `units`, which takes the new ones."""
-    units += [text for text in texts.unique() if text not in units]
-    return np.asarray(texts.map({text: i for i, text in enumerate(units)}), dtype=np.intp)
-
-
-def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | None) -> Table:
+def _of_text(text: _Text, delimiter: str | None, decimal: str | None) -> Table:
     """Find the rows of numbers in a text, and their headings."""
-    head = [(i, text) for i in range(min(len(lines), _HEAD)) if (text := lines.text(i)).strip()]
-    heading_end = max((k for k, (_, text) in enumerate(head) if text.startswith("***End_of_Header***")), default=-1)
-    remarks = [(i, text) for i, text in head if _COMMENT.match(text)]
-    content = [(i, text) for k, (i, text) in enumerate(head) if k > heading_end and not _COMMENT.match(text)]
-    body = _body(lines, content)
-    if not body:
+    place = text.place
+    head = [(i, line) for i in range(min(len(text), _HEAD)) if (line := text.line(i)).strip()]
+    ends = [k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")]
+    labview, head = (head[: ends[-1]], head[ends[-1] + 1 :]) if ends else ([], head)
+    content = [(i, line) for i, line in head if not _COMMENT.match(line)]
+    sample = _sample(text, content)
+    if not sample:
         raise InputError(f"{place}: holds comments only; it should hold a column of forces")
-    titles = [text for _, text in content if not re.search(r"\d", text)]
-    parting, comma = _layout(place, body, titles, delimiter, decimal)
-    cells = split(body, parting)
-    width = Counter(len(row) for row in cells).most_common(1)[0][0]
+    titles = [line for _, line in content if not re.search(r"\d", line)]
+    mark, comma = _layout(place, sample, titles, delimiter, decimal)
+    cells = split(sample, mark)
+    width = _most([len(row) for row in cells])
     if width > MOST_COLUMNS:
         raise InputError(f"{place}: has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
-    names = {len(row) for row in split(titles, ",")} if parting == "," and "." not in "".join(body) else set()
+    names = {len(row) for row in split(titles, ",")} if mark == "," and "." not in "".join(sample) else set()
     if width % 2 == 0 and width // 2 in names - {1}:
         raise InputError(
-            f"{place}: rows such as {short(body[-1])!r} have {width} columns below {width // 2} names: a comma cannot "
-            "be both the decimal sign and what separates the columns; export with ';' or with decimal points"
+            f"{place}: rows such as {short(sample[-1])!r} have {width} columns below {width // 2} names: a comma "
+            "cannot be both the decimal sign and what separates the columns; export with ';' or with decimal points"
         )
-    numeric = [i for i in range(width) if _mostly_numbers(cells, i, comma)]
+    columns = [[row[i] for row in cells if i < len(row)] for i in range(width)]
+    numeric = [i for i, column in enumerate(columns) if _mostly_numbers(column, comma)]
     if not numeric:
         raise InputError(
-            f"{place}: line {content[0][0] + 1}, {short(content[0][1])!r}: found no column of numbers in {len(lines)} "
+            f"{place}: line {content[0][0] + 1}, {short(content[0][1])!r}: found no column of numbers in {len(text)} "
             "rows; it should hold a column of forces"
         )
-    start = next((i for i, text in content if _is_row(split([text], parting)[0], numeric, comma)), None)
+    start = next((i for i, line in content if _is_row(split([line], mark)[0], numeric, comma)), None)
     if start is None:
         raise InputError(
             f"{place}: the numbers start only after line {head[-1][0] + 1}; leave the text before them out"
         )
-    above = [(i, text) for i, text in content if i < start]
-    heads = sorted(above + [(i, _COMMENT.sub("", text, count=1)) for i, text in remarks if i < start])
-    labels = [_label(cells, i) for i in range(width)]
-    headings = _headings([text for _, text in heads], parting, width, numeric, comma)
+    labels = ["" if i in numeric else _label(column) for i, column in enumerate(columns)]
+    headings = _headings([_COMMENT.sub("", line) for i, line in head if i < start], mark, width, numeric, comma)
     for i in numeric:  # units in the cells tell the columns, too
-        unit = _unit_in_cells(cells, i, comma) or (labels[i + 1] if parting is None and i + 1 < width else "")
+        unit = _most([read_cell(cell, comma)[1] for cell in columns[i]])
+        unit = unit or (labels[i + 1] if mark is None and i + 1 < width else "")
         if not headings[i].unit and unit_named(unit):
             headings[i] = Heading(name=headings[i].name, unit=unit)
-    headings = coefficients_without_unit(headings)
-    step = None
-    if heading_end >= 0:
-        headings, step = _labview([text for _, text in head[:heading_end]], headings, numeric, parting, comma)
-    source = _Text(
-        lines=lines,
-        start=start,
-        parting=parting,
-        comma=comma,
-        quoted='"' in "".join(body),
-        width=width,
-    )
-    return Table(place=place, headings=headings, numeric=numeric, source=source, step=step, labels=labels)
+    headings, step = _labview([line for _, line in labview], coefficients_without_unit(headings), numeric, mark, comma)
+    source = replace(
+        text, start=start, mark=mark, comma=comma, quoted='"' in "".join(sample), width=width,
+        labels=labels if mark is None else (),
+    )  # fmt: skip
+    return Table(place=place, headings=headings, numeric=numeric, source=source, step=step)
 
 
-def _body(lines: _Lines, content: list[tuple[int, str]]) -> list[str]:
+def _sample(text: _Text, content: list[tuple[int, str]]) -> list[str]:
     """Some lines from all over the file but its beginning, where text may stand."""
-    if len(lines) <= _HEAD:
-        return [text for _, text in content[len(content) // 3 :]]
-    picked = np.linspace(len(lines) // 3, len(lines) - 1, _SAMPLE).astype(int).tolist()
-    found = [lines.text(i) for i in picked]
-    return [text for text in found if text.strip() and not _COMMENT.match(text)]
+    if len(text) <= _HEAD:
+        return [line for _, line in content[len(content) // 3 :]]
+    lines = [text.line(i) for i in np.linspace(len(text) // 3, len(text) - 1, _SAMPLE).astype(int).tolist()]
+    return [line for line in lines if line.strip() and not _COMMENT.match(line)]
+
+
+def _most(values: Sequence[Any]) -> Any:
+    """The value that most have."""
+    return Counter(values).most_common(1)[0][0]
 
 
 def _layout(
     place: str, sample: list[str], titles: list[str], delimiter: str | None, decimal: str | None
 ) -> tuple[str | None, bool]:
-    """What parts the columns (None for blanks), and whether the decimal sign is a comma; `titles` hold no digit."""
+    """What separates the columns (None for blanks), and whether the decimal sign is a comma; `titles` hold no digit."""
     if decimal not in (None, ".", ","):
         raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
     if delimiter is not None:
@@ -437,44 +409,28 @@ def split(contents: Sequence[str], mark: str | None) -> list[list[str]]:
     return [content.rstrip("\r\n").split(mark) for content in contents]
 
 
-def _value(row: Sequence[str], column: int, comma: bool) -> float | None:
-    """The number in a cell, a unit after it left out; None if there is none, or it is not finite."""
-    return read_cell(row[column], comma)[0] if column < len(row) else None
+def _holds_none(cell: str) -> bool:
+    return cell.strip().lower() in _NO_VALUE
 
 
-def read_cell(cell: str, comma: bool) -> tuple[float | None, str]:
-    """Number and unit of a cell; no number, and no unit, where it holds none that is finite."""
-    cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
-    match = _NUMBER.fullmatch(cell.replace(",", ".") if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
-    value = float(match[1].translate(_FORTRAN)) if match else math.nan
-    return (value, (match[2] or "").strip()) if match and math.isfinite(value) else (None, "")
-
-
-def _mostly_numbers(cells: list[list[str]], column: int, comma: bool) -> bool:
+def _mostly_numbers(column: list[str], comma: bool) -> bool:
     """Whether most cells of a column hold numbers, cells that say "no value" left aside."""
-    filled = [row for row in cells if column < len(row) and row[column].strip().lower() not in _NO_VALUE]
-    count = sum(_value(row, column, comma) is not None for row in filled)
+    filled = [cell for cell in column if not _holds_none(cell)]
+    count = sum(read_cell(cell, comma)[0] is not None for cell in filled)
     return count > 0 and (count >= 0.5 * len(filled) or count >= len(filled) - 3)
 
 
 def _is_row(row: list[str], numeric: list[int], comma: bool) -> bool:
     """Whether a line is a row of the table: numbers in its columns of numbers."""
-    found = [_value(row, i, comma) is not None for i in numeric]
-    missing = [i < len(row) and row[i].strip().lower() in _NO_VALUE for i in numeric]
-    return any(found) and all(a or b for a, b in zip(found, missing, strict=True))
+    cells = [row[i] if i < len(row) else "no number" for i in numeric]
+    found = [read_cell(cell, comma)[0] is not None for cell in cells]
+    return any(found) and all(number or _holds_none(cell) for number, cell in zip(found, cells, strict=True))
 
 
-def _unit_in_cells(cells: list[list[str]], column: int, comma: bool) -> str:
-    """The unit that most cells of a column of numbers hold."""
-    units = Counter(read_cell(row[column], comma)[1] for row in cells if column < len(row))
-    return units.most_common(1)[0][0] if units else ""
-
-
-def _label(cells: list[list[str]], column: int) -> str:
-    """The unit that most cells of a column of text hold, if they are units."""
-    texts = [row[column] for row in cells if column < len(row)]
-    most = Counter(texts).most_common(1)
-    return most[0][0] if most and (unit_named(most[0][0]) or most[0][1] >= 0.9 * len(texts)) else ""
+def _label(column: list[str]) -> str:
+    """The unit that most cells of a column of text hold, if they are units, or all the same."""
+    text, count = Counter(column).most_common(1)[0]
+    return text if unit_named(text) or count >= 0.9 * len(column) else ""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -482,40 +438,30 @@ def _label(cells: list[list[str]], column: int) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _headings(heads: list[str], parting: str | None, width: int, numeric: list[int], comma: bool) -> list[Heading]:
+def _headings(heads: list[str], mark: str | None, width: int, numeric: list[int], comma: bool) -> list[Heading]:
     """Names and units of the columns, from the lines just above the table that have as many cells."""
-    names: list[str] | None = None
-    units: list[str] | None = None
-    for k in range(len(heads) - 1, -1, -1):
-        cells = _as_wide(heads[k], parting, width, numeric)
-        if cells is None or all(c.strip().lower() in _NO_VALUE or read_cell(c, comma)[0] is not None for c in cells):
-            continue
-        if units is None:
-            above = any(_as_wide(other, parting, width, numeric) is not None for other in heads[:k])
-            if is_units_row(cells, below_names=above):
-                units = [cell.strip().strip('"').strip("[]() ") for cell in cells]
-                continue
-        names = cells
-        break
-    found = [Heading.read(name) for name in names or [""] * width]
-    if units is None:
-        return found
-    return [Heading(name=h.name, unit=unit or h.unit) for h, unit in zip(found, units, strict=True)]
+    rows = [cells for line in heads if (cells := _as_wide(line, mark, width, numeric))]
+    told = [cells for cells in rows if not all(_holds_none(c) or read_cell(c, comma)[0] is not None for c in cells)]
+    units = [""] * width
+    if told and is_units_row(told[-1], below_names=len(rows) > 1):
+        units = [cell.strip().strip('"').strip("[]() ") for cell in told.pop()]
+    found = map(Heading.read, told[-1] if told else [""] * width)
+    return [Heading(name=each.name, unit=unit or each.unit) for each, unit in zip(found, units, strict=True)]
 
 
-def _as_wide(line: str, parting: str | None, width: int, numeric: list[int]) -> list[str] | None:
+def _as_wide(line: str, mark: str | None, width: int, numeric: list[int]) -> list[str] | None:
     """The cells of a line above the table, one to a column; None if they are not as many."""
     found: list[list[str]] = []
-    if parting is None:  # names may hold blanks: look for other marks first
-        found += [cells for mark in ",;\t" if mark in line for cells in split([line], mark)]
+    if mark is None:  # names may hold blanks: look for other marks first
+        found += [cells for other in ",;\t" if other in line for cells in split([line], other)]
         found.append(re.split(r"\s+(?![\[(])", line.strip()))
-    found += split([line], parting)
-    if parting is None and len(numeric) == 1:
+    found += split([line], mark)
+    if mark is None and len(numeric) == 1:
         found.append([line.strip()])
     for cells in found:
         if len(cells) == width + 1 and simple(cells[-1]) in _REMARKS:
             cells = cells[:-1]
-        if len(cells) == width or (parting is None and len(cells) == len(numeric)):
+        if len(cells) == width or (mark is None and len(cells) == len(numeric)):
             columns = range(width) if len(cells) == width else numeric
             wide = [""] * width
             for i, cell in zip(columns, cells, strict=True):
@@ -525,25 +471,16 @@ def _as_wide(line: str, parting: str | None, width: int, numeric: list[int]) -> 
 
 
 def _labview(
-    head: list[str], headings: list[Heading], numeric: list[int], parting: str | None, comma: bool
+    head: list[str], headings: list[Heading], numeric: list[int], mark: str | None, comma: bool
 ) -> tuple[list[Heading], float | None]:
     """Units and time step from the head of a LabVIEW measurement file."""
-    step, found = None, list(headings)
-    for cells in split(head, parting or "\t"):
-        if cells[0] == "X_Columns" and cells[1:2] == ["One"] and not found[numeric[0]].name:
-            found[numeric[0]] = Heading(name="X_Value")
-        elif cells[0] == "Delta_X" and len(cells) > 1:
-            step = read_cell(cells[1], comma)[0] or None
-        elif cells[0] == "Y_Unit_Label":
-            for i, unit in zip([i for i in numeric if found[i].quantity != "time"], cells[1:], strict=False):
-                found[i] = Heading(name=found[i].name, unit=found[i].unit or unit.strip())
-    return found, step
-
-
-def short(text: str) -> str:
-    """A text cut to what a message bears."""
-    text = text.strip()
-    return text if len(text) <= 40 else text[:37] + "..."
+    told, found = {cells[0]: cells[1:] for cells in split(head, mark or "\t")}, list(headings)
+    if told.get("X_Columns", [])[:1] == ["One"] and not found[numeric[0]].name:
+        found[numeric[0]] = Heading(name="X_Value")
+    forces = [i for i in numeric if found[i].quantity != "time"]
+    for i, unit in zip(forces, told.get("Y_Unit_Label", []), strict=False):
+        found[i] = Heading(name=found[i].name, unit=found[i].unit or unit.strip())
+    return found, read_cell("".join(told.get("Delta_X", [])[:1]), comma)[0] or None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -552,31 +489,27 @@ def short(text: str) -> str:
 
 
 def _spreadsheet(place: str, raw: bytes) -> bytes:
-    """The first sheet with numbers of an .xlsx file, as text separated by tabs."""
+    """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
+    import pandas as pd
+
     try:
-        import openpyxl
+        sheets = pd.read_excel(io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl")
     except ImportError:
         raise InputError(
             f"{place}: is a spreadsheet; `pip install openpyxl` to read .xlsx, or export the table as CSV"
         ) from None
-    try:
-        book = openpyxl.load_workbook(io.BytesIO(raw), read_only=True, data_only=True)
-        sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
     except Exception as error:  # openpyxl lets errors of zip, XML and its own through
         raise InputError(f"{place}: is no spreadsheet that can be read ({error}); export the table as CSV") from None
-    numbers = [sum(isinstance(cell, (int, float)) for row in sheet for cell in row) for sheet in sheets]
-    if not numbers or not max(numbers):
+
+    def numbers(sheet: pd.DataFrame) -> int:
+        return int(sheet.map(lambda cell: isinstance(cell, (int, float)) and cell == cell).to_numpy().sum())
+
+    sheet = max(sheets.values(), key=numbers)
+    if not numbers(sheet):
         raise InputError(f"{place}: no sheet holds a number; it should hold a column of forces")
-    sheet = sheets[numbers.index(max(numbers))]
-    return "\n".join("\t".join(_cell_as_text(cell) for cell in row) for row in sheet).encode()
-
-
-def _cell_as_text(cell: object) -> str:
-    if cell is None:
-        return ""
-    if isinstance(cell, (dt.datetime, dt.date, dt.time)):
-        return cell.isoformat()
-    return repr(float(cell)) if isinstance(cell, (int, float)) else re.sub(r"[\t\r\n\"]", " ", str(cell))
+    plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
+    text: str = plain.to_csv(sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE)
+    return text.encode()
 
 
 def _tdms(place: str) -> Table:
@@ -592,14 +525,14 @@ def _tdms(place: str) -> Table:
         raise InputError(f"{place}: is no TDMS file that can be read ({error}); export it as text") from None
     if not found:
         raise InputError(f"{place}: holds no channel of numbers; it should hold one of forces")
-    length = Counter(len(channel) for channel in found).most_common(1)[0][0]
+    length = _most([len(channel) for channel in found])
     found = [channel for channel in found if len(channel) == length]
     headings = []
     for channel in found:
-        read = Heading.read(channel.name)
-        unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", ""))
+        read, of_channel = Heading.read(channel.name), channel.properties
+        unit = str(of_channel.get("unit_string", "") or of_channel.get("NI_UnitDescription", ""))
         headings.append(Heading(name=read.name, unit=unit or read.unit))
-    steps = {float(step) for c in found if (step := c.properties.get("wf_increment"))}
+    steps = {float(step) for channel in found if (step := channel.properties.get("wf_increment"))}
     values = {i: np.asarray(channel[:], dtype=float) for i, channel in enumerate(found)}
     return Table(
         place=place,

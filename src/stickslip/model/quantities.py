@@ -160,6 +160,16 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
     return size, {base: count for base, count in dimensions.items() if count}
 
 
+@lru_cache(maxsize=256)
+def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
+    """Size of a unit in SI base units and the exponents of these; None if it is none that is known here."""
+    try:
+        size, dimensions = _size_of(unit) if re.fullmatch(_UNIT, unit) else (None, {})
+    except InputError:
+        return None
+    return None if size is None else (float(size), dimensions)
+
+
 @lru_cache(maxsize=1)
 def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
     """Every way to write one unit, with its size and the exponents of the SI base units."""
