@@ -14,7 +14,7 @@ from stickslip import cli
 from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
 from stickslip.model import methods
-from stickslip.progress import _lines
+from stickslip.progress import bar
 from stickslip.simulation import estimate
 from stickslip.simulation.engines import base
 from stickslip.simulation.engines.base import solves
@@ -207,9 +207,9 @@ def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
 def test_the_time_left_in_a_log(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr("stickslip.progress.time.monotonic", lambda: now[0])
-    line = _lines("sweep")
-    now[0] = 300.0
-    line(0.25)
+    with bar("sweep") as report:
+        now[0] = 300.0
+        report(0.25)
     assert capsys.readouterr().err.endswith("sweep: 25 %, about 15 min left\n")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, printable
-from stickslip.progress import bar, in_time
+from stickslip.progress import bar, log_of
 
 if TYPE_CHECKING:
     from stickslip.advise import ElasticPrediction, Prediction
@@ -56,21 +56,11 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
         with bar(title) as shown_bar:
             yield lambda p: shown_bar(p.finished / p.total)
         return
-    import time
-
-    begin = time.monotonic()
-    due = begin
+    write = log_of(title, 0.0, _LINES_EVERY)
 
     def line(p: Progress) -> None:
-        nonlocal due
-        now = time.monotonic()
-        if now < due or p.finished == p.total:
-            return
-        due = now + _LINES_EVERY
         words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
-        if fresh := p.finished - p.found:
-            words += f", about {in_time((now - begin) * (p.total - p.finished) / fresh)} left"
-        print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
+        write(words, (p.finished - p.found) / max(p.total - p.found, 1) if p.finished < p.total else 1.0)
 
     yield line
 

@@ -117,24 +117,8 @@ def number(
 ) -> float:
     """Return `value` as a float if it is a real number in the range, else raise `InputError`.
 
-    Parameters
-    ----------
-    place : str
-        Where the value stands, for the message: ``"Slider.mass"``.
-    value : object
-        What was given there.
-    above, at_least, below, at_most : float, optional
-        Open and closed bounds.
-    infinite : bool
-        Whether infinity is allowed.
-    hint : str
-        What the number means, with its unit.
-
-    Raises
-    ------
-    InputError
-        If the value is not a number, is NaN, or is out of range; if it is larger than 1e30 in size, or below 1e-30
-        though neither 0 nor a quantity that may be negative.
+    `place` says where it stands (``"Slider.mass"``), `hint` what it means, with its unit. Refused, too, is a size
+    beyond 1e30, and one below 1e-30 of what is neither 0 nor may be negative.
     """
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
     if isinstance(value, bool) or not isinstance(value, Real) or _is_span(value):
@@ -223,14 +207,6 @@ def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...
 
 
 def _range_in_words(above: float | None, at_least: float | None, below: float | None, at_most: float | None) -> str:
-    words = [
-        f"{word} {bound:g}"
-        for word, bound in (
-            ("above", above),
-            ("at least", at_least),
-            ("below", below),
-            ("at most", at_most),
-        )
-        if bound is not None
-    ]
+    bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
+    words = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
     return " " + " and ".join(words) if words else ""

@@ -22,10 +22,11 @@ LINES_EVERY = 60.0
 def bar(title: str, *, always: bool = False) -> Iterator[Progress]:
     """Show a progress bar on a terminal or, if asked `always`, in a notebook as well.
 
-    Elsewhere, as in the log of a job, a line with the time every minute.
+    Elsewhere, as in the log of a job, a line with the time every minute; none of what takes less.
     """
     if not (always or sys.stderr.isatty()):
-        yield _lines(title)
+        write = log_of(title, LINES_EVERY, LINES_EVERY)
+        yield lambda share: write(f"{100.0 * share:.0f} %", share)
         return
     from rich.console import Console
     from rich.markup import escape
@@ -36,21 +37,22 @@ def bar(title: str, *, always: bool = False) -> Iterator[Progress]:
         yield lambda share: shown_bar.update(task, completed=share)
 
 
-def _lines(title: str) -> Progress:
-    """Write a line now and then; none of what takes less than a minute."""
-    begin = due = time.monotonic()
+def log_of(title: str, first: float, every: float) -> Callable[[str, float], None]:
+    """Return a function that writes words and the time left to a log, not before `first`, then each `every` s."""
+    begin = time.monotonic()
+    due = begin + first
 
-    def line(share: float) -> None:
+    def write(words: str, share: float) -> None:
+        """Write the words, if it is time, while a share of the work is done and not all of it."""
         nonlocal due
         now = time.monotonic()
-        if now >= due + LINES_EVERY and 0.0 < share < 1.0:
-            due = now
-            left = in_time((now - begin) * (1.0 - share) / share)
-            words = f"{title}: {100.0 * share:.0f} %, about {left} left"
-            sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {words}\n")
+        if now >= due and share < 1.0:
+            due = now + every
+            left = f", about {in_time((now - begin) * (1.0 - share) / share)} left" if share > 0.0 else ""
+            sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {title}: {words}{left}\n")
             sys.stderr.flush()
 
-    return line
+    return write
 
 
 def in_time(seconds: float) -> str:
@@ -63,13 +65,7 @@ def in_time(seconds: float) -> str:
 
 @contextmanager
 def reporting(progress: Any, title: str) -> Iterator[Progress]:
-    """Turn what a caller gave as ``progress=`` into a function: their own, a bar for True, nothing for None or False.
-
-    Raises
-    ------
-    InputError
-        If it is none of these.
-    """
+    """Turn what a caller gave as ``progress=`` into a function: their own, a bar for True, or nothing."""
     if progress is None or progress is False:
         yield lambda _share: None
     elif progress is True:

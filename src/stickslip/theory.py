@@ -1,12 +1,11 @@
 """The paper's own estimates: what it says about an interface without solving it, each with its range of validity.
 
-Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit.
+Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit; lengths in ``x_s``.
 """
 
 from __future__ import annotations
 
 import math
-from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,42 +13,21 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import Interface, Slider
 from stickslip.sliding import kinetic_friction
-from stickslip.sliding.closed import ClosedForm
 from stickslip.sliding.langevin import ageing_constants as ageing_constants
 from stickslip.sliding.law import at_each
+from stickslip.sliding.unaged import ClosedForm
 
 Array = NDArray[np.float64]
 
 
-@overload
-def closure_friction(interface: Interface, velocity: float) -> float: ...
-@overload
-def closure_friction(interface: Interface, velocity: Array) -> Array: ...
-def closure_friction(interface: Interface, velocity: float | Array) -> float | Array:
+def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array:
     """Return the force in smooth sliding by the paper's closure, Eqs. (1)-(3) with (18): an approximation.
 
-    One distribution of thresholds for all contacts, whatever their stretching. Against `kinetic_friction` it is 23 %
-    too large at ``v = .01 rate**2`` (there it has a closed form, lives being exponential), 9 % too small at .5 and 28 %
-    too small at 1 (standard deviation .1). At 1 most thresholds are next to 0, and the result depends on what is done
-    with those that noise would carry below: here they stay above. Counted as broken at once they would make it 67 % too
-    small.
-
-    Parameters
-    ----------
-    interface : Interface
-        With `Langevin` ageing, without delay.
-    velocity : float or ndarray
-        Speed of sliding, above 0, in ``x_s`` per time.
-
-    Returns
-    -------
-    float or ndarray, shape of `velocity`
-        Per contact, in ``f_s``.
-
-    Raises
-    ------
-    InputError
-        If thresholds do not age by `Langevin` from a Gaussian, a speed is not above 0, or there is a delay.
+    One distribution of thresholds for all contacts, whatever their stretching; with `Langevin` ageing, without delay.
+    Against `kinetic_friction` it is 23 % too large at ``v = .01 rate**2`` (there it has a closed form, lives being
+    exponential), 9 % too small at .5 and 28 % too small at 1 (standard deviation .1). At 1 most thresholds are next to
+    0, and the result depends on what is done with those that noise would carry below: here they stay above. Counted as
+    broken at once they would make it 67 % too small.
     """
     from stickslip.kernels import closure
 
@@ -60,35 +38,14 @@ def closure_friction(interface: Interface, velocity: float | Array) -> float | A
     return at_each(lambda speeds: closure.closure_friction(speeds, constants), speed)
 
 
-@overload
-def attached_fraction(interface: Interface, velocity: float) -> float: ...
-@overload
-def attached_fraction(interface: Interface, velocity: Array) -> Array: ...
-def attached_fraction(interface: Interface, velocity: float | Array) -> float | Array:
+def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Array:
     """Return the mean fraction of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
-    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``.
+    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``; without ageing.
 
     The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
     stretching. There it is exact, for a random delay with the mean delay. Used inside the dynamics, as the
     paper does, it has no memory and is an approximation.
-
-    Parameters
-    ----------
-    interface : Interface
-        The contacts, without ageing.
-    velocity : float or ndarray
-        Speed of sliding, at least 0, in ``x_s`` per time.
-
-    Returns
-    -------
-    float or ndarray, shape of `velocity`
-        Between 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If thresholds age, or the delay is infinite at zero velocity.
     """
     instance("attached_fraction: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), "attached_fraction")
@@ -102,47 +59,22 @@ def attached_fraction(interface: Interface, velocity: float | Array) -> float | 
         raise InputError(
             "velocity = 0: with an infinite delay the limit of slow sliding does not exist; give one above 0"
         )
-    attached = ClosedForm(interface=interface).fractions(speed)
-    return float(attached) if attached.ndim == 0 else attached
+    return at_each(ClosedForm(interface=interface).fractions, speed)
 
 
 def driving_force(interface: Interface, slider: Slider, velocity: float) -> float:
-    """Return the mean force in the driving spring in smooth sliding, ``M eta v + F_k(v)``: the mean of Eq. (11).
-
-    Parameters
-    ----------
-    interface : Interface
-        The contacts, without ageing.
-    slider : Slider
-        Its mass and damping count.
-    velocity : float
-        Speed of sliding, at least 0, in ``x_s`` per time.
-
-    Returns
-    -------
-    float
-        Per contact, in ``f_s``.
-    """
+    """Return the mean force in the driving spring in smooth sliding, ``M eta v + F_k(v)``: the mean of Eq. (11)."""
     instance("driving_force: slider", slider, Slider, "a Slider")
     speed = number("velocity", velocity, at_least=0, hint="in x_s per time")
     return slider.mass * slider.damping * speed + kinetic_friction(interface, speed)
 
 
 def critical_stiffness_estimate(interface: Interface) -> float:
-    """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9): a hint at scaling.
+    """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9), in ``k``: a hint at scaling.
 
-    For the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for
-    narrow distributions.
-
-    Parameters
-    ----------
-    interface : Interface
-        Its distributions of thresholds and of initial stretchings, by mean and standard deviation.
-
-    Returns
-    -------
-    float
-        Per contact, in ``k``; infinite where all contacts are equal.
+    From the standard deviations of thresholds and of initial stretchings; infinite where all contacts are equal. For
+    the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for narrow
+    distributions.
     """
     distribution = interface.threshold_distribution
     width = distribution.standard_deviation() + interface.initial.standard_deviation()
@@ -152,27 +84,10 @@ def critical_stiffness_estimate(interface: Interface) -> float:
 def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Array:
     """Return how far the slider slips in a time after the elastic instability, ``v dt [1 + (Omega dt)^2/6]``, Eq. (12).
 
-    Parameters
-    ----------
-    slider : Slider
-        Its ``Omega = sqrt(K/M)``; with a mass.
-    velocity : float
-        In ``x_s`` per time. The paper prints the drive's velocity ``v_d``. That supposes that the slider
-        still follows the drive at the instability; it has run ahead by then, and the result is too small by
-        up to a factor 3.5. With the slider's actual velocity at the instability it holds to 10 % for ``Omega
-        dt <= 1``.
-    elapsed : array_like
-        Time since the instability, at least 0.
-
-    Returns
-    -------
-    ndarray, shape of `elapsed`
-        In ``x_s``.
-
-    Raises
-    ------
-    InputError
-        If the slider has no mass.
+    With ``Omega = sqrt(K/M)`` of a slider with a mass. For `velocity` the paper prints the drive's, ``v_d``. That
+    supposes that the slider still follows the drive at the instability; it has run ahead by then, and the result is too
+    small by up to a factor 3.5. With the slider's actual velocity at the instability it holds to 10 % for ``Omega dt <=
+    1``.
     """
     instance("slip_displacement: slider", slider, Slider, "a Slider")
     number("velocity", velocity, at_least=0, hint="in x_s per time")
@@ -182,30 +97,11 @@ def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Ar
 
 
 def effective_potential(slider: Slider, position: ArrayLike, contact_force: ArrayLike, drive: float) -> Array:
-    """Return ``V_eff(X) = K (v_d t - X)^2/2 + Int_0^X F_c``, Eq. (5), on a grid.
+    """Return ``V_eff(X) = K (v_d t - X)^2/2 + Int_0^X F_c``, Eq. (5), on a grid of positions ``X``, from 0 on.
 
-    Minus its slope is the force on the slider; the slider is stable where it bends upward, Eq. (6).
-
-    Parameters
-    ----------
-    slider : Slider
-        Its stiffness counts.
-    position : array_like, shape (n,)
-        Positions ``X`` of the slider in ``x_s``, rising, the first one 0.
-    contact_force : array_like, shape (n,)
-        Force ``F_c(X)`` of the contacts per contact, in ``f_s``, as rigid motion gives it.
-    drive : float
-        Position ``v_d t`` of the far end of the spring, in ``x_s``.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Per contact, in ``f_s x_s``; the integral by the trapezoidal rule, second order in the spacing.
-
-    Raises
-    ------
-    InputError
-        If the two arrays do not match, or positions do not rise from 0.
+    `contact_force` is that of rigid motion at each position, `drive` the place ``v_d t`` of the far end of the spring;
+    the integral by the trapezoidal rule, second order in the spacing. Minus its slope is the force on the slider; the
+    slider is stable where it bends upward, Eq. (6).
     """
     instance("effective_potential: slider", slider, Slider, "a Slider")
     x, force = numbers("position", position), numbers("contact_force", contact_force)

@@ -44,16 +44,9 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
-    """The prefix that suits a value: what to divide it by, and the unit with that prefix.
+    """The prefix that suits a value in an SI unit: what to divide it by, and the unit with that prefix.
 
-    Parameters
-    ----------
-    value : float
-        In `unit`; of several values in one unit, the one that decides.
-    unit : str
-        An SI unit, with a prefix or without (``"mN"``, ``"N/m"``); any other unit stays as it is.
-    digits : int
-        Significant digits that will be written; 999.96 N in four of them is 1 kN.
+    Any other unit stays as it is. 999.96 N in four significant digits is 1 kN.
 
     Examples
     --------

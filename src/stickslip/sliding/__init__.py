@@ -6,8 +6,7 @@ carries the stability of smooth sliding, and rate and state.
 
 from stickslip.sliding.door import respond, sliding_of
 from stickslip.sliding.law import TurningVelocity, friction_slope, kinetic_friction, turning_velocities
-from stickslip.sliding.response import Response
-from stickslip.sliding.steady import Sliding
+from stickslip.sliding.response import Response, Sliding
 
 __all__ = [
     "Response",

@@ -18,6 +18,7 @@ per contact, in units of ``k``, with ``S^, W`` the transforms of the survival an
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -27,21 +28,39 @@ import numpy as np
 from stickslip.errors import InputError
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
-from stickslip.sliding.response import Array, ComplexArray, Parts, Precision, Response, check_delay, whole
-from stickslip.sliding.steady import refuse
+from stickslip.sliding.response import (
+    Array,
+    ComplexArray,
+    Parts,
+    Precision,
+    Response,
+    Sliding,
+    check_delay,
+    speed_by_speed,
+)
 
 if TYPE_CHECKING:
     from stickslip.kernels.lives import Lives
 
-_LIVES = 8.0
-"""How quickly a mode may decay to be looked for, per mean life."""
+
+class _SpeedBySpeed(Sliding):
+    """Steady sliding whose force and slope come out together, at one speed."""
+
+    @abstractmethod
+    def _mean(self, velocity: float) -> tuple[float, float]:
+        """Force, and its slope in ln v."""
+
+    def force(self, velocity: Array) -> Array:
+        """Force per contact."""
+        return np.array([self._mean(v)[0] for v in velocity.tolist()])
+
+    def slope(self, velocity: Array) -> Array:
+        """Slope of the force in ln v."""
+        return np.array([self._mean(v)[1] for v in velocity.tolist()])
 
 
-@dataclass(frozen=True, kw_only=True)
-class ByLives:
+class ByLives(_SpeedBySpeed):
     """Steady sliding of contacts with temperature, or whose thresholds grow by a fixed rule."""
-
-    interface: Interface
 
     def __post_init__(self) -> None:
         grows = "of thresholds that grow" if self.interface.temperature is None else "with temperature"
@@ -50,14 +69,9 @@ class ByLives:
     @property
     def slow_limit(self) -> str | None:
         """Why there is no limit of slow sliding."""
-        return (
-            "ageing thresholds have no slow limit"
-            if self.interface.ageing
-            else "at a temperature no slow limit is left"
-        )
+        return super().slow_limit if self.interface.ageing else "at a temperature no slow limit is left"
 
     def _mean(self, velocity: float) -> tuple[float, float]:
-        """Force, and its slope in ln v."""
         lives, away = lives_of(self.interface, velocity), velocity * self.interface.delay.moment(1)
         rest, work = mean_life_and_work(lives)
         length, detached = rest + away, self.interface.sliding_force
@@ -70,25 +84,14 @@ class ByLives:
         force = (work + detached * away) / length
         return force, (less + detached * away - force * (slower + away)) / length
 
-    def force(self, velocity: Array) -> Array:
-        """Force per contact."""
-        return np.array([self._mean(v)[0] for v in velocity.tolist()])
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in ln v."""
-        return np.array([self._mean(v)[1] for v in velocity.tolist()])
-
     def response(self) -> ActivatedResponse:
         """Return the linear response."""
         check_delay(self.interface.delay)
         return ActivatedResponse(interface=self.interface)
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfAreas:
+class OfAreas(_SpeedBySpeed):
     """Steady sliding of contacts of different areas: a mean of the work over one of the length, or of their ratio."""
-
-    interface: Interface
 
     def __post_init__(self) -> None:
         self.interface.allow(("temperature", "areas", "sliding_force"), "smooth sliding of areas")
@@ -106,16 +109,7 @@ class OfAreas:
             return "at a temperature no slow limit is left"
         return None if math.isfinite(self.interface.delay.moment(1)) else "the delay is infinite"
 
-    def force(self, velocity: Array) -> Array:
-        """Force per contact."""
-        return np.array([self._mean(v)[0] for v in velocity.tolist()])
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in ln v."""
-        return np.array([self._mean(v)[1] for v in velocity.tolist()])
-
     def _mean(self, velocity: float) -> tuple[float, float]:
-        """Force, and its slope in ln v."""
         from stickslip.kernels import lives as kernel
 
         interface = self.interface
@@ -151,7 +145,8 @@ class OfAreas:
 
     def response(self) -> Response:
         """Refuse: the linear response is of contacts of one stiffness."""
-        refuse(self.interface, "areas", "the linear response")
+        self.interface.allow(self.interface.mechanisms - {"areas"}, "the linear response")
+        raise AssertionError
 
 
 def mean_life_and_work(lives: Lives) -> tuple[float, float]:
@@ -171,18 +166,17 @@ class ActivatedResponse(Response):
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         """Return kappa."""
-        speeds, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
-        speed, s = speeds.ravel(), points.ravel()
+        return speed_by_speed(self._kappa, velocity, s)
+
+    def _kappa(self, v: float, s: ComplexArray) -> ComplexArray:
+        # Octaves of the wave number have panels of their own.
+        octave = np.ceil(np.log2(np.maximum(np.abs(s) / v, 4.0)))
+        octave[(np.abs(s) / v > self._fastest) & (s.real > -0.1 * np.abs(s))] = math.inf
         kappa = np.zeros(s.shape, dtype=complex)
-        for v in np.unique(speed):
-            # Octaves of the wave number have panels of their own.
-            octave = np.ceil(np.log2(np.maximum(np.abs(s) / v, 4.0)))
-            fast = (np.abs(s) / v > self._fastest) & (s.real > -0.1 * np.abs(s))
-            octave[fast] = math.inf
-            for one in np.unique(octave[(speed == v) & (s != 0)]):
-                here = (speed == v) & (s != 0) & (octave == one)
-                kappa[here] = self._at(float(v), s[here], None if math.isinf(one) else 2.0**one)
-        return whole(kappa.reshape(points.shape))
+        for one in np.unique(octave[s != 0]):
+            here = (s != 0) & (octave == one)
+            kappa[here] = self._at(v, s[here], None if math.isinf(one) else 2.0**one)
+        return kappa
 
     def _at(self, v: float, s: ComplexArray, highest: float | None) -> ComplexArray:
         from stickslip.kernels.lives import perturbed
@@ -227,10 +221,6 @@ class ActivatedResponse(Response):
             ]
         )
         return np.asarray(velocity * y)
-
-    def leftmost(self, velocity: float) -> float:
-        """Real part left of which no mode is looked for."""
-        return -_LIVES / self.cycle(velocity)
 
     def cycle(self, velocity: float) -> float:
         """Mean time between two attachments of a contact."""

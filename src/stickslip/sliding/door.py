@@ -11,10 +11,9 @@ from stickslip.errors import instance
 from stickslip.model import AgeingModel, FixedGrowth, Interface, Langevin
 from stickslip.model.quadrature import hashable
 from stickslip.sliding.activated import ByLives, OfAreas
-from stickslip.sliding.closed import ClosedForm
 from stickslip.sliding.langevin import ByKineticEquation
-from stickslip.sliding.response import Array, Response
-from stickslip.sliding.steady import Sliding, slope_by_differences
+from stickslip.sliding.response import Array, Response, Sliding
+from stickslip.sliding.unaged import ClosedForm
 
 
 def sliding_of(interface: Interface) -> Sliding:
@@ -40,28 +39,18 @@ def sliding_of(interface: Interface) -> Sliding:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ByItsOwnRule:
+class ByItsOwnRule(Sliding):
     """Steady sliding of contacts that age by a model of the user's own, as that model says."""
 
-    interface: Interface
     ageing: AgeingModel
 
     def __post_init__(self) -> None:
         self.interface.allow((), "smooth sliding of thresholds that age by a rule of your own")
 
-    @property
-    def slow_limit(self) -> str | None:
-        """Contacts that age have all the time to do so."""
-        return "ageing thresholds have no slow limit"
-
     def force(self, velocity: Array) -> Array:
         """Force per contact."""
         thresholds, delay = self.interface.threshold_distribution, self.interface.delay
         return np.array([self.ageing.friction(thresholds, delay, v) for v in velocity.tolist()])
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in ln v."""
-        return slope_by_differences(self.force, velocity)
 
     def response(self) -> Response:
         """Return the linear response."""

@@ -12,7 +12,6 @@ or off it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -23,8 +22,16 @@ from stickslip.errors import InputError, instance
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.sliding.lives import hazard_of
-from stickslip.sliding.response import Array, ComplexArray, Parts, Precision, Response, check_delay, whole
-from stickslip.sliding.steady import slope_by_differences
+from stickslip.sliding.response import (
+    Array,
+    ComplexArray,
+    Parts,
+    Precision,
+    Response,
+    Sliding,
+    check_delay,
+    speed_by_speed,
+)
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -40,8 +47,6 @@ _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
 _RESOLVED = 1e-12, 1e6
 """Speeds over ``rate**2`` between which the stationary kinetic equation is resolved."""
-_LIVES = 4.0
-"""How quickly a mode may decay to be looked for, per mean life."""
 _LOWEST, _HIGHEST = 0.01, 1e6
 """Phases of a life down to which the table goes, and up to which; below, kappa is in proportion to the frequency."""
 
@@ -56,26 +61,19 @@ class AgedResponse(Response):
 
     # Of the table; about sharp resonances at low speed it is some times less. Counts come from it, crossings do not.
     precision: ClassVar[Precision] = Precision(accuracy=1e-3, step=1e-4, settled=1e-5, slack=1e-3)
+    lives: ClassVar[float] = 4.0
 
     def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
         """Kappa on the imaginary axis, from the table."""
-        return self._by_speed(velocity, omega, self._on_axis)
+        return speed_by_speed(self._on_axis, velocity, 1j * omega)
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         """Kappa at any s not far left of the axis, without the table."""
+        return speed_by_speed(self._at_points, velocity, s)
 
-        def at(u: float, p: ComplexArray) -> ComplexArray:
-            return self._join(p, *_life(u, *self._shape, p))
-
-        return self._by_speed(velocity, s, at)
-
-    def _by_speed(self, velocity: float | Array, s: Any, at: Callable[[float, Any], ComplexArray]) -> Parts:
-        """Kappa by a function of the reduced speed and frequency."""
-        speed, s = np.broadcast_arrays(np.asarray(velocity, dtype=float), s)
-        kappa = np.empty(s.shape, dtype=complex)
-        for v in np.unique(speed):
-            kappa[speed == v] = at(self._reduced(float(v)), s[speed == v] / self._square)
-        return whole(kappa)
+    def _at_points(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        p = s / self._square
+        return self._join(p, *_life(self._reduced(velocity), *self._shape, p))
 
     def frequencies(self, velocity: float, top: float) -> Array:
         """Angular frequencies that follow every turn of kappa, and beyond which its loss is positive."""
@@ -86,10 +84,6 @@ class AgedResponse(Response):
         highest = _top(u, self._shape[0])
         w = np.union1d(np.geomspace(1e-4 / longest, highest, 240), fine[fine < highest])
         return np.asarray(w * self._square)
-
-    def leftmost(self, velocity: float) -> float:
-        """Decay rate beyond which no mode is looked for."""
-        return -_LIVES / self.cycle(velocity)
 
     def cycle(self, velocity: float) -> float:
         """About how long a contact lives."""
@@ -120,8 +114,9 @@ class AgedResponse(Response):
             )
         return u
 
-    def _on_axis(self, u: float, w: Array) -> ComplexArray:
-        """Kappa at a reduced speed and reduced frequencies, from the table."""
+    def _on_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        """Kappa on the imaginary axis, from the table."""
+        u, w = self._reduced(velocity), np.asarray(s.imag / self._square, dtype=float)
         unit = u + u * u
         top = _top(u, self._shape[0])
         size = np.clip(np.abs(w), _LOWEST * unit, top)
@@ -148,13 +143,8 @@ class AgedResponse(Response):
         return np.asarray(np.where(p == 0, 0.0, kappa))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ByKineticEquation:
+class ByKineticEquation(Sliding):
     """Steady sliding of contacts whose thresholds age by `Langevin`."""
-
-    interface: Interface
-
-    slow_limit: ClassVar[str | None] = "ageing thresholds have no slow limit"
 
     def __post_init__(self) -> None:
         self.interface.allow(("temperature",), "smooth sliding of thresholds that age by Langevin")
@@ -172,10 +162,6 @@ class ByKineticEquation:
                     "times; beyond, the force cannot be resolved"
                 )
         return langevin_steady.steady_friction(velocity, constants, delay, hazard=hazard_of(self.interface.temperature))
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in ln v."""
-        return slope_by_differences(self.force, velocity)
 
     def response(self) -> AgedResponse:
         """Return the linear response."""

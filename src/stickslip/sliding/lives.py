@@ -145,13 +145,14 @@ def panel_edges(
     return np.array(edges)
 
 
-_GAUSS = np.polynomial.legendre.leggauss(8)
+_legendre = lru_cache(np.polynomial.legendre.leggauss)
 
 
-def gauss_nodes(edges: Array) -> tuple[Array, Array]:
-    """Nodes on panels, and their weights."""
-    half = 0.5 * np.diff(edges)[:, None]
-    return (edges[:-1, None] + half * (1.0 + _GAUSS[0])).ravel(), (half * _GAUSS[1]).ravel()
+def gauss_nodes(edges: Array, count: int = 8) -> tuple[Array, Array]:
+    """Nodes on the panels between neighbours along the last axis, and their weights."""
+    node, weight = _legendre(count)
+    half, each_row = 0.5 * np.diff(edges)[..., None], (*edges.shape[:-1], -1)
+    return (edges[..., :-1, None] + half * (1.0 + node)).reshape(each_row), (half * weight).reshape(each_row)
 
 
 def _radau(edges: Array) -> tuple[Array, Array, Array]:
@@ -297,19 +298,11 @@ def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
     return np.asarray(np.interp(x, edges[1:], reached[NODES - 1 :: NODES]))
 
 
-_INNER = np.polynomial.legendre.leggauss(24)
-
-
 def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
     """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 48)."""
-    middle = np.clip(-6.0, low, np.maximum(high, low))
-    nodes, weights = [], []
-    for a, b in ((low, middle), (middle, np.maximum(high, low))):
-        half = 0.5 * (b - a)[:, None]
-        nodes.append(a[:, None] + half * (1.0 + _INNER[0]))
-        weights.append(half * _INNER[1])
-    z = np.concatenate(nodes, axis=1)
-    return z, np.concatenate(weights, axis=1) * np.exp(z - np.exp(z))
+    high = np.maximum(high, low)
+    z, weight = gauss_nodes(np.stack([low, np.clip(-6.0, low, high), high], axis=1), 24)
+    return z, weight * np.exp(z - np.exp(z))
 
 
 def blurred_survival(distribution: Distribution, width: float, u: Array) -> Array:
@@ -318,12 +311,7 @@ def blurred_survival(distribution: Distribution, width: float, u: Array) -> Arra
     The mean of the survival ``J_c(u - A s)`` over ``s = ln E``, ``E`` drawn from ``exp(-E)``.
     """
     # Between these the weight exp(s - exp(s)) is more than rounding.
-    edges = np.linspace(-38.0, 3.7, 140)
-    node, share = np.polynomial.legendre.leggauss(6)
-    half = 0.5 * np.diff(edges)
-    s = ((edges[:-1] + half)[:, None] + half[:, None] * node).ravel()
-    weight = (half[:, None] * share).ravel() * np.exp(s - np.exp(s))
-    found = np.zeros_like(u)
-    for shift, part in zip((width * s).tolist(), (weight / weight.sum()).tolist(), strict=True):
-        found += part * distribution.survival(np.maximum(u - shift, 0.0))
-    return found
+    s, weight = gauss_nodes(np.linspace(-38.0, 3.7, 140), 6)
+    weight = weight * np.exp(s - np.exp(s))
+    survival = distribution.survival(np.maximum(u[..., None] - width * s, 0.0))
+    return np.asarray(survival @ (weight / weight.sum()))

@@ -1,4 +1,4 @@
-"""The linear response of contacts in steady sliding, whatever makes it: force over displacement for ``exp(s t)``.
+"""What is known of steady sliding, whatever the contacts: force, slope and linear response.
 
 A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts answer with their dynamic stiffness
 ``kappa(s)``, per contact, in units of ``k``. Nothing here knows what holds the slider: with a rig the response makes
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import DelayModel
+from stickslip.model import DelayModel, Interface
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -61,13 +63,15 @@ class Discs(NamedTuple):
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `parts` and `frequencies`, the scales `cycle` and `leftmost`, and its `precision`; if
-    `parts` is slow, a table on the axis as `axis_parts`.
+    A model of contacts gives `parts`, `frequencies`, the scale `cycle` and its `precision`; if `parts` is slow, a table
+    on the axis as `axis_parts`.
     """
 
     precision: ClassVar[Precision]
     certain: ClassVar[bool] = False
     """Whether the response can be followed along lines left of the axis, so that roots there can be counted."""
+    lives: ClassVar[float] = 8.0
+    """How quickly a mode may decay to be looked for, per cycle."""
 
     @property
     def inert(self) -> bool:
@@ -91,9 +95,9 @@ class Response(ABC):
     def cycle(self, velocity: float) -> float:
         """Mean time between two attachments of a contact."""
 
-    @abstractmethod
     def leftmost(self, velocity: float) -> float:
         """Real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow, or diverge."""
+        return -self.lives / self.cycle(velocity)
 
     def pace(self, velocity: float) -> float:
         """Time by which growth and decay are measured."""
@@ -160,9 +164,15 @@ def _ratio(parts: Parts) -> ComplexArray:
     return np.asarray(np.divide(numerator, denominator, out=found, where=denominator != 0))
 
 
-def whole(kappa: ComplexArray) -> Parts:
-    """Return the parts of a response that is known as one number."""
-    return Parts(kappa, np.ones_like(kappa))
+def speed_by_speed(
+    kappa: Callable[[float, ComplexArray], ComplexArray], velocity: float | Array, s: ComplexArray
+) -> Parts:
+    """Return the parts of a response that is known as one number, at one speed and many `s`."""
+    speed, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+    found = np.empty(points.shape, dtype=complex)
+    for v in np.unique(speed):
+        found[speed == v] = kappa(float(v), points[speed == v])
+    return Parts(found, np.ones_like(found))
 
 
 def check_delay(delay: DelayModel) -> None:
@@ -172,3 +182,29 @@ def check_delay(delay: DelayModel) -> None:
             "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sliding(ABC):
+    """Steady sliding of an interface, in natural units per contact."""
+
+    interface: Interface
+
+    @property
+    def slow_limit(self) -> str | None:
+        """Why there is no limit of slow sliding; None if there is one."""
+        return "ageing thresholds have no slow limit"
+
+    @abstractmethod
+    def force(self, velocity: Array) -> Array:
+        """Force at velocities above 0, or at 0 if there is a limit of slow sliding."""
+
+    def slope(self, velocity: Array) -> Array:
+        """Slope of the force in the logarithm of the velocity: here to fourth order in a step of 5 %."""
+        step = 0.05
+        near = [self.force(velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
+        return np.asarray((8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step))
+
+    @abstractmethod
+    def response(self) -> Response:
+        """Return the linear response."""

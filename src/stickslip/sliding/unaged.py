@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel
 from stickslip.model.distributions import Distribution
+from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.quadrature import hashable
 from stickslip.sliding.response import (
     SCAN_LIMIT,
@@ -40,7 +41,8 @@ from stickslip.sliding.response import (
     Parts,
     Precision,
     Response,
-    whole,
+    Sliding,
+    check_delay,
 )
 from stickslip.sliding.transforms import Axis, axis_table, transforms
 
@@ -104,7 +106,8 @@ class UnagedResponse(Response):
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
         if self.inert:
-            return whole(np.zeros(np.broadcast_shapes(np.shape(velocity), np.shape(s)), dtype=complex))
+            none = np.zeros(np.broadcast_shapes(np.shape(velocity), np.shape(s)), dtype=complex)
+            return Parts(none, np.ones_like(none))
         return self._joined(velocity, s, *transforms(self.distribution, s / velocity))
 
     def _joined(self, velocity: float | Array, s: ComplexArray, complement: ComplexArray, shape: ComplexArray) -> Parts:
@@ -176,3 +179,46 @@ class UnagedResponse(Response):
         # One contact in 1e5 beyond it moves the response by no more than 1e-5.
         distribution = self.distribution
         return distribution.moment(1) if distribution.single else float(distribution.inverse_survival(np.array(1e-5)))
+
+
+class ClosedForm(Sliding):
+    """Steady sliding without ageing and temperature."""
+
+    def __post_init__(self) -> None:
+        self.interface.allow(("sliding_force", "newborn"), "smooth sliding")
+
+    @property
+    def slow_limit(self) -> str | None:
+        """Why there is no limit of slow sliding, if so."""
+        return None if math.isfinite(self.interface.delay.moment(1)) else "with an infinite delay no slow limit is left"
+
+    def fractions(self, velocity: Array) -> Array:
+        """Fractions of attached contacts, ``1/(1 + v <tau>/<x_s - x_0>)``, Eq. (10)."""
+        return np.asarray(1.0 / (1.0 + velocity * self.interface.delay.moment(1) / mean_life(self.interface).path))
+
+    @property
+    def _attached_force(self) -> float:
+        life = mean_life(self.interface)
+        return life.work / life.path
+
+    def force(self, velocity: Array) -> Array:
+        """Force per contact, attached and detached."""
+        attached = self.fractions(velocity)
+        return self._attached_force * attached + self.interface.sliding_force * (1.0 - attached)
+
+    def slope(self, velocity: Array) -> Array:
+        """Slope of the force in ln v."""
+        attached = self.fractions(velocity)
+        return -(self._attached_force - self.interface.sliding_force) * attached * (1.0 - attached)
+
+    def response(self) -> UnagedResponse:
+        """Return the linear response."""
+        thresholds, sliding_force = as_unstretched(self.interface)
+        delay = self.interface.delay
+        check_delay(delay)
+        if delay.moment(1) > 0 and thresholds.single:
+            raise InputError(
+                "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
+                "stability is not computed for them: give the thresholds a standard deviation above 0"
+            )
+        return UnagedResponse(distribution=thresholds, delay=delay, sliding_force=sliding_force)
