@@ -7,9 +7,10 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
@@ -33,42 +34,61 @@ app = App(
 )
 
 
-def _number(_type: object, tokens: Sequence[Token]) -> float:
+def _of_option(read: Callable[[str], Value]) -> Callable[[object, Sequence[Token]], Value]:
+    """Return a reader of the value of an option, whose errors show it."""
+
+    def told(_type: object, tokens: Sequence[Token]) -> Value:
+        try:
+            return read(tokens[0].value)
+        except InputError as error:
+            raise InputError(f"{shown(tokens[0].value)}: {error}") from None
+
+    return told
+
+
+@_of_option
+def _number(text: str) -> float:
     from stickslip.model.quantities import read_number
 
-    return _told(read_number, tokens[0].value)
+    return read_number(text)
 
 
-def _whole(_type: object, tokens: Sequence[Token]) -> int:
-    def read(text: str) -> int:
-        if not re.fullmatch(r"[-+]?[0-9]{1,15}", text):
-            raise InputError("must be a whole number, such as 40")
-        return int(text)
-
-    return _told(read, tokens[0].value)
+@_of_option
+def _whole(text: str) -> int:
+    if not re.fullmatch(r"[-+]?[0-9]{1,15}", text):
+        raise InputError("must be a whole number, such as 40")
+    return int(text)
 
 
-def _seconds(_type: object, tokens: Sequence[Token]) -> float:
+@_of_option
+def _seconds(text: str) -> float:
     from stickslip.model.quantities import read_quantity
 
-    return _told(partial(read_quantity, unit="s", example="0.5 ms", bare=True), tokens[0].value)
+    return read_quantity(text, "s", "0.5 ms", bare=True)
 
 
-def _told(read: Callable[[str], Value], text: str) -> Value:
-    """Read the value of an option; an error shows it."""
-    try:
-        return read(text)
-    except InputError as error:
-        raise InputError(f"{shown(text)}: {error}") from None
+# ---------------------------------------------------------------------------------------------------------------------
+# Options that commands share
+# ---------------------------------------------------------------------------------------------------------------------
 
-
+RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an example: `stickslip new` lists them.")]
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
 Long = Annotated[bool, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.", negative="")]
-Step = Annotated[
-    float | None,
-    Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
-]
+Flip = Annotated[bool, Parameter(help="Change the sign of the force.", negative="")]
 Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Where force and time stand in a table."""
+
+    force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None
+    time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None
+    step: Annotated[
+        float | None,
+        Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
+    ] = None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -117,7 +137,7 @@ app.command(
 
 @app.command
 def predict(
-    rig: Path,
+    rig: RigFile,
     *,
     fast: Annotated[bool, Parameter(help="Stop at the verdict: linear theory and one run.", negative="")] = False,
     json: Json = False,
@@ -126,11 +146,6 @@ def predict(
     """Say at which speeds a rig stick-slips, how safely it slides at its own, and what would stop it.
 
     The verdict comes first, on standard error, while the rest is still sought.
-
-    Parameters
-    ----------
-    rig
-        A rig file in TOML, or the name of an example: `stickslip new` lists them.
     """
     from stickslip import advise
     from stickslip.io import rig_files as rigs
@@ -144,10 +159,7 @@ def predict(
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
         with console.working("predicting") as progress:
             found = advise.complete(found, progress=progress)
-    if plot is not None:
-        from stickslip import plot as drawing
-
-        drawing.save(found.plot(), plot)
+    _draw(plot, lambda _: found.plot())
     uncertain = None
     if described.fitted:
         from stickslip.fitting import over_draws
@@ -182,7 +194,7 @@ def new(example: str | None = None) -> None:
 
 @app.command
 def simulate(
-    rig: Path,
+    rig: RigFile,
     *,
     output: Annotated[
         Path | None, Parameter(alias="-o", help="Write the run as NetCDF; it can be made again from it.")
@@ -191,13 +203,7 @@ def simulate(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Simulate a rig and say what it did.
-
-    Parameters
-    ----------
-    rig
-        A rig file in TOML, or the name of an example.
-    """
+    """Simulate a rig and say what it did."""
     from stickslip.io import rig_files as rigs
     from stickslip.simulation import simulate as run_case
 
@@ -245,29 +251,37 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     if output is not None:
         store.save(run, output)
     seen = measure.regime(run)
-    if plot is not None:
-        from stickslip import plot as drawing
-
-        drawing.save(drawing.overview(run), plot)
+    _draw(plot, lambda drawing: drawing.overview(run))
     if json:
         console.print_json({"regime": plain(seen), "output": str(output) if output else None})
         return
     print(ramps.in_words(run) or seen, *front_map.in_words(run), sep="\n")
-    for what, where in (("run", output), ("picture", plot)):
-        if where is not None:
-            print(f"{what}: {where}")
+    _say_where(run=output, picture=plot)
+
+
+def _draw(picture: Path | None, figure_of: Callable[[ModuleType], Any]) -> None:
+    """Draw a picture, if one is wanted, with the module that draws."""
+    if picture is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(figure_of(drawing), picture)
+
+
+def _say_where(**written: Path | None) -> None:
+    """Say where each thing was written, if it was."""
+    for what, place in written.items():
+        if place is not None:
+            print(f"{what}: {place}")
 
 
 @app.command
 def measure(
     data: Path,
     *,
-    force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
-    time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
-    step: Step = None,
+    columns: Columns = Columns(),
     displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
-    flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
+    flip: Flip = False,
     minimum_drop: Annotated[
         str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
     ] = None,
@@ -289,7 +303,7 @@ def measure(
     from stickslip.words import engineering
 
     _check_outputs(events, picture=plot, read=data)
-    trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
+    trace = _read_data(data, columns, displacement=displacement, load=load, flip=flip)
     since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
     smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
     seen, catalogue = measures.regime_and_drops(trace, minimum_drop=smallest, after=since)
@@ -297,10 +311,7 @@ def measure(
         from stickslip.io import datasets as store
 
         files.write(events, store.as_csv(catalogue).encode())
-    if plot is not None:
-        from stickslip import plot as drawing
-
-        drawing.save(drawing.overview(trace, events=catalogue, seen=seen), plot)
+    _draw(plot, lambda drawing: drawing.overview(trace, events=catalogue, seen=seen))
     try:
         unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
     except (ValueError, TypeError, RecursionError):
@@ -333,9 +344,7 @@ def measure(
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")
-    for what, place in ((str(catalogue.attrs["drops_are"]), events), ("picture", plot)):
-        if place is not None:
-            print(f"{what}: {place}")
+    _say_where(**{catalogue.attrs["drops_are"]: events, "picture": plot})
 
 
 def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:
@@ -361,9 +370,7 @@ def plot(
         "overview", "phase", "stretchings", "energy", "spacetime", "fronts", "precursors", "slips"
     ] = "overview",
     beside: Annotated[Path | None, Parameter(help="Another run: draw both forces on one scale.")] = None,
-    force: str | None = None,
-    time: str | None = None,
-    step: Step = None,
+    columns: Columns = Columns(),
     at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
     bistable: Annotated[bool, Parameter(help="Of a sweep: also show where stick-slip ends.", negative="")] = False,
 ) -> None:
@@ -388,10 +395,9 @@ def plot(
         theory = _draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)
         print(f"on top: {theory}\npicture: {output}")
         return
-    trace = _read_data(data, force, time, step)
+    trace = _read_data(data, columns)
     if beside is not None:
-        other = _read_data(beside, force, time, step)
-        figure: Any = drawing.side_by_side(trace, other)
+        figure: Any = drawing.side_by_side(trace, _read_data(beside, columns))
     elif kind == "overview":
         figure = drawing.overview(trace)
     else:
@@ -411,10 +417,8 @@ def fit(
     load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
     speeds: Annotated[Path | None, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")] = None,
     holds: Annotated[Path | None, Parameter(help="Table of holds (s) and static friction (N): ageing.")] = None,
-    force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
-    time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
-    step: Step = None,
-    flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
+    columns: Columns = Columns(),
+    flip: Flip = False,
     smallest: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)] = None,
     after: Annotated[float | None, Parameter(help="Leave out slips before this time.", converter=_number)] = None,
     output: Annotated[Path | None, Parameter(alias="-o", help="Write the rig; needs --stiffness.")] = None,
@@ -441,7 +445,7 @@ def fit(
         )
     given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
     known = {name: value for name, value in given.items() if value is not None}
-    data = _read_data(trace, force, time, step, flip=flip)
+    data = _read_data(trace, columns, flip=flip)
     with console.working("simulating") as progress:
         found = fitting.fit(
             data,
@@ -452,26 +456,20 @@ def fit(
             holds=read_pairs(holds),
             progress=progress,
         )
-        written = []
         if output is not None:
             files.write(output, to_toml(found.rig(name=trace.stem)).encode())
-            written.append(("rig", output))
-    if plot is not None:
-        from stickslip import plot as drawing
-
-        drawing.save(found.plot(), plot)
-        written.append(("picture", plot))
+    _draw(plot, lambda _: found.plot())
     if json:
-        console.print_json(found.to_dict() | {what: str(where) for what, where in written})
+        written = {"rig": output, "picture": plot}
+        console.print_json(found.to_dict() | {what: str(where) for what, where in written.items() if where})
         return
     print(found)
-    for what, where in written:
-        print(f"{what}: {where}")
+    _say_where(rig=output, picture=plot)
 
 
 @app.command
 def map(
-    rig: Path,
+    rig: RigFile,
     *,
     over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
     around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.", converter=_number)] = 30.0,
@@ -480,15 +478,8 @@ def map(
     output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
     json: Json = False,
 ) -> None:
-    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept.
-
-    Parameters
-    ----------
-    rig
-        A rig file in TOML.
-    """
+    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept."""
     from stickslip import advise
-    from stickslip import plot as drawing
     from stickslip.io import rig_files as rigs
 
     _check_outputs(picture=output, read=rig)
@@ -500,14 +491,14 @@ def map(
     described = rigs.read_rig(rig)
     with console.working("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
-    drawing.save(drawing.chart(found), output)
+    _draw(output, lambda drawing: drawing.chart(found))
     if json:
         console.print_json(
             {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
         )
         return
     print(found.attrs["summary"])
-    print(f"picture: {output}")
+    _say_where(picture=output)
 
 
 @app.command
@@ -735,16 +726,7 @@ def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Pat
         format_of(picture)
 
 
-def _read_data(
-    data: Path,
-    force: str | None,
-    time: str | None,
-    step: float | None,
-    *,
-    displacement: str | None = None,
-    load: str | None = None,
-    flip: bool = False,
-) -> xr.Dataset:
+def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
     from stickslip.io import datasets as store
@@ -754,7 +736,7 @@ def _read_data(
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
-    return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
+    return measures.read_trace(data, **vars(columns), **more)
 
 
 if __name__ == "__main__":

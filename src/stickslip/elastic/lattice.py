@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import elementwise
 
 Array = NDArray[np.float64]
 
@@ -94,15 +95,10 @@ def _panels(groups: Groups, period: float) -> tuple[Array, float]:
 
 
 def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
-    """Zeros of a function between neighbours of a grid where its sign changes, by bisection."""
+    """Zeros of a function between neighbours of a grid where its sign changes."""
     value = function(grid)
     at = np.flatnonzero(value[:-1] * value[1:] < 0)
-    low, high, sign = grid[at], grid[at + 1], np.sign(value[at])
-    for _ in range(56):
-        middle = 0.5 * (low + high)
-        same = function(middle) * sign > 0
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return np.asarray(0.5 * (low + high))
+    return np.asarray(elementwise.find_root(function, (grid[at], grid[at + 1])).x)
 
 
 def continuum_prestress(speed: float, groups: Groups) -> float:

@@ -229,13 +229,9 @@ def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
 def _springs(body: ElasticBody, count: int) -> tuple[Array, Array, Array]:
     """Stiffness of each mode, the bulk's part of it, and its wavelength along the drive, softest first."""
     ring = body.ends == "periodic"
-    rows = not (ring and body.side > 0)
-    if rows and isinstance(body, Chain):
-        stiffness, coupling = _row(body.blocks, body.coupling, body.side, ring, count)
-        along = stiffness
-    elif rows and isinstance(body, Sheet):
-        row, bulk = _row(body.along, body.coupling, body.side, ring, count)
-        beside, _ = _row(body.across, body.shear, 0.0, ring, count)
+    if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
+        row, bulk = _row(body.size // body.rows, body.coupling, body.side, ring, count)
+        beside, _ = _row(body.rows, body.shear if isinstance(body, Sheet) else 0.0, 0.0, ring, count)
         total = (row[:, None] + beside).ravel()
         chosen = np.argsort(total, kind="stable")[:count]
         stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]

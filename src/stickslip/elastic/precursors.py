@@ -127,7 +127,10 @@ def precursor_force(rig: Rig) -> xr.DataArray:
             "give them no standard deviation"
         )
     strength, tip = thresholds.moment(1), np.arange(body.blocks)
-    held = np.array([1.0 - rho for rho in _screening(body.coupling, body.blocks)])[::-1]
+    # Displacements of m stuck blocks go as cosh((m - i - 1/2)/l), i = 0 ... m - 1.
+    fall, stuck = 1.0 / screening_length(rig), body.blocks - tip
+    second = np.exp(-fall) + np.exp(-2.0 * fall * (stuck - 1.0))
+    held = 1.0 - second / (1.0 + np.exp(-fall * (2.0 * stuck - 1.0)))
     force = interface.sliding_force * tip + strength * (1.0 + body.coupling * held)
     return xr.DataArray(
         force * rig.unit("f_s"),
@@ -157,11 +160,3 @@ def distance_to_the_first_break(rig: Rig) -> float | None:
     held = sparse.diags_array(1.0 + body.pulled + net.sum(axis=0))
     moved = float(spsolve(sparse.csc_array(held - net), body.pulled).max())
     return interface.threshold_distribution.moment(1) / moved if moved > 0 else None
-
-
-def _screening(coupling: float, blocks: int) -> list[float]:
-    """Displacement of the second of m stuck blocks over that of the first, m = 1 ... blocks; 1 where there is none."""
-    found = [1.0]
-    for _ in range(1, blocks):
-        found.append(coupling / (1.0 + coupling * (2.0 - found[-1])))
-    return found

@@ -298,12 +298,7 @@ def search(
     while len(points) < count:
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += _look(parameter, rig, ahead)
-        for k in range(len(points) - len(ahead), len(points)):
-            if edges_only and points[k - 1].unstable > 0 and points[k].unstable > 0:
-                continue
-            found += crossings_between(parameter, rig, points[k - 1], points[k])
-            if k >= 2:
-                found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], _DEPTH)
+        found += _along(parameter, rig, points, begin=len(points) - len(ahead), edges_only=edges_only)
         if first and (points[0].unstable > 0 or found):  # what is found first, from a stable point on, is an edge
             break
     return Crossings(
@@ -323,6 +318,26 @@ def _distinct(found: list[Crossing], apart: float) -> tuple[Crossing, ...]:
         if not same or one.value > kept[-1].value * (1.0 + apart):
             kept.append(one)
     return tuple(kept)
+
+
+def _along(
+    parameter: Parameter,
+    rig: Rig,
+    points: list[Point],
+    depth: int = _DEPTH,
+    *,
+    begin: int = 1,
+    edges_only: bool = False,
+) -> list[Crossing]:
+    """Crossings between neighbours, from the one before `begin` on, and those that hide about a point."""
+    found: list[Crossing] = []
+    for k in range(begin, len(points)):
+        if edges_only and points[k - 1].unstable > 0 and points[k].unstable > 0:
+            continue
+        found += crossings_between(parameter, rig, points[k - 1], points[k])
+        if k >= 2:
+            found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], depth)
+    return found
 
 
 def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point) -> list[Crossing]:
@@ -349,9 +364,14 @@ def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point)
     if width <= 1e-12:
         at = left.value, float(next(iter(_nearest(left.neutral)), math.nan))
         return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
-    inner = (left.value * np.exp(width * np.array([0.25, 0.5, 0.75]))).tolist()
-    points = [left, *_look(parameter, rig, inner), right]
-    return [c for pair in pairwise(points) for c in crossings_between(parameter, rig, *pair)]
+    return [
+        c for pair in pairwise(_finer(parameter, rig, left, right, 4)) for c in crossings_between(parameter, rig, *pair)
+    ]
+
+
+def _finer(parameter: Parameter, rig: Rig, left: Point, right: Point, parts: int) -> list[Point]:
+    """Two points with those that part the way between them evenly."""
+    return [left, *_look(parameter, rig, np.geomspace(left.value, right.value, parts + 1)[1:-1].tolist()), right]
 
 
 def _crossing(at: tuple[float, float], left: Point, right: Point) -> Crossing:
@@ -402,15 +422,7 @@ def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: P
         near = least * (0.9 if depth == _DEPTH else 0.3)
         if not (least > 0 and bend > 0 and 2 * bend >= abs(c - a)) or b - (c - a) ** 2 / (8 * bend) > near:
             continue
-        fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
-        points = [before, *_look(parameter, rig, fine), after]
-        if any(p.unstable != here.unstable for p in points):
-            return [c for pair in pairwise(points) for c in crossings_between(parameter, rig, *pair)]
-        return [
-            c
-            for triple in zip(points, points[1:], points[2:], strict=False)
-            for c in _hidden(parameter, rig, *triple, depth - 1)
-        ]
+        return _along(parameter, rig, _finer(parameter, rig, before, after, 8), depth - 1)
     return []
 
 

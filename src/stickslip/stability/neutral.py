@@ -7,11 +7,12 @@ is neutral for exactly one extra spring, ``-Re(Z + kappa)``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import elementwise
 
 from stickslip.sliding.response import Array, Response
 from stickslip.stability.impedances import Impedance
@@ -54,7 +55,12 @@ def neutral_frequencies(
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
     omega = extra = left
     if left.size:
-        omega = _bracketed_zeros(lambda w: loss(response, body, speed, w), left, right)
+
+        def lost(w: Array, v: Array) -> Array:
+            return loss(response, body, v, w)
+
+        zeros = elementwise.find_root(lost, (left, right), args=(speed,)).x
+        omega = np.where(np.isnan(zeros), left, zeros)  # a bracket of which an end is 0 but for rounding
         s = 1j * omega
         extra = -(body(s) + response.stiffness(speed, s)).real
     answers = []
@@ -120,35 +126,3 @@ def _vertex(before: Array, here: Array, after: Array) -> Array:
     """Lowest value of the parabola through three equally spaced points around a minimum."""
     bend = before - 2 * here + after
     return np.asarray(here - (after - before) ** 2 / (8 * np.maximum(bend, 1e-300)))
-
-
-def _bracketed_zeros(function: Callable[[Array], Array], left: Array, right: Array) -> Array:
-    """Chandrupatla's method on many brackets at once: bisection that jumps by inverse quadratic interpolation."""
-    b, a = left.copy(), right.copy()
-    fb, fa = function(b), function(a)
-    c, fc = a.copy(), fa.copy()
-    t = np.full(a.shape, 0.5)
-    best = np.where(np.abs(fa) < np.abs(fb), a, b)
-    for _ in range(60):
-        x = a + t * (b - a)
-        fx = function(x)
-        same = np.sign(fx) == np.sign(fa)
-        c, fc = np.where(same, a, b), np.where(same, fa, fb)
-        b, fb = np.where(same, b, a), np.where(same, fb, fa)
-        a, fa = x, fx
-        best = np.where(np.abs(fa) < np.abs(fb), a, b)
-        width = np.abs(b - a)
-        tolerance = 2e-15 * np.abs(best)
-        if np.all((width <= 2 * tolerance) | (fa == 0)):
-            break
-        with np.errstate(divide="ignore", invalid="ignore"):
-            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-            quadratic = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
-            guess = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-            least = tolerance / np.maximum(width, 1e-300)
-        t = np.clip(
-            np.where(quadratic & np.isfinite(guess), guess, 0.5),
-            np.minimum(least, 0.5),
-            np.maximum(1 - least, 0.5),
-        )
-    return np.asarray(best)
