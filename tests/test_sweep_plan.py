@@ -25,7 +25,7 @@ from stickslip import cli, console, plot
 from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
-from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation
+from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Population
 from stickslip.sweep import Refinement, Runs, Span, _table, open_sweep, study
 from stickslip.sweep.plan import from_document, open_plan, plan_of, read_plan
 from stickslip.sweep.theory import with_theory
@@ -64,6 +64,19 @@ def changed(path, value, document=NATURAL):
     return result
 
 
+@pytest.fixture
+def counted(monkeypatch):
+    """How often each rig was run."""
+    count, real = Counter(), study.simulate
+
+    def simulate(rig, **options):
+        count[rig.slider.stiffness, rig.velocity, type(rig.start)] += 1
+        return real(rig, **options)
+
+    monkeypatch.setattr(study, "simulate", simulate)
+    return count
+
+
 def written(tmp_path, document=NATURAL, name="sweep.toml"):
     file = tmp_path / name
     file.write_text(tomli_w.dumps(document))
@@ -87,19 +100,27 @@ def refused(capsys, *arguments):
 # ---------------------------------------------------------------- files
 
 
+def axis(name, given, **more):
+    return from_document(changed("axes", {name: given, **more})).axes[name].tolist()
+
+
 def test_the_axes_of_a_file_are_as_written():
     plan = from_document(NATURAL)
-    assert plan.axes["stiffness"].tolist() == pytest.approx([0.5, 2.0, 8.0])
-    assert plan.axes["velocity"].tolist() == [0.3, 1.0]
-    assert plan.axes["start"].tolist() == ["from rest", "sliding"]
     assert (plan.total, plan.parameters) == (12, ("stiffness", "velocity"))
     assert plan.study.rig.method == Contacts(100, 0)
-    seeds = from_document(changed("axes.seed", {"from": 7, "count": 3})).axes["seed"]
-    assert seeds.tolist() == [7, 8, 9]
+    assert list(plan.axes) == list(again(plan).axes) == ["stiffness", "velocity", "start"]
+    assert plan.axes["stiffness"].tolist() == pytest.approx([0.5, 2.0, 8.0])
+    here = {"velocity": [1.0]}
+    assert axis("start", ["from rest", "sliding"], **here) == ["from rest", "sliding"]
+    assert axis("seed", {"from": 7, "count": 3}, **here) == [7, 8, 9]
     counts = {"from": 10, "to": 1000, "count": 5, "spacing": "log"}
-    assert from_document(changed("axes.contacts", counts)).axes["contacts"].tolist() == [10, 32, 100, 316, 1000]
-    linear = from_document(changed("axes.delay", {"from": 0.0, "to": 0.2, "count": 3})).axes["delay"]
-    assert linear.tolist() == pytest.approx([0.0, 0.1, 0.2])
+    assert axis("contacts", counts, **here) == [10, 32, 100, 316, 1000]
+    assert axis("delay", {"from": 0.0, "to": 0.2, "count": 3}, **here) == pytest.approx([0.0, 0.1, 0.2])
+
+
+def again(plan):
+    """The plan as it comes back from results."""
+    return plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))
 
 
 @pytest.mark.parametrize(
@@ -110,39 +131,33 @@ def test_a_list_of_equal_ratios_is_logarithmic(values, log):
     assert plan.attributes()["velocity"]["spacing"] == ("log" if log else "linear")
 
 
-def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
+def test_a_file_may_name_a_rig_file_beside_it_and_is_in_its_units(tmp_path):
     (tmp_path / "rigs").mkdir()
     (tmp_path / "rigs" / "bench.toml").write_text(BENCH.read_text())
-    document = {"rig": "rigs/bench.toml", "axes": {"velocity": ["0.1 mm/s", "1 m/min"]}}
-    plan = read_plan(written(tmp_path, document))
-    assert plan.axes["velocity"].tolist() == pytest.approx([1e-4, 1 / 60])
+    asked = {"stiffness": 1e6, "mass": 0.01, "damping": 100.0, "velocity": 1 / 60, "delay": 1e-3, "std": 0.2}
+    written_as = ("1 MN/m", "10 g", "100 1/s", "1 m/min", "1 ms", 0.2)
+    axes = {name: [value] for name, value in zip(asked, written_as, strict=True)}
+    plan = read_plan(written(tmp_path, {"rig": "rigs/bench.toml", "axes": axes}))
+    assert {name: values.item() for name, values in plan.axes.items()} == pytest.approx(asked)
     assert plan.study.rig.method.count == 2000  # as the rig file says
     assert plan.attributes()["velocity"]["units"] == "m/s"
-    again = plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))  # the rig is in it: the file may go
-    assert again.study == plan.study
-    assert again.is_same(plan)
+    assert again(plan).study == plan.study  # the rig is in it: the file may go
+    assert again(plan).is_same(plan)
 
 
-def test_the_order_of_the_axes_is_kept():
-    axes = {"start": ["from rest"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
-    plan = from_document(changed("axes", axes))
-    again = plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))
-    assert list(plan.axes) == list(again.axes) == ["start", "velocity", "stiffness"]
-
-
-def test_parameters_are_in_the_units_of_the_file():
-    document = {
-        "rig": tomllib.loads(BENCH.read_text()),
-        "axes": {
-            "stiffness": ["1 MN/m"], "velocity": ["2 mm/s"], "mass": ["10 g"],
-            "damping": ["100 1/s"], "delay": ["1 ms"], "std": [0.2],
-        },
-    }  # fmt: skip
-    plan = from_document(document)
-    rig = plan.study.rig.replace(**{name: float(values[0]) for name, values in plan.axes.items()})
-    asked = {"stiffness": 1e6, "mass": 0.01, "damping": 100.0, "velocity": 2e-3, "delay": 1e-3}
-    assert {name: rig.value(name) for name in asked} == pytest.approx(asked)
-    assert rig.interface.thresholds == ss.Gaussian(mean=1.0, std=0.2)
+def test_a_run_is_simulated_as_the_file_says_and_else_as_the_rig_is():
+    bench = tomllib.loads(BENCH.read_text())
+    for run_, method in (
+        ({}, Contacts(2000, 0)),
+        ({"contacts": 50}, Contacts(50, 0)),
+        ({"method": "population"}, Population(2000, 0)),
+        ({"method": "master equation"}, MasterEquation()),
+        ({"method": "master equation", "rtol": 1e-3}, MasterEquation(rtol=1e-3)),
+    ):
+        plan = from_document({"rig": bench, "axes": {"velocity": ["1 mm/s"]}, "run": run_})
+        assert plan.study.rig.method == method
+    with pytest.raises(InputError, match=r"axes\.seed: changes nothing where no contacts are drawn"):
+        from_document(changed("axes.seed", [1], changed("run", {"method": "master equation"})))
 
 
 MISTAKES = [
@@ -182,13 +197,6 @@ def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value,
     assert place in line
     assert remedy in line
     assert not (tmp_path / "s.sqlite").exists()
-
-
-def test_what_changes_nothing_is_no_axis():
-    equation = changed("run", {"method": "master equation"})
-    with pytest.raises(InputError, match=r"axes\.seed: changes nothing where no contacts are drawn"):
-        from_document(changed("axes.seed", [1], equation))
-    assert from_document(equation).study.rig.method == MasterEquation()
 
 
 # ---------------------------------------------------------------- one case
@@ -258,19 +266,17 @@ def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():
 # ---------------------------------------------------------------- the command
 
 
-def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, monkeypatch):
+def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, counted):
     file, store = written(tmp_path), tmp_path / "s.sqlite"
     assert run("sweep", file, "--store", store, "--workers", 2, "--json") == 0
     first = json.loads(capsys.readouterr().out)
     assert (first["total"], first["done"], first["failed"]) == (12, 12, 0)
     assert sum(first["regimes"].values()) == 12
 
-    def no(*_arguments, **_options):
-        raise AssertionError("a case was run")
-
-    monkeypatch.setattr(study, "simulate", no)
+    counted.clear()
     assert run("sweep", file, "--store", store, "--json") == 0
     assert json.loads(capsys.readouterr().out) == first
+    assert not counted
     assert run("sweep", "--status", "--store", store) == 0
     assert capsys.readouterr().out == "12 of 12 cases done\n"
     assert run("sweep", "--status", "--store", store, "--json") == 0
@@ -297,27 +303,23 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
 
 
 def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
-    file, store = written(tmp_path), tmp_path / "s.sqlite"
+    file, store, nowhere = written(tmp_path), tmp_path / "s.sqlite", tmp_path / "no"
     assert run("sweep", file, "--store", store) == 0
     capsys.readouterr()
     before = open_sweep(store).load()
-
     other = written(tmp_path, changed("rig.slider.mass", 2e-4), "other.toml")
-    assert "holds another sweep; what differs: what the function holds" in refused(
-        capsys, "sweep", other, "--store", store
-    )
-    assert "holds another sweep than" in refused(
-        capsys, "sweep", other, "--store", store, "--replot", "--plot", tmp_path / "a.png"
-    )
-    assert "there is no such file" in refused(capsys, "sweep", "--status", "--store", tmp_path / "no")
-    assert "name a sweep file" in refused(capsys, "sweep", "--store", store)
-    assert "there is no such file" in refused(
-        capsys, "sweep", file, "--store", tmp_path / "no", "--replot", "--plot", tmp_path / "a.png"
-    )
-    assert "needs --plot" in refused(capsys, "sweep", file, "--store", store, "--replot")
-    assert "leave out" in refused(capsys, "sweep", file, "--store", store, "--scheduler", "tcp://a:1", "--processes")
-    assert "Threads.workers = 0" in refused(capsys, "sweep", file, "--store", store, "--workers", 0)
-
+    replot = ("--replot", "--plot", tmp_path / "a.png")
+    for arguments, words in (
+        ((other, "--store", store), "holds another sweep; what differs: what the function holds"),
+        ((other, "--store", store, *replot), "holds another sweep than"),
+        (("--status", "--store", nowhere), "there is no such file"),
+        (("--store", store), "name a sweep file"),
+        ((file, "--store", nowhere, *replot), "there is no such file"),
+        ((file, "--store", store, "--replot"), "needs --plot"),
+        ((file, "--store", store, "--scheduler", "tcp://a:1", "--processes"), "leave out"),
+        ((file, "--store", store, "--workers", 0), "Threads.workers = 0"),
+    ):
+        assert words in refused(capsys, "sweep", *arguments)
     xr.testing.assert_identical(open_sweep(store), before)  # no refusal touched it
 
     def read_only(*_arguments, **_options):
@@ -334,14 +336,12 @@ def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
 def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     monkeypatch.setattr(console, "_PATIENCE", "0.5s")
-    file = written(tmp_path)
-    line = refused(capsys, "sweep", file, "--store", tmp_path / "s.sqlite", "--scheduler", "tcp://127.0.0.1:9")
+    file, store = written(tmp_path), tmp_path / "s.sqlite"
+    line = refused(capsys, "sweep", file, "--store", store, "--scheduler", "tcp://127.0.0.1:9")
     assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in line
     assert "dask scheduler" in line
-    assert "cannot be reached" in refused(
-        capsys, "sweep", file, "--store", tmp_path / "s.sqlite", "--scheduler", "nonsense://1"
-    )
-    assert not (tmp_path / "s.sqlite").exists()
+    assert "cannot be reached" in refused(capsys, "sweep", file, "--store", store, "--scheduler", "nonsense://1")
+    assert not store.exists()
 
 
 # ---------------------------------------------------------------- theory on top
@@ -414,7 +414,7 @@ def test_a_cut_through_three_axes(tmp_path, capsys):
 # ---------------------------------------------------------------- refinement
 
 
-def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypatch):
+def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, counted):
     pytest.importorskip("adaptive", reason="refine needs adaptive")
     axes = {
         "stiffness": {"from": 0.5, "to": 8.0, "spacing": "log"},
@@ -428,14 +428,7 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
     found = json.loads(capsys.readouterr().out)
     assert found["total"] <= 48
     assert found["crossings"] >= 2
-    counted = Counter()
-    real = study.simulate
-
-    def simulate(rig, **options):
-        counted[rig.slider.stiffness, rig.drive] += 1
-        return real(rig, **options)
-
-    monkeypatch.setattr(study, "simulate", simulate)
+    counted.clear()
     assert run("sweep", file, "--store", store, "--json") == 0
     assert json.loads(capsys.readouterr().out)["crossings"] == found["crossings"]
     assert not counted
@@ -505,18 +498,12 @@ def expected(tmp_path_factory):
     return read_plan(written(directory, SLOW)).run(store=directory / "expected.sqlite").load()
 
 
-def resumed(file, store, monkeypatch):
-    """Go on with a store; return its results and how often each case was run now."""
-    counted = Counter()
-    real = study.simulate
-
-    def simulate(rig, **options):
-        counted[rig.slider.stiffness, rig.velocity, type(rig.start)] += 1
-        return real(rig, **options)
-
-    monkeypatch.setattr(study, "simulate", simulate)
+def gone_on_with(file, store, counted, expected, kept):
+    """Go on with a store: the same results, and what was missing is run, each once."""
+    counted.clear()
     assert run("sweep", file, "--store", store) == 0
-    return open_plan(store), counted
+    assert sum(counted.values()) == len(counted) == 60 - len(kept)
+    xr.testing.assert_identical(open_plan(store), expected)
 
 
 @pytest.mark.slow
@@ -528,7 +515,7 @@ def resumed(file, store, monkeypatch):
         (signal.SIGTERM, ["--processes"]),
     ],
 )
-def test_stop_the_command_and_go_on(tmp_path, monkeypatch, expected, number, options):
+def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options):
     file, store = written(tmp_path, SLOW), tmp_path / "s.sqlite"
     process = start_command(file, store, "--workers", "2", *options)
     wait_for(lambda: len(finished(store)) >= 4, process)
@@ -548,9 +535,7 @@ def test_stop_the_command_and_go_on(tmp_path, monkeypatch, expected, number, opt
     while any(os.path.exists(f"/proc/{pid}") for pid in children):
         assert time.monotonic() < deadline, "workers outlive their sweep"
         time.sleep(0.1)
-    result, counted = resumed(file, store, monkeypatch)
-    xr.testing.assert_identical(result, expected)
-    assert sum(counted.values()) == len(counted) == 60 - len(kept)  # what was missing, each once
+    gone_on_with(file, store, counted, expected, kept)
 
 
 @pytest.mark.slow
@@ -567,7 +552,7 @@ def test_kill_a_worker_of_the_command(tmp_path, expected):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected, monkeypatch):
+def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected, counted, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
     file, store = written(tmp_path, SLOW), tmp_path / "s.sqlite"
@@ -597,10 +582,7 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected,
         assert "cases are kept in" in errors.strip().splitlines()[-1]
         assert "Traceback" not in errors
     kept = finished(other)
-    uninterrupted = read_plan(file).run().load()
-    result, counted = resumed(file, other, monkeypatch)
-    xr.testing.assert_equal(result, uninterrupted)
-    assert sum(counted.values()) == len(counted) == 60 - len(kept)
+    gone_on_with(file, other, counted, read_plan(file).run().load(), kept)
 
 
 def blocks_of(page, language):
