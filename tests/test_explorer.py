@@ -8,7 +8,6 @@ import re
 import struct
 import time
 from copy import deepcopy
-from dataclasses import replace
 from pathlib import Path
 
 import headless
@@ -576,7 +575,7 @@ def uploads(application, path, count):
 
 @pytest.mark.parametrize("path", ["/trace", "/fit", "/download/toml"])
 def test_uploads_that_stall_are_counted_and_given_up(monkeypatch, path):
-    monkeypatch.setattr(server_of_the_app, "ALONE", replace(server_of_the_app.ALONE, quick=0.5))
+    monkeypatch.setattr(server_of_the_app, "ALONE", server_of_the_app.ALONE._replace(quick=0.5))
     application = server_of_the_app.application(documents.first(), 80)
     for _ in range(2):  # those that were given up hold no place
         told = uploads(application, path, server_of_the_app.ALONE.files + 2)

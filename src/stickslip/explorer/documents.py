@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import fields, replace
 from functools import lru_cache
@@ -17,7 +17,7 @@ from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, Drive, ElasticBody, Slider, constant, parameter_named
+from stickslip.model import Contacts, Drive, ElasticBody, constant, parameter_named
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales, quantity
@@ -135,51 +135,40 @@ def shortened(rig: Rig, seconds: float) -> Rig:
             return short
         if not math.isfinite(excess) or short.drive.duration < SHORTEST * excess * rig.drive.duration:
             break
-        short = _cut(short, 0.95 / excess)
+        short = lasting(short, 0.95 / excess * short.drive.duration)
     return rig
 
 
 def extended(rig: Rig, seconds: float) -> Rig | None:
     """Return the rig with a drive twice as long; None if that would take too long, or the drive is not constant."""
-    pieces = rig.drive.pieces
-    if len(pieces) > 1 or pieces[0].start != pieces[0].end or pieces[0].until is not None:
+    try:
+        longer = lasting(rig, 2.0 * rig.drive.duration)
+    except InputError:
         return None
-    longer = replace(rig, drive=constant(pieces[0].start, 2.0 * pieces[0].duration))
     return longer if estimate(longer).seconds <= seconds else None
 
 
 def of_duration(rig: Rig, duration: object) -> Rig:
     """Return the rig with the duration, in its own units, that its run on the page had; without one, as it is."""
-    if duration is None:
+    return rig if duration is None else lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
+
+
+def lasting(rig: Rig, duration: float) -> Rig:
+    """Return the rig with its drive up to a time; one of constant velocity may go on beyond its end."""
+    first, lasts = rig.drive.pieces[0], rig.drive.duration
+    if abs(duration / lasts - 1.0) < 1e-9:
         return rig
-    wanted = number("duration", duration, above=0) / rig.unit("time")
-    share = wanted / rig.drive.duration
-    if abs(share - 1.0) < 1e-9:
-        return rig
-    if share < 1.0:
-        return _cut(rig, share)
-    piece = rig.drive.pieces[0]
-    if len(rig.drive.pieces) > 1 or piece.start != piece.end:
-        raise InputError(f"duration = {wanted:g}: this drive ends after {rig.drive.duration:g}")
-    return replace(rig, drive=constant(piece.start, wanted))
-
-
-def _cut(rig: Rig, share: float) -> Rig:
-    return replace(rig, drive=cut(rig.drive, share * rig.drive.duration))
-
-
-def cut(drive: Drive, end: float) -> Drive:
-    """Return the drive up to a time."""
-    pieces, left = [], end
-    for piece in drive.pieces:
-        if piece.duration <= left:
-            pieces.append(piece)
-        elif left > 1e-12 * end:
-            pieces.append(replace(piece, end=piece.start + piece.acceleration * left, duration=left))
-        left -= piece.duration
-        if left <= 0:
-            break
-    return Drive(tuple(pieces))
+    if duration > lasts:
+        if len(rig.drive.pieces) > 1 or first.start != first.end or first.until is not None:
+            raise InputError(f"duration = {duration:g}: this drive ends after {lasts:g}")
+        return replace(rig, drive=constant(first.start, duration))
+    pieces, left = [], duration
+    for piece in rig.drive.pieces:
+        if left > 1e-12 * duration:
+            part = min(piece.duration, left)
+            pieces.append(replace(piece, end=piece.start + piece.acceleration * part, duration=part))
+            left -= part
+    return replace(rig, drive=Drive(tuple(pieces)))
 
 
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:
@@ -214,25 +203,25 @@ _ELSEWHERE = "for longer ones use `stickslip simulate`"
 
 def check_decades(rig: Rig) -> None:
     """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
-    interface, ageing = rig.interface, rig.interface.ageing
-    delay, thresholds = interface.delay, interface.thresholds
-    body = "slider" if isinstance(rig.slider, Slider) else "chain"
-    found = {
-        **{f"{body}.{name}": [value] for name, value in vars(rig.slider).items() if isinstance(value, float)},
-        "drive.velocity": [speed for piece in rig.drive.pieces for speed in (piece.start, piece.end)],
-        "drive.duration": [piece.duration for piece in rig.drive.pieces],
-        "interface.delay": [value for value in vars(delay).values() if isinstance(value, float)],
-        "interface.ageing": [value for value in vars(ageing).values() if isinstance(value, float)] if ageing else [],
-        "interface.thresholds": [thresholds.moment(1), thresholds.standard_deviation()],
-    }
-    for key, values in found.items():
-        for value in values:
-            never = key == "interface.delay" and math.isinf(value)
-            if not (value == 0 or never or 10.0**-DECADES <= abs(value) <= 10.0**DECADES):
+    for table in ("slider", "chain", "interface", "drive"):
+        for key, value in _numbers(rigs.to_document(rig.natural).get(table, {}), table):
+            if value and math.isfinite(value) and not 10.0**-DECADES <= abs(value) <= 10.0**DECADES:
                 raise InputError(
                     f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with",
                     key,
                 )
+
+
+def _numbers(content: object, key: str) -> Iterator[tuple[str, float]]:
+    """All numbers in a part of a document, each with its key."""
+    if isinstance(content, Mapping):
+        for name, item in content.items():
+            yield from _numbers(item, f"{key}.{name}")
+    elif isinstance(content, list | tuple):
+        for item in content:
+            yield from _numbers(item, key)
+    elif isinstance(content, float):
+        yield key, content
 
 
 def check_thresholds(rig: Rig) -> None:
@@ -312,13 +301,10 @@ def in_units(document: Document, units: str, scales: object = None) -> Document:
     rig = rig_of(document)
     if (units == "natural") == (rig.scales is None):
         return {"document": document}
-    if units == "natural":
-        kept = vars(rig.scales)
-        # What was assumed is said of the numbers of the file.
-        rig = replace(rig, scales=None, assumed={})
-        return {"document": _like(document, rig, damping_ratio=_by_ratio(document)), "scales": kept}
-    rig = replace(rig, scales=_scales(scales), assumed={})
-    return {"document": _like(document, rig, damping_ratio=_by_ratio(document))}
+    # What was assumed is said of the numbers of the file.
+    turned = replace(rig, scales=None if rig.scales else _scales(scales), assumed={})
+    found = {"document": _like(document, turned, damping_ratio=_by_ratio(document))}
+    return found | ({"scales": vars(rig.scales)} if rig.scales else {})
 
 
 def _scales(given: object) -> Scales:

@@ -91,7 +91,7 @@ def _frame_times(rig: Rig, begin: float, end: float, watch: Progress) -> Array:
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))
     interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
     output = replace(rig.output, interval=interval, snapshots=())
-    run = simulate(replace(rig, drive=documents.cut(rig.drive, end), output=output), progress=watch)
+    run = simulate(replace(documents.lasting(rig, end), output=output), progress=watch)
     seen = run["time"].to_numpy() >= begin
     t, X = run["time"].to_numpy()[seen], run["displacement"].to_numpy()[seen]
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(X)))])

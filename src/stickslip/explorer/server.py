@@ -18,7 +18,6 @@ import threading
 from collections import Counter
 from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterator
 from contextlib import aclosing, asynccontextmanager, contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -57,39 +56,18 @@ _HEADERS = {
 }
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What one visitor may ask for.
+class Limits(NamedTuple):
+    """What one visitor may ask for: seconds, bytes, and how many at the same time."""
 
-    Parameters
-    ----------
-    run : float
-        Seconds of a run, by estimate; longer ones are cut short.
-    quick, slow : float
-        Seconds after which an answer is given up: a run, a file on its way; a map, a bistable band, mitigations.
-    trace : int
-        Bytes of a measured trace.
-    fit : float
-        Seconds after which a fit with intervals is given up; a table of simulations that was begun is kept.
-    table : bool
-        Whether a fit may make its table of simulations.
-    together : int
-        Maps, bands and searches for mitigations of one window at the same time.
-    windows : int
-        Windows from one address.
-    files : int
-        Traces, fits and downloads from one address at the same time.
-    """
-
-    run: float
-    quick: float
-    slow: float
-    trace: int
-    fit: float
-    table: bool
-    together: int
-    windows: int
-    files: int
+    run: float  # seconds of a run, by estimate; longer ones are cut short
+    quick: float  # seconds after which a run, or a file on its way, is given up
+    slow: float  # as much of a map, a bistable band, mitigations
+    trace: int  # bytes of a measured trace
+    fit: float  # seconds of a fit with intervals; a table of simulations that was begun is kept
+    table: bool  # whether a fit may make that table
+    together: int  # maps, bands and searches for mitigations of one window
+    windows: int  # from one address
+    files: int  # traces, fits and downloads from one address
 
 
 ALONE = Limits(

@@ -21,7 +21,7 @@ from stickslip.explorer import documents, replay
 from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, packed
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
-from stickslip.model import Delay, Interface
+from stickslip.model import Delay
 from stickslip.model.rig import Rig
 from stickslip.simulation import simulate
 
@@ -46,7 +46,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
     made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
     watch(1.0)
-    answer = force_trace(made, _width(request))
+    answer = force_trace(made, int(_within(request, "width", 100, 4_000, 1_000)))
     undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS and "pieces" not in _drive(request)
     goes_on = undecided and documents.extended(rig, seconds) is not None
     yield {
@@ -132,9 +132,7 @@ def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Frames of the contacts one by one, from the cursor on; see `replay`."""
     rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
     documents.check_size(rig, documents.seconds_of(request))
-    share = request.get("cursor")
-    at = float(share) if isinstance(share, (int, float)) and math.isfinite(share) else 0.0
-    yield {"frames": next(replay.frames(rig, min(max(at, 0.0), 1.0), watch))}
+    yield {"frames": next(replay.frames(rig, _within(request, "cursor", 0.0, 1.0, 0.0), watch))}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -201,7 +199,7 @@ def _friction(rig: Rig) -> Plain:
         return {**found, "words": [str(error)]}
     unit = 1.0 if rig.scales is None else rig.scales.unit("force")
     with suppress(InputError, UndecidedError):
-        static = _static_friction(replace(aged, delay=Delay(0.0)))
+        static = _static_friction(replace(aged, delay=Delay(0.0)))[0]
         found["static"] = static * unit
         found["words"].append(f"F_s = {rig.in_units(static, 'force')}{when}")
     if rig.natural.velocity > 0:
@@ -218,16 +216,8 @@ def _friction(rig: Rig) -> Plain:
     return found
 
 
-@lru_cache(maxsize=64)
-def _static_friction(interface: Interface) -> float:
-    return rigid.static_friction(interface)[0]
-
-
-@lru_cache(maxsize=64)
-def _critical_stiffness(interface: Interface) -> float:
-    return rigid.critical_stiffness(interface)
-
-
+_static_friction = lru_cache(maxsize=64)(rigid.static_friction)
+_critical_stiffness = lru_cache(maxsize=64)(rigid.critical_stiffness)
 FORMATS = {
     "nc": "application/x-netcdf",
     "png": "image/png",
@@ -256,12 +246,11 @@ def download(document: object, form: str, duration: object, seconds: float, watc
 
 def _look(request: Plain, rig: Rig) -> float:
     """Time of the cursor; just before the end at the latest, where rounding could take it beyond."""
-    share = request.get("cursor")
-    if not isinstance(share, (int, float)) or not math.isfinite(share):
-        share = 1.0
-    return min(max(float(share), 0.0), 0.9999) * rig.drive.duration
+    return _within(request, "cursor", 0.0, 0.9999, 1.0) * rig.drive.duration
 
 
-def _width(request: Plain) -> int:
-    width = request.get("width")
-    return int(min(max(width, 100), 4_000)) if isinstance(width, (int, float)) and math.isfinite(width) else 1_000
+def _within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
+    """A number of a request, within bounds."""
+    value = request.get(key)
+    number = float(value) if isinstance(value, (int, float)) and math.isfinite(value) else usual
+    return min(max(number, low), high)

@@ -22,6 +22,7 @@ from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed
 from stickslip.fitting.known import newtons
 from stickslip.fitting.known import seconds as seconds_in
 from stickslip.fitting.rigs import compared
+from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.model import Contacts, constant
@@ -339,22 +340,15 @@ def _parameters(found: fitting.Fit) -> list[Plain]:
 
 
 def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
-    """Some slips of the trace, and series of slips of some draws, loaded as the trace was."""
-    begin, end, first = _window(events)
-    rate, falls = events.loading_rate, events.slip_samples * events.step
+    """Some slips of the trace, and as long parts of traces that some draws make, loaded as it was."""
+    begin, end, _ = _window(events)
     series = []
-    for row in range(len(found)):
-        peaks, troughs = found.series(row, 3 * _SHOWN + 20, np.random.default_rng([0, row]))
-        if peaks.size < 3 * _SHOWN:
-            continue
-        P, T = peaks[10:], troughs[10:]
-        knots = np.cumsum(np.column_stack([np.full(P.size - 1, falls), (P[1:] - T[:-1]) / rate]).ravel())
-        t = first + np.concatenate([[0.0], knots])
-        F = np.concatenate([P[:1], np.column_stack([T[:-1], P[1:]]).ravel()])
-        seen = t <= end
-        series.append(line(t[seen], F[seen]))
-        if len(series) == _OVERLAID:
-            break
+    for row in range(min(_OVERLAID, len(found))):
+        rng = np.random.default_rng([0, row])
+        made = sampled(*found.series(row, 5 * _SHOWN, rng), events.loading_rate, events.step, 0.0, rng)
+        t, F = made["time"].to_numpy(), made["spring_force"].to_numpy()
+        late = t >= t[-1] - (end - begin)
+        series.append(line(begin + t[late] - t[late][0], F[late]))
     return {**force_axes(events), "series": series, **_shown(events, begin, end)}
 
 
