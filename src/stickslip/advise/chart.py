@@ -28,18 +28,9 @@ def chart(
 ) -> xr.Dataset:
     """Map the linear stability of smooth sliding over two parameters around a rig's own point, in the rig's units.
 
-    Parameters
-    ----------
-    rig : Rig
-    over : (str, str)
-        Names of two parameters: the first along the horizontal axis.
-    around : float
-        Factor on either side of the rig's own values.
-    points : int
-        Twice the points of the shading along each parameter.
-    bistable : bool
-        Whether to follow stick-slip from the boundary to where it decays, along the second parameter, at some values of
-        the first; takes seconds for each.
+    The window reaches a factor `around` to either side, with half of the points along each parameter for the shading.
+    With `bistable`, stick-slip is followed from the boundary to where it decays, along the second parameter, at some
+    values of the first, which takes seconds for each.
 
     Returns
     -------

@@ -60,16 +60,10 @@ class Part(NamedTuple):
 
 
 def stability_along(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Part, ...]:
-    """Ranges of a parameter from `low` to `high`, rising, in each of which smooth sliding is stable throughout, or not.
+    """Ranges of a parameter, in natural units, rising, in each of which smooth sliding is stable throughout, or not.
 
-    Parameters
-    ----------
-    parameter : Parameter
-    setting : Rig
-        In natural units.
-    low, high : float
-        Range searched. Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot
-        tell of the whole range, unstable ones.
+    Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot tell of the whole
+    range, unstable ones.
     """
     density = _DEAR_PER_DECADE if is_dear(setting.interface) else _PER_DECADE
     try:

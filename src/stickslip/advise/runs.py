@@ -124,21 +124,10 @@ def until_judged(
     long: bool = True,
     progress: Progress | None = None,
 ) -> tuple[Recording, Regime]:
-    """Make a run, and again twice as long while its regime is undecided; the caller has paid for the first.
+    """Make a run that ends at a constant speed, and again twice as long while its regime is undecided.
 
-    Parameters
-    ----------
-    case : Rig
-        Its drive ends at a constant speed.
-    budget : Budget
-        For the runs after the first.
-    most : int
-        Runs at most.
-    fewest : float
-        Time that the second run lasts at least.
-    long : bool
-        False if the first run is refused where it takes too long.
-    progress : callable, optional
+    The caller has paid for the first; the second lasts for the time `fewest` at least; without `long` the first is
+    refused where it takes too long.
     """
     run = record(case, progress=progress, long=long)
     seen = regime_of(run)
@@ -253,16 +242,8 @@ def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start
 def first_smooth(smooth: Callable[[float], bool], begin: float, end: float, ill: float) -> float | None:
     """A value between two ends down to `PRECISION` below which it slides smoothly, the nearest one within `PRECISION`.
 
-    Steps double from the beginning on; the end itself is the last that is tried. None if there is no such value.
-
-    Parameters
-    ----------
-    smooth : callable
-        Whether it slides smoothly at a value; as it is told by runs, bisection ends on a value that has passed.
-    begin, end : float
-        Where to look, and until where.
-    ill : float
-        A value before `begin` that does not slide smoothly.
+    Steps double from the beginning on; the end itself is the last that is tried. It does not slide smoothly at `ill`,
+    before the beginning. None if there is no such value.
     """
     step, value = 1.0 + PRECISION, begin
     while not smooth(value):
