@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.special import gammainccinv, stdtrit
+from scipy.special import gammainccinv, ndtr, stdtrit
 
 from stickslip.measure.arrays import Array, Trace, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles
@@ -23,21 +23,18 @@ from stickslip.measure.slips import (
     weighted_median,
 )
 
-# The numbers that decide, with those of FEWEST_CYCLES, PERIODIC, SLIP_VELOCITY and FEWEST_IN_A_DROP: fifteen.
+# The numbers that decide, with FEWEST_CYCLES, PERIODIC and SLIP_VELOCITY: twelve.
 TINY = 0.02  # an oscillation below this part of the largest force is smooth sliding ...
 SMALL = 0.10  # ... and one that decays, below this
-STEADY = 0.05  # change of the logarithm of the amplitude that is none ...
-HALVED = math.log(2.0)  # ... and of one that seems to shrink, the decay to be ruled out for it to persist
+STEADY = 0.05  # change of the logarithm of the amplitude that is none
 ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
-CHANCE = 0.00135  # ... and how often one lies beyond them by chance
+CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chance
 SLIP_PHASE = 0.25  # a slider that is held the rest of the time slips at four times the drive on average
-HELD = 0.5  # a slider that is held loads the spring at its full rate for most of the time ...
-NEVER_HELD = 0.5 * (HELD + 0.25)  # ... and half way to that from a sine, and from noise, which do for a quarter
+HELD = 0.5  # a slider that is held loads the spring at its full rate for most of the time
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
+LARGEST_NOISE = 0.5  # of the mean force, at so many errors: noise beyond it is no smooth sliding
 NORMAL = 2.25  # kurtosis half way from a sine (1.5) to noise (3) ...
-ENOUGH = 16  # ... and cycles of narrow noise for which one standard error of that, 3/sqrt(n), is no more
-UNEVEN = 0.26  # variation of the size of cycles, half way from none to that of narrow noise (Rayleigh's, .52)
-LARGEST_NOISE = 0.5  # of the mean force, at three standard deviations: noise beyond it is no smooth sliding
+ENOUGH = math.ceil((3.0 / (3.0 - NORMAL)) ** 2)  # ... and cycles of narrow noise at which an error of that is as large
 
 _SLOPES = 0.1  # relative error to which a loading rate is read
 _MANY = 100_000  # slopes that are enough
@@ -74,115 +71,109 @@ class Criterion:
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What the force in a window shows, as numbers."""
+    """What the force in a window shows: its cycles, how large they are, and the tests made of it, by short names."""
 
     found: Slips
     cycles: Cycles
     periodic: bool
+    slips: bool
     count: int
-    speed: float
-    held: float
-    excess: float
-    relative: float
-    kurtosis: float
-    sizes: float
     swing: float
     peak_to_peak: float
     friction: float
-    pause: tuple[float, float]
-    phase: float
-    samples: float
-    trend: float = math.nan
-    trend_error: float = math.nan
-    scatter: float = 0.0
+    trend: float
+    trend_error: float
+    tests: dict[str, Criterion]
 
-    @property
-    def slips(self) -> bool:
-        """Whether the drops are slips: fast ones; where the velocity is not known or not seen, by the force.
+    def passes(self, name: str) -> bool:
+        """Whether a test was made, and passed."""
+        return name in self.tests and self.tests[name].passed
 
-        Of a periodic force, the part of the time in drops tells; of an irregular one, that it rises at one rate for
-        most of the time tells, too.
-        """
-        if self.speed >= SLIP_VELOCITY or (not math.isnan(self.speed) and self.samples >= FEWEST_IN_A_DROP):
-            return self.speed >= SLIP_VELOCITY
-        return self.phase <= SLIP_PHASE or (self.held >= HELD and not self.periodic)
+    def fails(self, name: str) -> bool:
+        """Whether a test was made, and not passed."""
+        return name in self.tests and not self.tests[name].passed
 
-    @property
-    def ln_trend(self) -> float:
-        """Logarithm of the amplitude in the second half of the window over that in the first."""
-        return math.log(self.trend) if self.trend > 0 else 0.0
-
-    def table(self) -> dict[str, Criterion]:
-        """The tests, by short names."""
-        rows: dict[str, Criterion] = {}
-
-        def test(key: str, name: str, value: float, limit: float, source: Source, *, most: bool = False) -> None:
-            if not math.isnan(value):
-                passed = value <= limit if most else value >= limit
-                rows[key] = Criterion(name=name, statistic=value, limit=limit, source=source, passed=bool(passed))
-
-        found, allowed = self.found, STEADY + (0.0 if math.isnan(self.trend_error) else ERRORS * self.trend_error)
-        test("drops", "drops that stand out of the noise", found.size, 1, "statistics")
-        size = self.swing / self.friction if self.friction else math.nan
-        test("size", "swing over the largest force", size, TINY, "convention")
-        if not found.size:
-            return rows
-        test("cycles", "cycles in the window", self.count, FEWEST_CYCLES, "convention")
-        test("resolved", "samples in a drop", self.samples, FEWEST_IN_A_DROP, "convention")
-        test("shrinks", "drops shrink: logarithm of their change", self.ln_trend, -max(allowed, self.scatter),
-             "statistics", most=True)  # fmt: skip
-        test("grows", "drops grow: logarithm of their change", self.ln_trend, max(allowed, self.scatter), "statistics")
-        if self.ln_trend <= -STEADY:
-            least = self.ln_trend - allowed
-            test("persists", "least logarithm of the change of the drops", least, -HALVED, "convention")
-        test("paused", "longest pause over what chance allows", self.pause[0], self.pause[1], "statistics")
-        test("period", "correlation at one period", self.cycles.correlation, PERIODIC, "convention")
-        test("even", "variation of the cycles", self.cycles.variation, JITTER, "theory", most=True)
-        test("fast", "largest slider velocity over the drive's", self.speed, SLIP_VELOCITY, "theory")
-        test("phase", "part of the time in drops", self.phase, SLIP_PHASE, "theory", most=True)
-        test("held", "part of the time at the full loading rate", self.held, HELD, "convention")
-        test("uneven", "part of the time at the full loading rate", self.held, NEVER_HELD, "theory", most=True)
-        test("contacts", "scatter over the noise of the contacts", self.excess, ERRORS, "theory")
-        test("normal", "kurtosis of the force", self.kurtosis, NORMAL, "theory")
-        test("sizes", "variation of the size of the cycles", self.sizes, UNEVEN, "theory")
-        test("enough", "cycles, to tell an oscillation from noise", self.count, ENOUGH, "statistics")
-        test("slight", "three standard deviations over the mean", self.relative, LARGEST_NOISE, "convention", most=True)
-        return rows
+    def value(self, name: str) -> float:
+        """What a test found; not a number where it was not made."""
+        return self.tests[name].statistic if name in self.tests else math.nan
 
 
 def gather(trace: Trace, found: Slips) -> Evidence:
-    """Take the numbers of a window."""
+    """Take the numbers of a window, and make the tests."""
+    force, friction, tests = trace.force, abs(trace.largest), dict[str, Criterion]()
+
+    def test(key: str, name: str, value: float, limit: float, source: Source, *, most: bool = False) -> None:
+        if not math.isnan(value):
+            passed = bool(value <= limit if most else value >= limit)
+            tests[key] = Criterion(name=name, statistic=value, limit=limit, source=source, passed=passed)
+
     cycles, periodic = _cycles(trace, found)
-    fastest = speeds(trace, found)
-    force = trace.force
     rest = without_line(force, trace.t)
-    swing, peaked = float(np.ptp(force)), kurtosis(force)
+    swing = peak_to_peak = float(np.ptp(force))
     if periodic:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
-        left = max(float(np.var(rest)) - found.noise**2, 0.0)
-        swing = min(swing, 2.0 * math.sqrt(2.0 * left))
-        peaked = 3.0 + (peaked - 3.0) * (float(np.var(force)) / left) ** 2 if left else peaked  # cumulants add up
-    seen = Evidence(
+        swing = min(swing, 2.0 * math.sqrt(2.0 * max(float(np.var(rest)) - found.noise**2, 0.0)))
+    samples = float(np.median(found.trough - found.peak)) if found.size else math.nan
+    fastest = speeds(trace, found)
+    speed = math.nan if fastest is None else weighted_median(fastest, found.drops**2)
+    phase, full = found.slip_phase(trace), held(trace, found.noise) if found.size and not trace.contacts else math.nan
+    # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
+    # irregular one, that it rises at one rate for most of the time, too.
+    slips = phase <= SLIP_PHASE or (full >= HELD and not periodic)
+    if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
+        slips = speed >= SLIP_VELOCITY
+    count = cycles.count if periodic else _count(trace, found, cycles, slips=slips)
+    trend, error, scatter = _trend(trace, found, cycles, periodic=periodic, slips=slips)
+    test("drops", "drops that stand out of the noise", found.size, 1, "statistics")
+    test("size", "swing over the largest force", swing / friction if friction else math.nan, TINY, "convention")
+    if found.size:
+        change = math.log(trend) if trend > 0 else 0.0
+        allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
+        allowed = max(allowed, scatter if slips and not periodic else 0.0)
+        normal = _kurtosis_of_cycles(force, cycles) if periodic else kurtosis(force)
+        mean = abs(float(force.mean()))
+        relative = ERRORS * float(rest.std()) / mean if mean else math.inf
+        test("cycles", "cycles in the window", count, FEWEST_CYCLES, "convention")
+        test("resolved", "samples in a drop", samples, FEWEST_IN_A_DROP, "convention")
+        test("shrinks", "drops shrink: logarithm of their change", change, -allowed, "statistics", most=True)
+        test("grows", "drops grow: logarithm of their change", change, allowed, "statistics")
+        test("paused", "longest pause over what chance allows", *_pause(trace, found, cycles, periodic), "statistics")
+        test("period", "correlation at one period", cycles.correlation, PERIODIC, "convention")
+        test("even", "variation of the cycles", cycles.variation, JITTER, "theory", most=True)
+        test("fast", "largest slider velocity over the drive's", speed, SLIP_VELOCITY, "theory")
+        test("phase", "part of the time in drops", phase, SLIP_PHASE, "theory", most=True)
+        test("held", "part of the time at the full loading rate", full, HELD, "convention")
+        test("contacts", "scatter over the noise of the contacts", _excess(trace, rest), ERRORS, "theory")
+        test("normal", "kurtosis of the force", normal, NORMAL, "theory")
+        test("enough", "cycles, to tell an oscillation from noise", count, ENOUGH, "statistics")
+        test("slight", "three standard deviations over the mean", relative, LARGEST_NOISE, "convention", most=True)
+    return Evidence(
         found=found,
         cycles=cycles,
         periodic=periodic,
-        count=cycles.count if periodic else found.size,
-        speed=math.nan if fastest is None else weighted_median(fastest, found.drops**2),
-        held=held(trace, found.noise) if found.size and not trace.contacts else math.nan,
-        excess=_excess(trace, rest),
-        relative=ERRORS * float(rest.std()) / abs(float(force.mean())) if force.mean() else math.inf,
-        kurtosis=peaked,
-        sizes=_variation_of_sizes(force, cycles) if periodic else math.nan,
+        slips=slips,
+        count=count,
         swing=swing,
-        peak_to_peak=float(np.ptp(force)),
-        friction=abs(trace.largest),
-        pause=_pause(trace, found, cycles.period if periodic else math.nan),
-        phase=found.slip_phase(trace),
-        samples=float(np.median(found.trough - found.peak)) if found.size else math.nan,
+        peak_to_peak=peak_to_peak,
+        friction=friction,
+        trend=trend,
+        trend_error=error,
+        tests=tests,
     )
-    if not periodic:
-        seen = replace(seen, count=_count(trace, seen))
-    trend, error, scatter = _trend(trace, seen)
-    return replace(seen, trend=trend, trend_error=error, scatter=scatter if seen.slips and not periodic else 0.0)
+
+
+def _kurtosis_of_cycles(force: Array, cycles: Cycles) -> float:
+    """Kurtosis of a narrow force with the ranges that a force has in its cycles: 1.5 if these are even, 3 of noise."""
+    begins = cycles.begins
+    ranges = np.maximum.reduceat(force, begins[:-1]) - np.minimum.reduceat(force, begins[:-1])
+    return 1.5 * float(np.mean(ranges**4) / np.mean(ranges**2) ** 2)
+
+
+def _count(trace: Trace, found: Slips, cycles: Cycles, *, slips: bool) -> int:
+    """Cycles of what has no period: fast drops of slips; of a slow oscillation under small drops, its own."""
+    if slips:
+        return fast_ones(trace, found).size
+    slow = cycles.correlation >= PERIODIC and cycles.count < FEWEST_CYCLES
+    return min(cycles.count, found.size) if slow else found.size
 
 
 def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
@@ -203,31 +194,15 @@ def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
     return cycles, False
 
 
-def _variation_of_sizes(force: Array, cycles: Cycles) -> float:
-    """Coefficient of variation of the ranges of a force in its cycles."""
-    begins = cycles.begins
-    ranges = np.maximum.reduceat(force, begins[:-1]) - np.minimum.reduceat(force, begins[:-1])
-    return mean_and_std(ranges)[2]
-
-
-def _count(trace: Trace, seen: Evidence) -> int:
-    """Cycles of what has no period: fast drops of slips; of a slow oscillation under small drops, its own."""
-    if seen.slips:
-        return fast_ones(trace, seen.found).size
-    slow = seen.cycles.correlation >= PERIODIC and seen.cycles.count < FEWEST_CYCLES
-    return min(seen.cycles.count, seen.found.size) if slow else seen.found.size
-
-
-def _trend(trace: Trace, seen: Evidence) -> tuple[float, float, float]:
+def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips: bool) -> tuple[float, float, float]:
     """Amplitude in the second half of the window over the first, the error of its logarithm, and the scatter of that.
 
     From the drops, of cycles with several from their ranges, and of what is neither slips nor periodic from the
     fluctuation in parts of the window.
     """
-    found, cycles, (begin, end) = seen.found, seen.cycles, (trace.t[0], trace.t[-1])
-    sizes, times = found.drops, found.times
-    repeats = seen.slips or cycles.correlation >= PERIODIC
-    if seen.periodic and abs(found.size - cycles.count) > 1:
+    begin, end, sizes, times = trace.t[0], trace.t[-1], found.drops, found.times
+    repeats = slips or cycles.correlation >= PERIODIC
+    if periodic and abs(found.size - cycles.count) > 1:
         edges = np.arange(cycles.times[0], end, cycles.period)
         parts = itertools.pairwise(np.searchsorted(trace.t, edges).tolist())
         sizes, times = np.array([np.ptp(trace.force[i : j + 1]) for i, j in parts]), edges[:-1]
@@ -261,7 +236,7 @@ def _excess(trace: Trace, rest: Array) -> float:
     return float(rest.std()) / noise if noise > 0 else math.inf
 
 
-def _pause(trace: Trace, found: Slips, period: float) -> tuple[float, float]:
+def _pause(trace: Trace, found: Slips, cycles: Cycles, periodic: bool) -> tuple[float, float]:
     """Longest time without a slip over the typical time between two, and the largest that chance allows.
 
     The typical time is that before the large drops: small ones may follow these closely. Times between slips are taken
@@ -271,7 +246,7 @@ def _pause(trace: Trace, found: Slips, period: float) -> tuple[float, float]:
     if found.size < FEWEST_CYCLES:
         return math.nan, math.nan
     waits = np.diff(np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]]))
-    usual = weighted_median(waits[1:-1], found.drops[1:] ** 2) if math.isnan(period) else period
+    usual = weighted_median(waits[1:-1], found.drops[1:] ** 2) if not periodic else cycles.period
     _, _, variation = mean_and_std(waits[waits <= FEWEST_CYCLES * usual])
     shape = 1.0 / max(variation, 0.01) ** 2 if math.isfinite(variation) else 1.0
     chance = float(gammainccinv(shape, CHANCE / waits.size)) / shape

@@ -21,7 +21,7 @@ and makes up for it by half a sine in a quarter of the cycle (their geometric me
 LARGEST_REBOUND = 0.98  # of a drop: ringing decays
 RINGING = 2.0  # times as fast as the loading: the slider's swing back makes more of a rise than the drive
 EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
-FEWEST_IN_A_DROP = 4  # samples, for the shape and the velocity of a slip to be seen
+FEWEST_IN_A_DROP = FEWEST_CYCLES  # samples, for the shape and the velocity of a slip to be seen
 CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
 WHITE = 5.0  # over the root of the samples: what a force that is noise may exceed its scatter by, by chance
 _FOR_NOISE, _FOR_RESOLUTION = 500_000, 50_000  # samples from which noise, and the step of a recording, are read

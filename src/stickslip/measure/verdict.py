@@ -15,7 +15,7 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Trace, in_words, slope, without_line
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
-from stickslip.measure.evidence import ENOUGH, ERRORS, NORMAL, SMALL, STEADY, TINY, Criterion, Evidence, gather
+from stickslip.measure.evidence import ENOUGH, ERRORS, SMALL, STEADY, TINY, Criterion, Evidence, gather
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import FEWEST_IN_A_DROP, Slips, fast_ones, find_slips, is_white, mean_and_std
 from stickslip.simulation import Recording
@@ -350,19 +350,14 @@ def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     found = find_slips(trace) if found is None else found
     seen = gather(trace, found)
-    table = seen.table()
-    kind, reason, segments = _verdict(trace, seen, table, depth)
+    kind, reason, segments = _verdict(trace, seen, depth)
     slips = fast_ones(trace, found) if kind == "stick-slip" else found
-    quiet = kind == "smooth sliding"
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
-    if seen.periodic and not quiet:
+    if seen.periodic and kind != "smooth sliding":
         count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
     drive = None if trace.drive is None else float(trace.drive.mean())
-    largest = stuck = None
-    if trace.velocity is not None and drive:
-        largest = float(trace.velocity.max()) / drive
-        stuck = float(np.mean(np.abs(trace.velocity) < STUCK * abs(drive)))
+    largest = float(trace.velocity.max()) / drive if trace.velocity is not None and drive else None
     return Regime(
         kind=kind,
         reason=reason,
@@ -381,127 +376,128 @@ def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
         slip_phase=slips.slip_phase(trace),
         noise=found.noise,
         drive_velocity=None if drive is None else trace.sign * drive,
-        peak_velocity=largest if math.isnan(seen.speed) else seen.speed,
+        peak_velocity=seen.value("fast") if "fast" in seen.tests else largest,
         largest_velocity=largest,
-        stuck=stuck,
+        stuck=_stuck(trace),
         attached_peak_to_peak=None if trace.attached is None else float(np.ptp(trace.attached)),
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
-        table=tuple(table.values()),
+        table=tuple(seen.tests.values()),
         segments=segments,
     )
 
 
-_Verdict = tuple[Kind, str, tuple[Segment, ...]]
+def _stuck(trace: Trace) -> float | None:
+    """Part of the time in which the slider sticks."""
+    if trace.velocity is None or trace.drive is None or not trace.drive.mean():
+        return None
+    return float(np.mean(np.abs(trace.velocity) < STUCK * abs(float(trace.drive.mean()))))
 
 
-def _verdict(trace: Trace, seen: Evidence, table: dict[str, Criterion], depth: int) -> _Verdict:
+def _verdict(trace: Trace, seen: Evidence, depth: int) -> tuple[Kind, str, tuple[Segment, ...]]:
     """Kind, reason and parts, off the tests: the first rule that holds decides."""
-    yes = {key for key, row in table.items() if row.passed}
-    for reason in (_about_the_drive(trace), _about_the_sign(trace, seen.found)):
-        if reason:
-            return "undecided", reason, ()
-    if "drops" not in yes:
+    if told := _about_the_drive(trace) or _about_the_sign(trace, seen.found):
+        return "undecided", told, ()
+    if not seen.found.size:
         return *_without_drops(trace, seen), ()
-    part = f"{100 * seen.peak_to_peak / seen.friction:.3g} % of the largest force"
-    tiny = f"the force oscillates by {100 * seen.swing / seen.friction:.3g} % of the largest force, peak to peak"
-    if "cycles" not in yes:
-        if not seen.slips and "size" not in yes:
+    part, of_contacts = _part(seen.peak_to_peak, seen), "contacts" in seen.tests
+    tiny = f"the force oscillates by {_part(seen.swing, seen)}, peak to peak"
+    noise = f"{seen.count} cycles of {part}, peak to peak, that noise may make as well; "
+    noise += _more(trace, max(ENOUGH / max(seen.count, 1), 2.0))
+    if seen.fails("cycles"):
+        if not seen.slips and not seen.passes("size"):
             return "smooth sliding", tiny, ()
         return "undecided", _still_loading(trace, seen) or _too_few(trace, seen), ()
-    if "contacts" in table and "contacts" not in yes and ("normal" in yes or not seen.periodic):
-        return *_noise_of_contacts(trace, seen, yes, part), ()
-    if "contacts" in table and not yes & {"contacts", "enough"}:
-        return "undecided", _noise_or_not(trace, seen, part), ()
-    if depth < _DEEPEST and (seen.slips or seen.periodic) and (told := _in_parts(trace, seen, yes, depth)):
-        return told
-    if "shrinks" in yes:
+    if seen.fails("contacts"):
+        if seen.passes("normal") or not seen.periodic:
+            return *_noise_of_contacts(trace, seen, part), ()
+        if seen.fails("enough"):
+            return "undecided", noise, ()
+    if depth < _DEEPEST and (seen.slips or seen.periodic) and (parts := _in_parts(trace, seen, depth)):
+        return parts
+    if seen.passes("shrinks"):
         return *_decaying(trace, seen), ()
     manner = "periodic" if seen.periodic else "irregular"
     if seen.slips:
-        growth = "; the slips still grow" if "grows" in yes else ""
-        return "stick-slip", f"{manner} slips that persist: {_how(seen, table)}{growth}", ()
-    if "grows" in yes:
-        return "undecided", _growing(trace, seen), ()
-    if "size" not in yes:
+        growth = "; the slips still grow" if seen.passes("grows") else ""
+        return "stick-slip", f"{manner} slips that persist: {_how(seen)}{growth}", ()
+    if seen.passes("grows"):
+        return "undecided", _growing(trace, seen, part), ()
+    if not seen.passes("size"):
         return "smooth sliding", tiny, ()
-    if "resolved" not in yes:
+    if seen.fails("resolved"):
         return "undecided", f"drops of {part} last fewer than {FEWEST_IN_A_DROP} samples: record more often", ()
-    unsure = "sizes" in yes or ("contacts" in table and not seen.periodic)
-    if trace.velocity is None and "normal" in yes and unsure:
-        return "undecided", _noise_or_not(trace, seen, part), ()
-    if seen.periodic and "persists" in table and "persists" not in yes:
-        more = trace.time_in_words(2.0 * float(np.ptp(trace.t)))
-        return "undecided", f"the oscillation of {part} may decay to less than half; about {more} more would tell", ()
-    if seen.periodic or "contacts" in table:
-        told_of = f"{manner}, {part}, peak to peak; {_whether_it_sticks(trace)}: {_how(seen, table)}"
-        return "sustained oscillation", told_of, ()
-    if {"normal", "slight"} <= yes and ("uneven" in yes or "uneven" not in table):
+    if trace.velocity is None and seen.passes("normal") and (seen.periodic or of_contacts):
+        return "undecided", noise, ()
+    if seen.periodic or of_contacts:
+        how = f"{manner}, {part}, peak to peak; {_whether_it_sticks(trace)}: {_how(seen)}"
+        return "sustained oscillation", how, ()
+    if seen.passes("normal") and seen.passes("slight"):
         return "smooth sliding", f"the force fluctuates by {part}, without a period, as slow noise does", ()
-    more = trace.time_in_words(4.0 * float(np.ptp(trace.t)))
-    if "slight" not in yes:
+    why = f"irregular oscillation of {part} that is neither slips nor noise: {_how(seen)}"
+    if seen.fails("slight"):
         why = f"the force fluctuates by {part}, without a period: too much for noise, and no slips that stand out"
-    else:
-        why = f"irregular oscillation of {part} that is neither slips nor noise: {_how(seen, table)}"
     or_else = ", or the velocity of the slider," if trace.velocity is None else ""
-    return "undecided", f"{why}; about {more} more{or_else} would tell", ()
+    return "undecided", f"{why}; {_more(trace, 4.0, or_else)}", ()
 
 
-def _how(seen: Evidence, table: dict[str, Criterion]) -> str:
+def _part(force: float, seen: Evidence) -> str:
+    return f"{100 * force / seen.friction:.3g} % of the largest force" if seen.friction else "a force of 0"
+
+
+def _more(trace: Trace, spans: float, or_else: str = "", what: str = "") -> str:
+    """How much longer a record would decide, in its own length."""
+    return f"about {trace.time_in_words(spans * float(np.ptp(trace.t)))} more{or_else} would tell{what}"
+
+
+def _how(seen: Evidence) -> str:
     """The test that parts slips from an oscillation, in words."""
-    if "fast" in table and (table["fast"].passed or table["resolved"].passed):
-        return f"the slider reaches {seen.speed:.3g} times the velocity of the drive in a typical cycle"
-    if table["phase"].passed or seen.periodic or "held" not in table:
-        return f"slip phase: {100 * seen.phase:.0f} % of the cycle"
-    return f"the force rises at its full rate for {100 * seen.held:.0f} % of the time"
+    if seen.passes("fast") or ("fast" in seen.tests and seen.passes("resolved")):
+        return f"the slider reaches {seen.value('fast'):.3g} times the velocity of the drive in a typical cycle"
+    if seen.passes("phase") or seen.periodic or "held" not in seen.tests:
+        return f"slip phase: {100 * seen.value('phase'):.0f} % of the cycle"
+    return f"the force rises at its full rate for {100 * seen.value('held'):.0f} % of the time"
 
 
-def _in_parts(trace: Trace, seen: Evidence, yes: set[str], depth: int) -> _Verdict | None:
+def _in_parts(trace: Trace, seen: Evidence, depth: int) -> tuple[Kind, str, tuple[Segment, ...]] | None:
     """Judge a record with a pause, or with a step of its drops, part by part; None if it is of one kind, and even."""
-    found, ratio, pause = seen.found, 1.0, -1
-    if "paused" in yes:
+    found, step, paused = seen.found, 0, seen.passes("paused")
+    if paused:
         limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
         longest = int(np.argmax(np.diff(limits)))
         begin = float(trace.t[found.end[longest - 1]]) if longest else float(trace.t[0])
-        end, usual = limits[longest + 1], (limits[longest + 1] - limits[longest]) / seen.pause[0]
-        edges, pause = [begin, float(end - usual if longest < found.size else end)], 1  # before the force rises again
-    elif "shrinks" in yes and (step := _step(found)):
+        end, usual = limits[longest + 1], (limits[longest + 1] - limits[longest]) / seen.value("paused")
+        edges = [begin, float(end - usual if longest < found.size else end)]  # before the force rises again
+    elif seen.passes("shrinks") and (step := _step(found)):
         edges = [float(found.times[step])]
-        ratio = float(np.median(found.drops[step:]) / np.median(found.drops[:step]))
     else:
         return None
     parts = [trace.part(*ends) for ends in itertools.pairwise([float(trace.t[0]), *edges, math.inf])]
-    judged = [
-        (_judge(part, depth=depth + 1), i == pause) for i, part in enumerate(parts) if part.t.size >= FEWEST_READINGS
-    ]
+    judged = [(i, _judge(part, depth=depth + 1)) for i, part in enumerate(parts) if part.t.size >= FEWEST_READINGS]
     segments: list[Segment] = []
-    for each, is_pause in judged:
-        if each.kind == "undecided" and not each.segments and not is_pause:
-            if pause < 0:
+    for i, each in judged:
+        if each.kind == "undecided" and not each.segments and not (paused and i == 1):
+            if not paused:
                 return None
             continue
         for new in each.segments or (Segment(kind=each.kind, begin=each.window[0], end=each.window[1]),):
             same = bool(segments) and segments[-1].kind == new.kind
             segments.append(replace(new, begin=segments.pop().begin) if same else new)
     kinds = {segment.kind for segment in segments}
-    if not kinds & {"stick-slip", "sustained oscillation"}:
+    if not kinds & {"stick-slip", "sustained oscillation"} or (len(kinds) == 1 and paused):
         return None
     if len(kinds) == 1:
-        last = judged[-1][0]
+        last, ratio = judged[-1][1], float(np.median(found.drops[step:]) / np.median(found.drops[:step]))
         when = trace.time_in_words(edges[0])
-        more = f"{last.reason}; from t = {when} on, the drops are {ratio:.2g} times as large"
-        return None if pause > 0 else (last.kind, more, ())
-    if len(segments) > FEWEST_CYCLES:
-        return (
-            "undecided",
-            f"slips and pauses take turns, in {len(segments)} parts: judge each by itself",
-            tuple(segments),
-        )
-    names = ["nothing" if segment.kind == "undecided" else segment.kind for segment in segments]
-    told = [f"{name} up to t = {trace.time_in_words(each.end)}" for name, each in zip(names, segments, strict=True)]
-    told[-1] = names[-1]
-    return "undecided", f"{', then '.join(told)}: judge each part by itself", tuple(segments)
+        return last.kind, f"{last.reason}; from t = {when} on, the drops are {ratio:.2g} times as large", ()
+    told = f"slips and pauses take turns, in {len(segments)} parts: judge each by itself"
+    if len(segments) <= FEWEST_CYCLES:
+        names = ["nothing" if segment.kind == "undecided" else segment.kind for segment in segments]
+        ends = [f" up to t = {trace.time_in_words(segment.end)}" for segment in segments[:-1]]
+        told = ", then ".join(map("".join, itertools.zip_longest(names, ends, fillvalue="")))
+        told += ": judge each part by itself"
+    return "undecided", told, tuple(segments)
 
 
 def _step(found: Slips) -> int:
@@ -518,25 +514,23 @@ def _step(found: Slips) -> int:
     return best + 1 if gain[best] - line > ERRORS**2 * power else 0
 
 
-def _noise_of_contacts(trace: Trace, seen: Evidence, yes: set[str], part: str) -> tuple[Kind, str]:
+def _noise_of_contacts(trace: Trace, seen: Evidence, part: str) -> tuple[Kind, str]:
     """Verdict on a fluctuation that so few contacts make as noise."""
-    relative = f"the force fluctuates by {part}, without a period"
-    if seen.slips and seen.relative > ERRORS * STEADY:  # of so few contacts that each slip is seen
+    if seen.slips and seen.value("slight") > ERRORS * STEADY:  # of so few contacts that each slip is seen
         return "stick-slip", f"irregular slips that persist, of few contacts ({trace.contacts}): {part}"
-    if "slight" not in yes and "shrinks" in yes:
+    if seen.passes("slight"):
+        what = f"no more than the noise of {trace.contacts} contacts"
+        return "smooth sliding", f"the force fluctuates by {part}, without a period: {what}"
+    if seen.passes("shrinks"):
         return _decaying(trace, seen)
-    if "slight" not in yes:
-        return "sustained oscillation", (
-            f"irregular, {part}, peak to peak, as expected from the noise of {trace.contacts} contacts; "
-            f"{_whether_it_sticks(trace)}"
-        )
-    return "smooth sliding", f"{relative}: no more than the noise of {trace.contacts} contacts"
+    what = f"as expected from the noise of {trace.contacts} contacts; {_whether_it_sticks(trace)}"
+    return "sustained oscillation", f"irregular, {part}, peak to peak, {what}"
 
 
 def _whether_it_sticks(trace: Trace) -> str:
-    if trace.velocity is None or trace.drive is None:
+    stuck = _stuck(trace)
+    if stuck is None:
         return "whether the slider sticks, the force alone does not tell"
-    stuck = float(np.mean(np.abs(trace.velocity) < STUCK * abs(float(trace.drive.mean()))))
     return "the slider never sticks" if stuck < STICKS else f"the slider sticks for {100 * stuck:.0f} % of the time"
 
 
@@ -550,45 +544,33 @@ def _too_few(trace: Trace, seen: Evidence) -> str:
     )
 
 
-def _noise_or_not(trace: Trace, seen: Evidence, part: str) -> str:
-    """What to say of cycles that the noise of a mode which hardly decays makes as well."""
-    more = trace.time_in_words(max(ENOUGH / seen.count, 2.0) * float(np.ptp(trace.t)))
-    return f"{seen.count} cycles of {part}, peak to peak, that noise may make as well; about {more} more would tell"
-
-
-def _growing(trace: Trace, seen: Evidence) -> str:
+def _growing(trace: Trace, seen: Evidence, part: str) -> str:
     """What to say of an oscillation that grows."""
-    change = f"by a factor {seen.trend:.2g} between the halves of the window; about "
-    more = f"{trace.time_in_words(2.0 * float(np.ptp(trace.t)))} more would tell"
-    if seen.periodic or not seen.kurtosis >= NORMAL:
-        return f"the oscillation still grows, {change}{more}"
-    part = 100 * seen.peak_to_peak / seen.friction
-    return f"the force fluctuates by {part:.3g} % of the largest force, without a period, and changes {change}{more}"
+    what = "the oscillation still grows,"
+    if not seen.periodic and seen.passes("normal"):
+        what = f"the force fluctuates by {part}, without a period, and changes"
+    return f"{what} by a factor {seen.trend:.2g} between the halves of the window; {_more(trace, 2.0)}"
 
 
 def _decaying(trace: Trace, seen: Evidence) -> tuple[Kind, str]:
     """Verdict on an oscillation that shrinks."""
-    half = trace.force[trace.force.size // 2 :]
-    left = float(np.ptp(half)) / seen.friction
-    name = "oscillation" if seen.periodic or seen.slips or not seen.kurtosis >= NORMAL else "fluctuation"
+    left = float(np.ptp(trace.force[trace.force.size // 2 :])) / seen.friction
+    name = "oscillation" if seen.periodic or seen.slips or not seen.passes("normal") else "fluctuation"
     shrinks = f"the {name} decays, by a factor {seen.trend:.2g} from one half of the window to the other"
     if not seen.slips and left < SMALL:
         return "smooth sliding", f"{shrinks}, and is down to {100 * left:.3g} % of the largest force"
-    halves = math.log(SMALL / max(left, 1.1 * SMALL)) / seen.ln_trend
-    more = 0.5 * max(halves, 1.0) * float(np.ptp(trace.t))
-    return "undecided", f"{shrinks}; about {trace.time_in_words(more)} more would tell whether it persists"
+    halves = math.log(SMALL / max(left, 1.1 * SMALL)) / math.log(seen.trend)
+    return "undecided", f"{shrinks}; {_more(trace, 0.5 * max(halves, 1.0), what=' whether it persists')}"
 
 
 def _still_loading(trace: Trace, seen: Evidence) -> str:
     """What to say of a force that a straight line makes most of, or nothing."""
-    span = float(np.ptp(trace.t))
-    drift = slope(trace.force, trace.t) * span
+    drift = slope(trace.force, trace.t) * float(np.ptp(trace.t))
     if abs(drift) <= DRIFTS * seen.peak_to_peak or abs(drift) <= 2.0 * seen.found.smallest:
         return ""
-    way = "rises" if drift > 0 else "falls"
     return (
-        f"the force still {way}, by {trace.force_in_words(abs(drift))} in the window, and shows no complete slip; "
-        f"about {trace.time_in_words(4.0 * span)} more would tell"
+        f"the force still {'rises' if drift > 0 else 'falls'}, by {trace.force_in_words(abs(drift))} in the window, "
+        f"and shows no complete slip; {_more(trace, 4.0)}"
     )
 
 
@@ -620,23 +602,18 @@ def _about_the_drive(trace: Trace) -> str:
 def _without_drops(trace: Trace, seen: Evidence) -> tuple[Kind, str]:
     """Verdict where no drop of the force stands out."""
     friction, oscillation, found = seen.friction, seen.peak_to_peak, seen.found
-    span = float(np.ptp(trace.t))
     if oscillation == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
-    part = f"{100 * oscillation / friction:.3g} % of the largest force" if friction else "a force of 0"
+    part = _part(oscillation, seen)
     if oscillation < TINY * friction:
         return "smooth sliding", f"the force fluctuates by {part}"
     if loading := _still_loading(trace, seen):
         return "undecided", loading
     if oscillation > max(2.0 * found.smallest, SMALL * friction) and not is_white(trace, found.noise, found.cycles):
-        return "undecided", (
-            "too short: the force oscillates, but shows no complete drop in the window; about "
-            f"{trace.time_in_words(4.0 * span)} more would tell"
-        )
+        more = _more(trace, 4.0)
+        return "undecided", f"too short: the force oscillates, but shows no complete drop in the window; {more}"
     # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
-    scatter = float(without_line(trace.force, trace.t).std())
-    if scatter > SMALL / math.sqrt(12.0) * friction:
-        return "undecided", (
-            f"noise of {part} from one sample to the next masks any oscillation, and slips: record more often"
-        )
+    if float(without_line(trace.force, trace.t).std()) > SMALL / math.sqrt(12.0) * friction:
+        what = "masks any oscillation, and slips: record more often"
+        return "undecided", f"noise of {part} from one sample to the next {what}"
     return "smooth sliding", f"the force shows noise only, {part}"
