@@ -60,7 +60,7 @@ def small_cases() -> dict[str, Callable[[], object]]:
     strong = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1))
     back = ss.constant(0.5, 0.5).then(ss.constant(-0.5, 0.2))
     for method in (few, coarse):
-        cases[f"{method}, undamped"] = partial(_run, delayed, method, LIGHT, ss.constant(1.0, 1.2))
+        cases[f"{method}, undamped"] = partial(_run, delayed, method, LIGHT, ss.constant(1.0, 1.5))
         cases[f"{method}, sliding"] = partial(_run, delayed, method, start=ss.FromSliding(perturbation=0.1))
         cases[f"{method}, snapshots"] = partial(_snapshots, delayed, method)
         cases[f"{method}, until"] = partial(_until, method)
