@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as jsonlib
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +13,9 @@ from stickslip.errors import InputError, printable
 from stickslip.progress import bar, log_of
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from stickslip.advise import ElasticPrediction, Prediction
-    from stickslip.model import Rig
     from stickslip.sweep import Progress
 
 
@@ -128,7 +129,6 @@ def print_json(value: Any) -> None:
 def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None) -> None:
     """Print an answer: the sentence, its evidence, margins, mitigations, and what was assumed."""
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
     from stickslip.advise import ElasticPrediction
@@ -148,73 +148,57 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
             console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
 
     def bullets(title: str, rest: str, lines: Iterable[str]) -> None:
-        lines = list(lines)
-        if lines:
-            console.print()
-            say(rest, title)
-            for line in lines:
-                say(f"- {line}")
+        for k, line in enumerate(lines):
+            if k == 0:
+                console.print()
+                say(rest, title)
+            say(f"- {line}")
 
     rig = found.rig
-
-    def close() -> None:
-        if rig.assumed:
-            console.print()
-            say(", not measured", "Assumed")
-            _print_assumed(console, rig)
-        bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
-        if picture is not None:
-            console.print(f"\npicture: {picture}", soft_wrap=True)
-
     say(f": {found.verdict}", rig.name)
     if isinstance(found, ElasticPrediction):
         bullets("By wavelength", ", the softest first (linear stability)", words.waves(found))
-        close()
-        return
-    console.print()
-    if not found.judged:
-        say(f"To measure it, {words.TO_MEASURE}")
-        console.print()
     else:
-        for line in str(found.regime).splitlines():
+        console.print()
+        for line in str(found.regime).splitlines() if found.judged else [f"To measure it, {words.TO_MEASURE}"]:
             say(line)
         console.print()
-    numbers = Table(box=None, show_header=False, pad_edge=False)
-    for name, text in words.numbers(found):
-        numbers.add_row(Text(name), Text(text))
-    tables.print(numbers)
-    if found.margins:
+        tables.print(_table({}, words.numbers(found)))
+        if found.margins:
+            console.print()
+            say(" of smooth sliding, one parameter varied at a time (linear stability, without noise)", "Margins")
+            titles = ("parameter", "now", "stability limit below", "stability limit above")
+            tables.print(_table(dict.fromkeys(titles), words.margins(found)))
+        bullets("Mitigations", f"{words.where(found)}, the smallest change first; simulated", words.mitigations(found))
+        bullets("Tried", ", within the range searched", words.attempts(found))
+        for note in words.not_searched(found):
+            console.print()
+            say(note)
+    if rig.assumed:
         console.print()
-        say(" of smooth sliding, one parameter varied at a time (linear stability, without noise)", "Margins")
-        table = Table(box=None, pad_edge=False)
-        for title in ("parameter", "now", "stability limit below", "stability limit above"):
-            table.add_column(title)
-        for row in words.margins(found):
-            table.add_row(*(Text(cell) for cell in row))
-        tables.print(table)
-    bullets("Mitigations", f"{words.where(found)}, the smallest change first; simulated", words.mitigations(found))
-    bullets("Tried", ", within the range searched", words.attempts(found))
-    for note in words.not_searched(found):
-        console.print()
-        say(note)
-    close()
+        say(", not measured", "Assumed")
+        # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
+        key = max(len(key) for key in rig.assumed)
+        said = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key) // 2)
+        how = max(console.width - key - said - 4, 17)
+        widths = {"key": key, "assumed": max(said, len("assumed")), "how to measure it": how}
+        console.print(_table(widths, ((key, item.said, item.how) for key, item in rig.assumed.items())))
+    bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
+    if picture is not None:
+        console.print(f"\npicture: {picture}", soft_wrap=True)
 
 
-def _print_assumed(console: Any, rig: Rig) -> None:
-    """Print what was assumed and how to measure it, as a table."""
+def _table(columns: Mapping[str, int | None], rows: Iterable[Iterable[str]]) -> Table:
+    """Return a table; its columns by title, with their widths where they are set, or without titles."""
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False)
-    # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
-    key_width = max(len(key) for key in rig.assumed)
-    said_width = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key_width) // 2)
-    table.add_column("key", width=key_width)
-    table.add_column("assumed", width=max(said_width, len("assumed")))
-    table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
-    for key, item in rig.assumed.items():
-        table.add_row(*(Text(printable(text)) for text in (key, item.said, item.how)))
-    console.print(table)
+    table = Table(box=None, pad_edge=False, show_header=bool(columns))
+    for title, width in columns.items():
+        table.add_column(title, width=width)
+    for row in rows:
+        table.add_row(*(Text(printable(cell)) for cell in row))
+    return table
 
 
 _PIPE_WIDTH = 80

@@ -74,23 +74,16 @@ def rigid_slide(
     _check_renewal(interface)
     import xarray as xr
 
-    solution = _Solution(interface, distance, velocity, method.points)
     X = np.linspace(0.0, distance, method.points + 1)
-    response = solution.at(X)
+    response = _Solution(interface, distance, velocity, method.points).at(X)
+    rate = {"units": "1/x_s", "long_name": "breaks per contact and x_s"}
+    stiffness = {"units": "k", "long_name": "stiffness dF_c/dX, per contact"}
     return xr.Dataset(
         {
             "friction_force": ("displacement", response.force, LABELS["friction_force"]),
             "attached": ("displacement", response.attached, LABELS["attached"]),
-            "breaking_rate": (
-                "displacement",
-                response.rate,
-                {"units": "1/x_s", "long_name": "breaks per contact and x_s"},
-            ),
-            "stiffness": (
-                "displacement",
-                response.stiffness,
-                {"units": "k", "long_name": "stiffness dF_c/dX, per contact"},
-            ),
+            "breaking_rate": ("displacement", response.rate, rate),
+            "stiffness": ("displacement", response.stiffness, stiffness),
         },
         coords={"displacement": ("displacement", X, LABELS["displacement"])},
     )
@@ -105,17 +98,10 @@ def _check_renewal(interface: Interface) -> None:
 
 
 def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float = 1.0) -> Array:
-    """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact.
+    """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact, at displacements from the start.
 
-    Computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical derivative.
-
-    Parameters
-    ----------
-    interface : Interface
-    X : array_like
-        Displacements since the start of the motion, in ``x_s``, at least 0.
-    velocity : float
-        Matters only if there is a delay.
+    Computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical derivative. The velocity matters only
+    with a delay.
     """
     instance("effective_stiffness: interface", interface, Interface, "an Interface")
     X = np.atleast_1d(np.asarray(X, dtype=float))
@@ -123,8 +109,7 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
         raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
     _check_renewal(interface)
     distance = max(float(X.max()), 1e-3)
-    points = _points(interface, distance)
-    return -_Solution(interface, distance, velocity, points).at(X).stiffness
+    return -_Solution(interface, distance, velocity, _points(interface, distance)).at(X).stiffness
 
 
 def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
@@ -211,16 +196,12 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     interface.allow(("sliding_force", "newborn"), "static_friction")
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, newborn=interface.newborn)
     _check_renewal(bare)
-    distance, points = _reach(interface), Renewal().points
+    distance, points = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3)), Renewal().points
     X = np.linspace(0.0, distance, points + 1)
     force = _Solution(bare, distance, 1.0, points).at(X).force
     # Rounding tells where a force that only rises is largest.
     first = int(np.argmax(force >= (1.0 - 1e-9) * force.max()))
     return float(force.max()), float(X[first])
-
-
-def _reach(interface: Interface) -> float:
-    return 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3))
 
 
 def _points(interface: Interface, distance: float) -> int:
