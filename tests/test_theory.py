@@ -50,6 +50,12 @@ def test_attached_fraction():
     assert attached_fraction(never, 1.0) == 0.0
 
 
+@pytest.mark.parametrize("areas", [None, "site", "fresh"])
+def test_contacts_that_never_come_back_slide_with_the_sliding_force(areas):
+    gone = Interface(thresholds=FIG4.interface.thresholds, areas=areas, delay=Delay(math.inf), sliding_force=0.3)
+    assert kinetic_friction(gone, 1.0) == 0.3
+
+
 @pytest.mark.eq(14, 17)
 @pytest.mark.parametrize("rate", [1.0, 1.5])
 def test_friction_of_ageing_thresholds_depends_on_velocity_over_rate_squared(rate):

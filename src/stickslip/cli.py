@@ -67,13 +67,12 @@ def _seconds(text: str) -> float:
     return read_quantity(text, "s", "0.5 ms", bare=True)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Options that commands share
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- options that commands share
 
 RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an example: `stickslip new` lists them.")]
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
 Long = Annotated[bool, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.", negative="")]
+Kind = Literal["overview", "phase", "stretchings", "energy", "spacetime", "fronts", "precursors", "slips"]
 Flip = Annotated[bool, Parameter(help="Change the sign of the force.", negative="")]
 Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 
@@ -125,9 +124,7 @@ def _fail(message: str, code: int = 2) -> int:
     return code
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Commands
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- commands
 
 app.command(
     "stickslip.rate_state.command:rsf",
@@ -175,14 +172,12 @@ def predict(
 
 
 @app.command
-def new(example: str | None = None) -> None:
-    """Print a rig file to start from: `stickslip new brake_pad > my.toml`.
-
-    Parameters
-    ----------
-    example
-        Name of a rig that comes with the package; without one, their names are listed.
-    """
+def new(
+    example: Annotated[
+        str | None, Parameter(help="Name of a rig that comes with the package; without one, their names are listed.")
+    ] = None,
+) -> None:
+    """Print a rig file to start from: `stickslip new brake_pad > my.toml`."""
     from stickslip.io import rig_files as rigs
 
     if example is None:
@@ -218,19 +213,13 @@ def simulate(
 
 @app.command
 def rerun(
-    run: Path,
+    run: Annotated[Path, Parameter(help="A run (NetCDF) that `stickslip simulate` wrote.")],
     *,
     output: Annotated[Path | None, Parameter(alias="-o", help="Write the new run as NetCDF.")] = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Make a run again from its provenance, bit for bit, and say what it did.
-
-    Parameters
-    ----------
-    run
-        A run (NetCDF) that `stickslip simulate` wrote.
-    """
+    """Make a run again from its provenance, bit for bit, and say what it did."""
     from stickslip import simulation
     from stickslip.io import datasets as store
 
@@ -276,7 +265,7 @@ def _say_where(**written: Path | None) -> None:
 
 @app.command
 def measure(
-    data: Path,
+    data: Annotated[Path, Parameter(help="A run (NetCDF), or a table in plain text with a column of force.")],
     *,
     columns: Columns = Columns(),
     displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
@@ -290,13 +279,7 @@ def measure(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Tell the regime and list the slips of a run or of a measured force trace.
-
-    Parameters
-    ----------
-    data
-        A run (NetCDF), or a table in plain text with a column of force.
-    """
+    """Tell the regime and list the slips of a run or of a measured force trace."""
     from stickslip import measure as measures
     from stickslip.io import files
     from stickslip.measure import front_map, ramps
@@ -363,28 +346,16 @@ def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, 
 
 @app.command
 def plot(
-    data: Path,
-    output: Path,
+    data: Annotated[Path, Parameter(help="A run (NetCDF), a table in plain text, or the store of a sweep.")],
+    output: Annotated[Path, Parameter(help="The picture: .png, .svg or .pdf.")],
     *,
-    kind: Literal[
-        "overview", "phase", "stretchings", "energy", "spacetime", "fronts", "precursors", "slips"
-    ] = "overview",
+    kind: Annotated[Kind, Parameter(help="What to draw of a run; the last four, of one of a chain.")] = "overview",
     beside: Annotated[Path | None, Parameter(help="Another run: draw both forces on one scale.")] = None,
     columns: Columns = Columns(),
     at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
     bistable: Annotated[bool, Parameter(help="Of a sweep: also show where stick-slip ends.", negative="")] = False,
 ) -> None:
-    """Draw a run, a measured trace or a sweep.
-
-    Parameters
-    ----------
-    data
-        A run (NetCDF), a table in plain text, or the store of a sweep.
-    output
-        The picture: .png, .svg or .pdf.
-    kind
-        What to draw of a run; the last four, of one of a chain.
-    """
+    """Draw a run, a measured trace or a sweep."""
     from stickslip import plot as drawing
     from stickslip.sweep import is_store
 
@@ -409,7 +380,7 @@ def plot(
 
 @app.command
 def fit(
-    trace: Path,
+    trace: Annotated[Path, Parameter(help="A table in plain text with a column of force, or a run (NetCDF).")],
     *,
     stiffness: Annotated[str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")] = None,
     speed: Annotated[str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")] = None,
@@ -425,13 +396,7 @@ def fit(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes.
-
-    Parameters
-    ----------
-    trace
-        A table in plain text with a column of force, or a run (NetCDF).
-    """
+    """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes."""
     from stickslip import fitting
     from stickslip.fitting.rates import read_pairs
     from stickslip.io import files
@@ -503,7 +468,10 @@ def map(
 
 @app.command
 def sweep(
-    file: Path | None = None,
+    file: Annotated[
+        Path | None,
+        Parameter(help="A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status."),
+    ] = None,
     *,
     store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
     status: Annotated[bool, Parameter(help="Run nothing: say how far the sweep is.", negative="")] = False,
@@ -521,11 +489,6 @@ def sweep(
     """Run many cases over the parameters of a rig; a second start with the same store runs what is missing.
 
     The exit code is 1 if cases failed: they are recorded, and the others are done.
-
-    Parameters
-    ----------
-    file
-        A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status.
     """
     from stickslip.sweep import plan as plans
     from stickslip.sweep import status_of
@@ -563,7 +526,7 @@ def sweep(
 
 @app.command
 def paper(
-    figure: str,
+    figure: Annotated[str, Parameter(help="fig1, fig2 ... or all")],
     *,
     check: Annotated[bool, Parameter(help="Check the paper's claims; exit code 1 if one fails.", negative="")] = False,
     quick: Annotated[bool, Parameter(help="Fewer points and contacts.", negative="")] = False,
@@ -574,13 +537,7 @@ def paper(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts.
-
-    Parameters
-    ----------
-    figure
-        fig1, fig2 ... or all
-    """
+    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts."""
     from stickslip.paper import figures_named, places, reproduce
 
     kinds, chosen = formats or ["png"], figures_named(figure)
@@ -599,19 +556,13 @@ def paper(
 
 @app.command
 def explore(
-    rig: Path | None = None,
+    rig: Annotated[Path | None, Parameter(help="A rig file in TOML to begin with.")] = None,
     *,
     port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.", converter=_whole)] = None,
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
     share: Annotated[bool, Parameter(help="Serve it to the local network, too, behind a secret link.")] = False,
 ) -> None:
-    """Open the browser app: move a slider and see sliding turn into stick-slip.
-
-    Parameters
-    ----------
-    rig
-        A rig file in TOML to begin with.
-    """
+    """Open the browser app: move a slider and see sliding turn into stick-slip."""
     from stickslip import explorer
 
     def ready(address: str) -> None:
@@ -626,9 +577,7 @@ def explore(
     explorer.serve(rig, port=port, ready=ready, share=share)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What they share
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- what they share
 
 
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:

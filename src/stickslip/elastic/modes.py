@@ -12,6 +12,7 @@ spring ``Lambda_m``, with the viscosity of the bulk added to its damping.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -208,16 +209,10 @@ def _first_unstable(chain: Chain, spare: Any) -> int:
         stiffness, coupling, _ = _springs(replace(chain, blocks=blocks), 1)
         return bool(spare(float(coupling[0])) + float(coupling[0]) > float(stiffness[0]))
 
-    high = 1
-    while not grows(high):
-        high *= 2
-        if high > 1 << 20:
-            raise UndecidedError("critical_length: no number of blocks below a million is unstable")
-    low = high // 2
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if grows(middle) else (middle, high)
-    return high
+    high = next((1 << k for k in range(21) if grows(1 << k)), None)
+    if high is None:
+        raise UndecidedError("critical_length: no number of blocks below a million is unstable")
+    return bisect_left(range(high), True, high // 2 + 1, key=grows)
 
 
 def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:

@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from stickslip.errors import InputError
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
 from stickslip.sliding.response import (
+    STEP,
     Array,
     ComplexArray,
     Parts,
@@ -43,12 +44,35 @@ if TYPE_CHECKING:
     from stickslip.kernels.lives import Lives
 
 
-class _SpeedBySpeed(Sliding):
-    """Steady sliding whose force and slope come out together, at one speed."""
+class _Lives(NamedTuple):
+    """Lives of each kind of contacts: mean way and work, their slopes in ln v, and how much of the force is theirs."""
+
+    way: Array
+    work: Array
+    longer: Array
+    more: Array
+    weight: Array
+
+
+class _OverLives(Sliding):
+    """Steady sliding of which the force is the mean work over the mean way, detached contacts included."""
 
     @abstractmethod
+    def _lives(self, velocity: float) -> _Lives:
+        """Return the lives of contacts at a speed."""
+
     def _mean(self, velocity: float) -> tuple[float, float]:
         """Force, and its slope in ln v."""
+        away = velocity * self.interface.delay.moment(1) if velocity > 0 else 0.0
+        if math.isinf(away):
+            return self.interface.sliding_force, 0.0
+        lives, pulled = self._lives(velocity), self.interface.sliding_force * away
+        length = lives.way + away
+        if np.any(length <= 0):
+            return 0.0, 0.0  # contacts break as soon as they attach
+        force = (lives.work + pulled) / length
+        slope = (lives.more + pulled - force * (lives.longer + away)) / length
+        return float(lives.weight @ force), float(lives.weight @ slope)
 
     def force(self, velocity: Array) -> Array:
         """Force per contact."""
@@ -59,7 +83,7 @@ class _SpeedBySpeed(Sliding):
         return np.array([self._mean(v)[1] for v in velocity.tolist()])
 
 
-class ByLives(_SpeedBySpeed):
+class ByLives(_OverLives):
     """Steady sliding of contacts with temperature, or whose thresholds grow by a fixed rule."""
 
     def __post_init__(self) -> None:
@@ -71,18 +95,11 @@ class ByLives(_SpeedBySpeed):
         """Why there is no limit of slow sliding."""
         return super().slow_limit if self.interface.ageing else "at a temperature no slow limit is left"
 
-    def _mean(self, velocity: float) -> tuple[float, float]:
-        lives, away = lives_of(self.interface, velocity), velocity * self.interface.delay.moment(1)
-        rest, work = mean_life_and_work(lives)
-        length, detached = rest + away, self.interface.sliding_force
-        if length <= 0:
-            return 0.0, 0.0  # contacts break as soon as they attach
-        if math.isinf(length):
-            return detached, 0.0
-        slower = float(lives.weight @ lives.slope + lives.cap_slope.sum())
-        less = float((lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope)
-        force = (work + detached * away) / length
-        return force, (less + detached * away - force * (slower + away)) / length
+    def _lives(self, velocity: float) -> _Lives:
+        lives = lives_of(self.interface, velocity)
+        longer = lives.weight @ lives.slope + lives.cap_slope.sum()
+        more = (lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope
+        return _Lives(*np.array([[*mean_life_and_work(lives), longer, more, 1.0]]).T)
 
     def response(self) -> ActivatedResponse:
         """Return the linear response."""
@@ -90,7 +107,7 @@ class ByLives(_SpeedBySpeed):
         return ActivatedResponse(interface=self.interface)
 
 
-class OfAreas(_SpeedBySpeed):
+class OfAreas(_OverLives):
     """Steady sliding of contacts of different areas: a mean of the work over one of the length, or of their ratio."""
 
     def __post_init__(self) -> None:
@@ -109,13 +126,10 @@ class OfAreas(_SpeedBySpeed):
             return "at a temperature no slow limit is left"
         return None if math.isfinite(self.interface.delay.moment(1)) else "the delay is infinite"
 
-    def _mean(self, velocity: float) -> tuple[float, float]:
+    def _lives(self, velocity: float) -> _Lives:
         from stickslip.kernels import lives as kernel
 
-        interface = self.interface
-        areas, away = interface.threshold_distribution, velocity * interface.delay.moment(1) if velocity > 0 else 0.0
-        if math.isinf(away):
-            return 0.0, 0.0
+        areas, hazard = self.interface.threshold_distribution, hazard_of(self.interface.temperature)
         low, high = areas.support
         if areas.single:
             node, weight = np.array([areas.moment(1)]), np.ones(1)
@@ -126,22 +140,17 @@ class OfAreas(_SpeedBySpeed):
             weight = weight * areas.density(node)
         stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
         # Without temperature the speed does not matter to a life.
-        lives = kernel.march(
-            hazard_of(interface.temperature), growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf
-        )
+        lives = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)
         whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
 
         def of_each(value: Array) -> Array:
             return np.asarray(np.bincount(whose, weights=lives.weight * value, minlength=node.size), dtype=float)
 
-        length, longer = of_each(lives.survival) + away, of_each(lives.slope) + away
-        pulled = interface.sliding_force * away
-        work, more = (stiffness * of_each(lives.x * value) + pulled for value in (lives.survival, lives.slope))
-        if interface.areas == "fresh":  # one kind of site, with the mean life
-            length, longer, work, more = (np.array([weight @ value]) for value in (length, longer, work, more))
-            weight = np.ones(1)
-        force = work / length
-        return float(weight @ force), float(weight @ ((more - force * longer) / length))
+        way, longer = of_each(lives.survival), of_each(lives.slope)
+        work, more = (stiffness * of_each(lives.x * value) for value in (lives.survival, lives.slope))
+        if self.interface.areas == "fresh":  # one kind of site, with the mean life
+            return _Lives(*np.array([[weight @ value for value in (way, work, longer, more)] + [1.0]]).T)
+        return _Lives(way, work, longer, more, weight)
 
     def response(self) -> Response:
         """Refuse: the linear response is of contacts of one stiffness."""
@@ -168,24 +177,35 @@ class ActivatedResponse(Response):
         """Return kappa."""
         return speed_by_speed(self._kappa, velocity, s)
 
+    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
+        """Return frequencies that follow every turn of kappa, and its parts there."""
+        del top
+        return _along_the_axis(self, velocity)
+
     def _kappa(self, v: float, s: ComplexArray) -> ComplexArray:
-        # Octaves of the wave number have panels of their own.
-        octave = np.ceil(np.log2(np.maximum(np.abs(s) / v, 4.0)))
-        octave[(np.abs(s) / v > self._fastest) & (s.real > -0.1 * np.abs(s))] = math.inf
-        kappa = np.zeros(s.shape, dtype=complex)
-        for one in np.unique(octave[s != 0]):
-            here = (s != 0) & (octave == one)
-            kappa[here] = self._at(v, s[here], None if math.isinf(one) else 2.0**one)
+        kappa, moves = np.zeros(s.shape, dtype=complex), s != 0
+        kappa[moves] = self.joined(v, s[moves], self.transforms(v, s[moves] / v))
         return kappa
 
-    def _at(self, v: float, s: ComplexArray, highest: float | None) -> ComplexArray:
+    def transforms(self, v: float, q: ComplexArray) -> ComplexArray:
+        """Transforms of a life under a perturbation, shape (4, n)."""
         from stickslip.kernels.lives import perturbed
 
-        lives = lives_of(self.interface, v, highest or 0.0)
-        q = np.ascontiguousarray(s / v, dtype=np.complex128)
-        lost, work, breaks, yields = perturbed(lives, q, highest is None)
-        rest, delay = mean_life_and_work(lives)[0], self.interface.delay
-        missing = np.asarray(delay.absence(s))
+        # Octaves of the wave number have panels of their own.
+        octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
+        octave[(np.abs(q) > self._fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
+        found = np.empty((4, q.size), dtype=complex)
+        for one in np.unique(octave):
+            here, fast = octave == one, math.isinf(one)
+            lives = lives_of(self.interface, v, 0.0 if fast else 2.0**one)
+            found[:, here] = perturbed(lives, q[here], fast)
+        return found
+
+    def joined(self, v: float, s: ComplexArray, transforms: ComplexArray) -> ComplexArray:
+        """Kappa from the transforms of a life and of the delay."""
+        lost, work, breaks, yields = transforms
+        rest, delay = mean_life_and_work(lives_of(self.interface, v))[0], self.interface.delay
+        q, missing = s / v, np.asarray(delay.absence(s))
         back = 1.0 - missing
         births = q * back * breaks / (missing + back * q * (rest - lost))
         attached = births * (rest - lost) - breaks
@@ -205,24 +225,42 @@ class ActivatedResponse(Response):
         """Wave number beyond which nothing is left of the memory of a life."""
         return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
 
+    @cached_property
+    def reach(self) -> float:
+        """Largest stretching, but for one contact in a thousand."""
+        return float(self.interface.threshold_distribution.inverse_survival(np.array(1e-3)))
+
+    def wave_numbers(self, velocity: float) -> tuple[Array, Array, Array]:
+        """Wave numbers that follow every turn of kappa: slow ones, evenly spaced ones, fast ones."""
+        reach = self.reach + velocity * self.interface.delay.longest
+        top = max(12.0 / self._std, 60.0 / self.interface.threshold_distribution.moment(1))
+        step = max(STEP / reach, top / 8000.0)
+        slow, fast = np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.geomspace(top, 1e3 * top, 90)
+        return slow, np.arange(step, top, step), fast
+
     def frequencies(self, velocity: float, top: float) -> Array:
         """Angular frequencies that follow every turn of kappa."""
         del top
-        distribution, delay = self.interface.threshold_distribution, self.interface.delay
-        mean = distribution.moment(1)
-        reach = float(distribution.inverse_survival(np.array(1e-3))) + velocity * delay.longest
-        top = max(12.0 / self._std, 60.0 / mean)
-        step = max(0.2 / reach, top / 8000.0)
-        y = np.concatenate(
-            [
-                np.geomspace(1e-4 / reach, step, 60, endpoint=False),
-                np.arange(step, top, step),
-                np.geomspace(top, 1e3 * top, 90),
-            ]
-        )
-        return np.asarray(velocity * y)
+        return np.asarray(velocity * np.concatenate(self.wave_numbers(velocity)))
 
     def cycle(self, velocity: float) -> float:
         """Mean time between two attachments of a contact."""
         rest = mean_life_and_work(lives_of(self.interface, velocity))[0]
         return rest / velocity + self.interface.delay.moment(1)
+
+
+@lru_cache(maxsize=64)
+def _along_the_axis(response: ActivatedResponse, velocity: float) -> tuple[Array, Parts]:
+    """Sample a response along the axis. Lives, which are dear and turn more slowly than delays, are interpolated."""
+    from scipy.interpolate import make_interp_spline
+
+    slow, even, fast = response.wave_numbers(velocity)
+    step = 3.0 * STEP / response.reach
+    known = np.arange(0.0, even[-1] + 8.0 * step, step)
+    parts = [response.transforms(velocity, 1j * y) for y in (slow, known if known.size < even.size else even, fast)]
+    if known.size < even.size:  # to 1e-8, about the middle of the lives
+        turn = 0.5j * response.reach
+        parts[1] = make_interp_spline(known, parts[1] * np.exp(turn * known), k=9, axis=1)(even) * np.exp(-turn * even)
+    omega = velocity * np.concatenate([slow, even, fast])
+    kappa = response.joined(velocity, 1j * omega, np.concatenate(parts, axis=1))
+    return omega, Parts(kappa, np.ones_like(kappa))

@@ -190,6 +190,10 @@ class Sliding(ABC):
 
     interface: Interface
 
+    @abstractmethod
+    def __post_init__(self) -> None:
+        """Raise `InputError` if the interface has a mechanism with which steady sliding is not known."""
+
     @property
     def slow_limit(self) -> str | None:
         """Why there is no limit of slow sliding; None if there is one."""
