@@ -257,20 +257,11 @@ async def _plotly(_request: Request) -> Response:
     return FileResponse(Path(spec.origin).parent / "package_data" / "plotly.min.js", media_type="text/javascript")
 
 
-class _Asked(NamedTuple):
-    """What comes with a request of its own: the job, the kind of its answer, and the status if it fails."""
-
-    job: Job
-    media: str = "application/json"
-    failed: int = 200
-    slow: bool = False
+async def _sample(house: _House, request: Request) -> Response:
+    return await _file(house, request, Job("sample", (), house.limits.quick), "text/csv")
 
 
-async def _sample(house: _House, _request: Request) -> _Asked:
-    return _Asked(Job("sample", (), house.limits.quick), "text/csv", 500)
-
-
-async def _download(house: _House, request: Request) -> _Asked:
+async def _download(house: _House, request: Request) -> Response:
     form, limits = request.path_params["form"], house.limits
     if form not in simulate.FORMATS:
         raise HTTPException(404, f"{form}: there are {', '.join(simulate.FORMATS)}")
@@ -280,32 +271,34 @@ async def _download(house: _House, request: Request) -> _Asked:
         raise HTTPException(400, str(error)) from None
     asked = asked if isinstance(asked, dict) else {}
     what = (asked.get("document", asked), form, asked.get("duration"), limits.run)
-    return _Asked(Job("download", what, limits.quick), simulate.FORMATS[form], 400)
+    return await _file(house, request, Job("download", what, limits.quick), simulate.FORMATS[form])
 
 
-async def _trace(house: _House, request: Request) -> _Asked:
+async def _trace(house: _House, request: Request) -> Response:
     asked = request.query_params.get("width", "")
     width = min(max(int(asked), 100), 4_000) if re.fullmatch("[0-9]{1,5}", asked) else 1_000
-    return _Asked(Job("trace", (*await _file(house, request), width), house.limits.quick))
+    job = Job("trace", (*await _measured(house, request), width), house.limits.quick)
+    return JSONResponse(await _first(_replies(house.quick, job, request)))
 
 
-async def _fit(house: _House, request: Request) -> _Asked:
-    content, name, options = await _file(house, request)
-    limits = house.limits
+async def _fit(house: _House, request: Request) -> Response:
+    """Answers line by line, each of them JSON: a fit can take minutes."""
+    content, name, options = await _measured(house, request)
+    limits, crew = house.limits, house.quick
+    job = Job("fit", (content, name, options, limits.run), limits.quick)
     if options.pop("intervals", ""):
-        return _Asked(Job("posterior", (content, name, options, limits.table), limits.fit), _LINES, slow=True)
-    return _Asked(Job("fit", (content, name, options, limits.run), limits.quick), _LINES)
+        job, crew = Job("posterior", (content, name, options, limits.table), limits.fit), house.slow
+    lines = (json.dumps(reply, allow_nan=False) + "\n" async for reply in _replies(crew, job, request))
+    return StreamingResponse(lines, media_type="application/x-ndjson")
 
 
-async def _file(house: _House, request: Request) -> tuple[bytes, str, dict[str, str]]:
+async def _measured(house: _House, request: Request) -> tuple[bytes, str, dict[str, str]]:
     """A measured trace as it was sent, its name, and what else was asked."""
     content = await _body(request, house.limits.trace, house.limits.quick)
     name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
     return content, name, dict(request.query_params)
 
 
-_LINES = "application/x-ndjson"
-"""Answers line by line, each of them JSON: a fit can take minutes."""
 _FILES = (
     ("/sample.csv", "GET", _sample),
     ("/download/{form}", "POST", _download),
@@ -317,8 +310,8 @@ _FILES = (
 class _Files:
     """Answers requests for files, counted before any of one is read and until the last of the answer is sent."""
 
-    def __init__(self, house: _House, ask: Callable[[_House, Request], Awaitable[_Asked]]) -> None:
-        self._house, self._ask = house, ask
+    def __init__(self, house: _House, answer: Callable[[_House, Request], Awaitable[Response]]) -> None:
+        self._house, self._answer = house, answer
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, if there is room."""
@@ -327,7 +320,7 @@ class _Files:
             try:
                 if not room:
                     raise HTTPException(429, "too many files at once from this address; try again in a moment")
-                response = await _answer(self._house, request, await self._ask(self._house, request))
+                response = await self._answer(self._house, request)
             except InputError as error:  # what is wrong with a file is the answer; 400 would be a fault of the page
                 response = JSONResponse(workers.errors(str(error)))
             except HTTPException as refused:
@@ -337,19 +330,19 @@ class _Files:
             await response(scope, receive, send)
 
 
-async def _answer(house: _House, request: Request, asked: _Asked) -> Response:
-    """All answers line by line, or the one that there is: a file, plain data, or what is wrong."""
-    replies = _replies(house.slow if asked.slow else house.quick, asked.job, request)
-    if asked.media == _LINES:
-        lines = (json.dumps(reply, allow_nan=False) + "\n" async for reply in replies)
-        return StreamingResponse(lines, media_type=_LINES)
+async def _file(house: _House, request: Request, job: Job, media: str) -> Response:
+    """A file, or what is wrong."""
+    reply = await _first(_replies(house.quick, job, request))
+    return JSONResponse(reply, 400) if isinstance(reply, dict) else Response(reply, media_type=media)
+
+
+async def _first(replies: AsyncGenerator[Any]) -> Any:
+    """The answer, where there is but one."""
     async with aclosing(replies):
         async for reply in replies:
-            if not isinstance(reply, dict):
-                return Response(reply, media_type=asked.media)
-            if not reply.keys() & {"progress", "done"}:
-                return JSONResponse(reply, asked.failed if "errors" in reply else 200)
-    return JSONResponse(_CLOSING, asked.failed)
+            if not isinstance(reply, dict) or not reply.keys() & {"progress", "done"}:
+                return reply
+    return _CLOSING
 
 
 async def _replies(crew: Crew, job: Job, request: Request) -> AsyncGenerator[Any]:
