@@ -297,7 +297,7 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
     assert event["blocks"] == told["blocks"] == 100
     assert event["speed"] == pytest.approx(1.0, abs=0.2)  # about that of sound
     view = event["view"]
-    velocity = np.frombuffer(base64.b64decode(view["velocity"]["bdata"]), "u1").reshape(view["rows"], 100)
+    velocity = np.frombuffer(base64.b64decode(view["velocity"]["bdata"]), "u1").reshape(100, view["rows"]).T
     moving = velocity > 170
     arrival = np.where(moving.any(axis=0), moving.argmax(axis=0), view["rows"])
     assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98, "a slanted line in space and time"

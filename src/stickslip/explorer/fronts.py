@@ -134,5 +134,6 @@ def _view(part: xr.Dataset, fastest: float, times: float, force: float, most: in
 
 
 def _bytes(part: Array) -> Plain:
-    """Parts from 0 to 1, a byte each."""
-    return packed(np.rint(255.0 * np.clip(np.nan_to_num(part, neginf=0.0), 0.0, 1.0)), "u1")
+    """Parts from 0 to 1 at each time in each block, a byte each, a line for each block."""
+    bytes_ = np.rint(255.0 * np.clip(np.nan_to_num(part.T, neginf=0.0), 0.0, 1.0))
+    return {**packed(bytes_, "u1"), "shape": "{}, {}".format(*bytes_.shape)}

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -25,8 +26,9 @@ from stickslip.fitting.rigs import compared
 from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
+from stickslip.io.keys import listed
 from stickslip.model import Contacts, constant
-from stickslip.model.quantities import read_quantity
+from stickslip.model.quantities import read_number, read_quantity
 from stickslip.model.rig import Assumption, Rig
 from stickslip.model.units import engineering
 from stickslip.plot.style import envelope
@@ -113,66 +115,45 @@ def fit(content: bytes, name: str, options: Options, seconds: float, watch: Watc
     """The readings of a trace, the rig that they make by closed forms, and what intervals would take."""
     watch(0.0)
     events = fitting.pick_events(_read(content, name, options))
-    force, seconds_of = newtons(events), seconds_in(events)
-    zeta = _damping(options)
+    given: dict[str, Any] = {key: text.strip() for key, text in options.items() if text.strip()}
+    try:
+        zeta = read_number(given["damping"]) if "damping" in given else _DAMPING
+    except InputError as error:
+        raise InputError(f"damping ratio = {shown(given['damping'])}: {error}") from None
+    number("damping ratio", zeta, at_least=0, at_most=0.95)
     overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
-    troughs = float(events.troughs.mean())
+    # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
+    kinetic = (float(events.troughs.mean()) + overshoot * events.mean_peak) / (1.0 + overshoot)
+    force = newtons(events)
     readings = {
         "static": events.mean_peak * force,
-        # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
-        "kinetic": (troughs + overshoot * events.mean_peak) / (1.0 + overshoot) * force,
-        "rate": events.loading_rate * force / seconds_of,
+        "kinetic": kinetic * force,
+        "rate": events.loading_rate * force / seconds_in(events),
     }
     yield {"slips": str(events).splitlines(), "readings": {key: f"{value:.4g}" for key, value in readings.items()}}
-    given: dict[str, object] = {key: options.get(key, "").strip() for key in (*_NEEDED, *readings)}
-    given |= {key: value for key, value in readings.items() if not given[key]}
-    if missing := [title for key, title in _NEEDED.items() if not given[key]]:
-        yield {"missing": f"For a rig, give {_listed(missing)}: a force trace alone tells no length, time or mass."}
+    if missing := [title for key, title in _NEEDED.items() if key not in given]:
+        yield {"missing": f"For a rig, give {listed(missing)}: a force trace alone tells no length, time or mass."}
     else:
-        yield {"quick": _quick(events, given, options.get("half", "").strip(), zeta, force, seconds_of, seconds, watch)}
+        yield {"quick": _quick(events, readings | given | {"damping": zeta}, seconds, watch)}
     yield {"table": _plan(events)}
 
 
 _NEEDED = {"stiffness": "the stiffness of the driving spring", "speed": "its speed", "mass": "the mass of the slider"}
 
 
-def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _damping(options: Options) -> float:
-    text = options.get("damping", "").strip()
-    try:
-        value = float(text) if text else _DAMPING
-    except ValueError:
-        raise InputError(f"damping ratio = {shown(text)}: must be a number, such as 0.15") from None
-    return number("damping ratio", value, at_least=0, at_most=0.95)
-
-
-def _quick(
-    events: fitting.Events,
-    given: Mapping[str, object],
-    half: str,
-    zeta: float,
-    force: float,
-    seconds_of: float,
-    seconds: float,
-    watch: Watch,
-) -> Plain:
+def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, watch: Watch) -> Plain:
     rig = fitting.quick_fit(
         static_friction=given["static"],
         kinetic_friction=given["kinetic"],
         loading_rate=given["rate"],
-        stiffness=given["stiffness"],
-        speed=given["speed"],
-        mass=given["mass"],
-        half_speed=half or None,
-        damping_ratio=zeta,
+        half_speed=given.get("half"),
+        damping_ratio=given["damping"],
+        **{key: given[key] for key in _NEEDED},
     )
-    if not half:
-        rig = _with_delay(rig, events, seconds_of)
+    if "half" not in given:
+        rig = _with_delay(rig, events)
     standard_deviation = rig.interface.thresholds.standard_deviation()
-    overlay, words = _overlay(rig, events, force, seconds_of, seconds, watch)
+    overlay, words = _overlay(rig, events, seconds, watch)
     return {
         **_rig(rig),
         "words": words,
@@ -187,9 +168,9 @@ def _quick(
     }
 
 
-def _with_delay(rig: Rig, events: fitting.Events, seconds_of: float) -> Rig:
+def _with_delay(rig: Rig, events: fitting.Events) -> Rig:
     """The rig with a delay as long as a slip: shorter, and contacts hold again within it; longer, and they are late."""
-    delay = float(f"{events.slip_samples * events.step * seconds_of:.3g}")
+    delay = float(f"{events.slip_samples * events.step * seconds_in(events):.3g}")
     how = "as long as a slip was recorded to last; the speed at which friction has halved tells it"
     assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
     return replace(rig.replace(delay=delay), assumed=assumed)
@@ -200,26 +181,23 @@ def _rig(rig: Rig) -> Plain:
     return {"document": documents.of(replace(rig, fitted={})), "toml": rigs.to_toml(rig)}
 
 
-def _overlay(
-    rig: Rig, events: fitting.Events, force: float, seconds_of: float, seconds: float, watch: Watch
-) -> tuple[Plain, str]:
+def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> tuple[Plain, str]:
     """Some slips of the trace, and those that a rig makes at its steady pace, beside them; and both in words."""
     begin, end, first = _window(events)
-    settle = 3.0 * events.recurrence * seconds_of
-    lasts = settle + 1.5 * (end - begin) * seconds_of
+    unit, settle = seconds_in(events), 3.0 * events.recurrence
+    lasts = (settle + 1.5 * (end - begin)) * unit
     long = replace(rig, drive=constant(rig.natural.velocity, lasts / rig.unit("time")), method=Contacts(1_000, seed=1))
     short = documents.shortened(long, seconds)
     documents.check_size(short, seconds)
     run = simulate(short, progress=watch)
-    times, values = run["time"].to_numpy() / seconds_of, run["spring_force"].to_numpy() / force
-    drops = measure.drops(run)
-    after = drops["start"].to_numpy()
-    settled = after > min(settle, 0.5 * float(run["time"][-1]))
-    shift = first - after[settled][0] / seconds_of if settled.any() else begin - settle / seconds_of
+    after = measure.drops(run)["start"].to_numpy() / unit
+    times, values = run["time"].to_numpy() / unit, run["spring_force"].to_numpy() / newtons(events)
+    settled = after[after > min(settle, 0.5 * float(times[-1]))]
+    shift = first - settled[0] if settled.size else begin - settle
     seen = (times + shift >= begin) & (times + shift <= end)
-    return {**force_axes(events), "series": [line(times[seen] + shift, values[seen])], **_shown(events, begin, end)}, (
-        _fits(events, xr.Dataset({"spring_force": ("time", values)}, {"time": times}), settle / seconds_of)
-    )
+    made = xr.Dataset({"spring_force": ("time", values)}, {"time": times})
+    series = [line(times[seen] + shift, values[seen])]
+    return _beside(events, series, begin, end), _fits(events, made, settle)
 
 
 def _fits(events: fitting.Events, run: xr.Dataset, settled: float) -> str:
@@ -241,17 +219,16 @@ def _window(events: fitting.Events) -> tuple[float, float, float]:
     return begin, begin + (_SHOWN + 0.2) * events.recurrence, first
 
 
-def force_axes(events: fitting.Events) -> Plain:
-    """Names and units of the force and of time, as the trace has them."""
+def _beside(events: fitting.Events, series: list[Plain], begin: float, end: float) -> Plain:
+    """A part of the trace, with what was simulated beside it, in the units of the trace."""
+    seen = (events.time >= begin) & (events.time <= end)
     return {
         "time": {"title": "time", "unit": events.time_unit},
         "force": {"title": "force", "unit": events.force_unit},
+        "series": series,
+        "trace": line(events.time[seen], events.force[seen]),
+        "span": [begin, end],
     }
-
-
-def _shown(events: fitting.Events, begin: float, end: float) -> Plain:
-    seen = (events.time >= begin) & (events.time <= end)
-    return {"trace": line(events.time[seen], events.force[seen]), "span": [begin, end]}
 
 
 def line(x: Array, y: Array) -> Plain:
@@ -349,7 +326,7 @@ def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
         t, F = made["time"].to_numpy(), made["spring_force"].to_numpy()
         late = t >= t[-1] - (end - begin)
         series.append(line(begin + t[late] - t[late][0], F[late]))
-    return {**force_axes(events), "series": series, **_shown(events, begin, end)}
+    return _beside(events, series, begin, end)
 
 
 def _drops(found: fitting.Fit, events: fitting.Events) -> Plain:

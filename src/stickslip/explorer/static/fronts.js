@@ -6,15 +6,13 @@ import { $, complainAt, element, field, fileName, mark, parts, pretty, progress,
 import { ask, drop, on, saying } from "./talk.js";
 
 const { shown } = state;
-const point = cursorOver("plot-side");
+const points = ["plot-side", "spacetime"].map(cursorOver);
 const MANY = 1.6; // times sound: slip began in several places at once
 const FAST = 170; // of 255: blocks that slip move at a tenth of the fastest, a third of three decades below
-let fields = {}, bars = [], chain = null, asked = "", event = -1, time = null, painted = null;
+let fields = {}, bars = [], chain = null, asked = "", event = -1, time = null;
 
 on("fronts", (reply) => {
-  if (reply.progress !== undefined) return progress("fronts", reply.progress);
-  if (reply.done) return finish();
-  finish();
+  $("fronts-stop").hidden = true;
   shown.fronts = reply;
   event = -1;
   time = null;
@@ -24,14 +22,10 @@ on("fronts", (reply) => {
   listEvents();
   show();
 }, (errors) => {
-  finish();
+  $("fronts-stop").hidden = true;
   complainAt("fronts-complaint", saying(errors));
   mark("fronts", "refused", shown.fronts ? "Refused: what stands here is the bar before." : "");
-});
-function finish() {
-  progress("fronts", null);
-  $("fronts-stop").hidden = true;
-}
+}, "fronts");
 
 // ------------------------------------------------------------------------------------------------------- the bar
 
@@ -67,7 +61,8 @@ function compute() {
 $("bar").onchange = () => choose(Number($("bar").value));
 $("fronts-stop").onclick = () => {
   drop("fronts");
-  finish();
+  progress("fronts", null);
+  $("fronts-stop").hidden = true;
   asked = "";
   mark("fronts", "refused", "Stopped; change a number, or choose a bar, to go on.");
 };
@@ -108,8 +103,7 @@ async function show() {
   const { time: times, force, speed, events, blocks } = shown.fronts, now = view();
   $("fronts-whole").setAttribute("aria-pressed", String(event < 0));
   [...$("fronts-events").querySelectorAll("tbody tr")].forEach((row, i) => row.classList.toggle("chosen", i === event));
-  painted = null;
-  point(NaN);
+  for (const point of points) point(NaN);
   $("fronts-at").textContent = "";
   const marked = event < 0 ? events.map(({ start }) => start) : [];
   await draw("plot-side", [{ x: now.t, y: now.F, mode: "lines", line: { color: colour("blue"), width: 1.3 }, name: "force" }], {
@@ -117,83 +111,20 @@ async function show() {
     shapes: marked.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: colour("vermillion"), width: 1, dash: "dot" } })),
     annotations: [{ xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false, font: { color: colour("quiet") },
       text: event < 0 ? `${events.length} ${events.length === 1 ? "event" : "events"}, marked` : `event at ${short(events[event].start)}` }] });
-  const what = $("fronts-what").value;
+  const what = $("fronts-what").value, steps = colours(what), scale = steps.map((step, i) => [i / (steps.length - 1), step]);
   $("fronts-scale-words").textContent = what === "attached" ? "no contact attached … all of them"
     : `velocity ${short(speed.fastest / 10 ** speed.decades, 2)} … ${short(speed.fastest, 2)} ${pretty(speed.unit)}, in decades`;
-  $("fronts-scale").firstChild.style.background = `linear-gradient(to right, ${colours(what).map((c) => `rgb(${c.join(",")})`).join(", ")})`;
+  $("fronts-scale").firstChild.style.background = `linear-gradient(to right, ${steps.join(", ")})`;
   $("spacetime").setAttribute("aria-label", `${what === "attached" ? "Attached contacts" : "Velocity"} of ${blocks} blocks in time; the arrow keys move the cursor`);
-  paint();
+  $("spacetime").dataset.event = event;
+  const [begin, end] = now.span, pixel = (end - begin) / now.rows;
+  await draw("spacetime", [{ type: "heatmap", z: now[what], x0: begin + pixel / 2, dx: pixel, y0: 1, dy: 1, zmin: 0, zmax: 255,
+    colorscale: scale, showscale: false }], { dragmode: false, margin: { l: 62, r: 14, t: 6, b: 44 },
+    xaxis: axis(label(times), { range: now.span, automargin: false, exponentformat: "none" }),
+    yaxis: axis("block", { range: [0.5, blocks + 0.5], automargin: false }) });
 }
 /* Dark to bright, or bright to dark, as the page is: rest is its own colour. */
-function colours(what) {
-  const parse = (name) => [1, 3, 5].map((i) => parseInt(colour(name).slice(i, i + 2), 16));
-  return what === "attached" ? [parse("orange"), parse("panel"), parse("blue")] : [parse("panel"), parse("blue"), parse("orange"), parse("vermillion")];
-}
-function image() {
-  const now = view(), what = $("fronts-what").value, values = unpacked(now[what]), rows = now.rows, places = values.length / rows;
-  const steps = colours(what), picture = new ImageData(rows, places);
-  for (let i = 0; i < rows; i++) {
-    for (let j = 0; j < places; j++) {
-      const part = (values[i * places + j] / 255) * (steps.length - 1), low = Math.min(Math.floor(part), steps.length - 2), more = part - low;
-      const to = 4 * ((places - 1 - j) * rows + i); // the first block below
-      for (let c = 0; c < 3; c++) picture.data[to + c] = steps[low][c] + (steps[low + 1][c] - steps[low][c]) * more;
-      picture.data[to + 3] = 255;
-    }
-  }
-  const canvas = element("canvas", { width: rows, height: places });
-  canvas.getContext("2d").putImageData(picture, 0, 0);
-  return canvas;
-}
-/* Where the axes of the force lie: those of the picture below lie under them. */
-function frame() {
-  const { xaxis } = $("plot-side")._fullLayout, canvas = $("spacetime");
-  return { left: xaxis._offset, width: xaxis._length, top: 6, height: canvas.clientHeight - 50, xaxis };
-}
-function paint() {
-  const canvas = $("spacetime");
-  if (!shown.fronts || !canvas.clientWidth || !$("plot-side")._fullLayout?.xaxis?._length) return;
-  const ratio = Math.min(window.devicePixelRatio || 1, 2), { left, width, top, height, xaxis } = frame(), { blocks, time: times } = shown.fronts;
-  canvas.width = Math.round(canvas.clientWidth * ratio);
-  canvas.height = Math.round(canvas.clientHeight * ratio);
-  const ink = canvas.getContext("2d");
-  ink.scale(ratio, ratio);
-  ink.imageSmoothingEnabled = false;
-  painted ??= image();
-  ink.drawImage(painted, left, top, width, height);
-  ink.strokeStyle = colour("quiet");
-  ink.fillStyle = colour("ink");
-  ink.font = "12px system-ui, 'DejaVu Sans', sans-serif";
-  ink.strokeRect(left, top, width, height);
-  ink.textAlign = "center";
-  const [begin, end] = view().span, step = nice((end - begin) / Math.max(3, width / 110));
-  for (let t = Math.ceil(begin / step) * step; t <= end; t += step) {
-    const x = left + xaxis.l2p(t);
-    ink.beginPath();
-    ink.moveTo(x, top + height);
-    ink.lineTo(x, top + height + 4);
-    ink.stroke();
-    ink.fillText(String(short(t, 6)), x, top + height + 17);
-  }
-  ink.fillText(label(times), left + width / 2, top + height + 37);
-  ink.textAlign = "right";
-  const y = (block) => top + height * (1 - (block - 0.5) / blocks), every = nice(blocks / 5);
-  for (const block of [1, ...Array.from({ length: Math.floor(blocks / every) }, (_, i) => (i + 1) * every)]) ink.fillText(String(block), left - 6, y(block) + 4);
-  ink.save();
-  ink.translate(16, top + height / 2);
-  ink.rotate(-Math.PI / 2);
-  ink.textAlign = "center";
-  ink.fillText("block", 0, 0);
-  ink.restore();
-  canvas.dataset.event = event;
-  if (time === null) return;
-  const x = left + xaxis.l2p(time);
-  ink.fillStyle = colour("purple");
-  ink.fillRect(x - 1, top, 2, height);
-}
-const nice = (rough) => {
-  const size = 10 ** Math.floor(Math.log10(rough));
-  return [1, 2, 5, 10].find((step) => step * size >= rough) * size;
-};
+const colours = (what) => (what === "attached" ? ["orange", "panel", "blue"] : ["panel", "blue", "orange", "vermillion"]).map(colour);
 
 // --------------------------------------------------------------------- one cursor for the force and for the picture
 
@@ -202,25 +133,24 @@ function moveTo(next) {
   time = Math.min(Math.max(next, begin), end);
   let i = t.findIndex((value) => value >= time);
   if (i < 0) i = t.length - 1;
-  point(time, F[i]);
-  paint();
-  const velocity = unpacked(now.velocity), places = velocity.length / now.rows;
+  points[0](time, F[i]);
+  points[1](time);
   const row = Math.min(Math.floor(((time - begin) / (end - begin || 1)) * now.rows), now.rows - 1);
-  const moving = velocity.subarray(row * places, (row + 1) * places).reduce((count, value) => count + (value > FAST), 0);
-  $("fronts-at").textContent = `t = ${short(time, 5)}: force ${short(F[i], 3)}, ${moving === 0 ? "nothing slips" : `${Math.round((moving / places) * shown.fronts.blocks)} blocks slip`}`;
+  const moving = unpacked(now.velocity).filter((value, k) => k % now.rows === row && value > FAST).length;
+  $("fronts-at").textContent = `t = ${short(time, 5)}: force ${short(F[i], 3)}, ${moving === 0 ? "nothing slips" : `${moving} blocks slip`}`;
 }
-$("plot-side").addEventListener("pointermove", (move) => { const t = shown.fronts && timeAt(move, "plot-side"); if (t !== null && t !== undefined) moveTo(t); });
-$("spacetime").addEventListener("pointermove", (move) => {
-  if (!shown.fronts) return;
-  const { left, width, xaxis } = frame(), x = move.clientX - $("spacetime").getBoundingClientRect().left - left;
-  if (x >= 0 && x <= width) moveTo(xaxis.p2l(x));
-});
+for (const id of ["plot-side", "spacetime"]) {
+  $(id).addEventListener("pointermove", (move) => {
+    const t = shown.fronts && timeAt(move, id);
+    if (t !== null && t !== undefined) moveTo(t);
+  });
+}
 $("spacetime").addEventListener("click", () => { // on the whole run: the event that is nearest, closer
   if (!shown.fronts || time === null) return;
   if (event >= 0 || !shown.fronts.events.length) return look(-1);
   const away = shown.fronts.events.map(({ start }) => Math.abs(start - time));
   look(away.indexOf(Math.min(...away)));
-});
+}, true);
 $("spacetime").addEventListener("keydown", (key) => {
   const step = { ArrowLeft: -1, ArrowRight: 1 }[key.key];
   if (!step || !shown.fronts) return;
@@ -228,10 +158,7 @@ $("spacetime").addEventListener("keydown", (key) => {
   const [begin, end] = view().span;
   moveTo((time ?? begin) + (step * (end - begin)) / 100);
 });
-new ResizeObserver(() => { if (state.page === "fronts") { point(NaN); paint(); } }).observe($("plot-side"));
-
 parts.fronts = {
   greeted({ fronts, bars: found, chain: mine }) { fields = fronts; offer(found, mine); },
   open() { if (chain) { show(); compute(); } },
-  recolour() { painted = null; },
 };

@@ -5,15 +5,15 @@ import { put, short } from "./fields.js";
 import { $, mark, parts, pretty, progress, showRegime, state, word } from "./page.js";
 import { ask, drop, on, saying } from "./talk.js";
 
-const PARAMETERS = { stiffness: "K, driving spring", velocity: "v, speed", mass: "M, mass", damping: "η, damping",
-  delay: "τ, delay", std: "Δf, threshold std. dev.", ageing: "time of ageing" };
+const PARAMETERS = { // by name: key and words
+  stiffness: ["slider.stiffness", "K, driving spring"], velocity: ["drive.velocity", "v, speed"], mass: ["slider.mass", "M, mass"],
+  damping: ["slider.damping", "η, damping"], delay: ["interface.delay", "τ, delay"],
+  std: ["interface.thresholds.std", "Δf, threshold std. dev."], ageing: ["interface.ageing.time", "time of ageing"] };
 const { shown } = state;
 const asked = { chart: "", about: "", band: "" };
 let resting = 0, dragging = false;
 
 on("chart", (reply) => {
-  if (reply.progress !== undefined) return progress("map", reply.progress);
-  if (reply.done) return progress("map", null);
   shown.chart = reply;
   shown.bands = [];
   asked.band = "";
@@ -29,18 +29,14 @@ on("chart", (reply) => {
   $("summary").textContent = "";
   purge("plot-map");
   mark("map", "refused", "");
-});
+}, "map");
 on("band", (reply) => {
-  if (reply.progress !== undefined) return progress("map", reply.progress);
-  if (reply.done) { $("map-state").textContent = shown.bands.some((b) => b.bands.length) ? "" : "no bistable band found"; return progress("map", null); }
   shown.bands.push(reply);
-  $("map-state").textContent = `bistable band: ${reply.columns} of ${reply.of} columns`;
+  const none = shown.bands.some(({ bands }) => bands.length) ? "" : "no bistable band found";
+  $("map-state").textContent = reply.columns < reply.of ? `bistable band: ${reply.columns} of ${reply.of} columns` : none;
   drawMap();
-}, refuse);
-function refuse(errors) {
-  $("map-state").textContent = pretty(saying(errors));
-  progress("map", null);
-}
+}, refuse, "map");
+function refuse(errors) { $("map-state").textContent = pretty(saying(errors)); }
 
 /* The sentence under the map is about one point: it stands only while the rig is there. */
 function summarise() {
@@ -48,13 +44,10 @@ function summarise() {
 }
 /* The map stays as it is while only its own two parameters are varied. */
 function signature(over) {
-  const keys = { stiffness: "slider.stiffness", velocity: "drive.velocity", mass: "slider.mass", damping: "slider.damping",
-    delay: "interface.delay", std: "interface.thresholds.std",
-    ageing: "interface.ageing.time" };
   const rest = structuredClone(state.doc);
   delete rest.simulation; delete rest.name; delete rest.assumed; delete rest.source;
   if (rest.drive) { delete rest.drive.distance; delete rest.drive.duration; }
-  for (const parameter of over) put(rest, keys[parameter], undefined);
+  for (const parameter of over) put(rest, PARAMETERS[parameter][0], undefined);
   if (over.includes("damping")) put(rest, "slider.damping_ratio", undefined);
   return JSON.stringify([over, rest]);
 }
@@ -182,7 +175,7 @@ function offerParameters(names) {
   }
 }
 for (const [id, chosen] of [["across", "stiffness"], ["up", "velocity"]]) {
-  $(id).replaceChildren(...Object.entries(PARAMETERS).map(([value, text]) => new Option(text, value)));
+  $(id).replaceChildren(...Object.entries(PARAMETERS).map(([value, [, text]]) => new Option(text, value)));
   $(id).value = chosen;
   $(id).onchange = () => {
     const other = $(id === "across" ? "up" : "across");

@@ -27,7 +27,7 @@ on("hello", (reply) => {
 });
 on("edit", (reply) => {
   if (reply.scales) scales = reply.scales; // for the way back
-  if (reply.document) replace(reply.document);
+  replace(reply.document);
 }, (errors) => complain(errors));
 
 export function wait(now) {

@@ -2,7 +2,7 @@
 
 import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, purge, timeAt, upright } from "./figures.js";
 import { short } from "./fields.js";
-import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts, unpacked } from "./page.js";
+import { $, list, mark, parts, pretty, showRegime, state, tellParts, unpacked } from "./page.js";
 import { accept, anyTyped, complain, showPreset } from "./rig.js";
 import { Stage } from "./stage.js";
 import { ask, drop, isNewest, on, saying } from "./talk.js";
@@ -12,9 +12,6 @@ const point = cursorOver("plot-force");
 let held = false; // the cursor stays where it was clicked
 
 on("run", async (reply) => {
-  if (reply.progress !== undefined) return progress("run", reply.progress);
-  progress("run", null);
-  if (reply.done) return;
   if (reply.friction) {
     shown.friction = reply.friction;
     $("friction").textContent = pretty(reply.friction.words.join("; "));
@@ -42,9 +39,8 @@ on("run", async (reply) => {
     later(drawRest); // the trace first
   }
   document.dispatchEvent(new CustomEvent("drawn", { detail: { id: reply.id, kind: reply.regime.kind, extended: reply.going_on } }));
-}, complain);
+}, complain, "run");
 on("stretchings", (reply) => {
-  if (!reply.stretchings) return;
   shown.stretchings = reply.stretchings;
   if (state.page === "simulate") drawStretchings();
 }, complain);
@@ -89,7 +85,6 @@ function askLaw() {
   ask("law");
 }
 on("law", (reply) => {
-  if (!reply.speed) return;
   shown.law = reply;
   mark("law", "", reply.turning.map(({ words }) => pretty(words)).join("; "));
   drawLaw();
@@ -137,7 +132,7 @@ const stage = Stage.make($("drawing"), colour, (time, force) => {
   if (state.page === "simulate") pointHere(force);
 });
 on("contacts", (reply) => {
-  if (!reply.frames || framing || !isNewest(reply)) return; // the cursor has moved on: another look is on its way
+  if (framing || !isNewest(reply)) return; // the cursor has moved on: another look is on its way
   const time = timeNow(); // showing begins with the first frame
   frames = reply.frames;
   mark("drawing", "");

@@ -7,16 +7,13 @@ const { shown } = state;
 let asked = "", resting = 0;
 
 on("advice", (reply) => {
-  if (reply.progress !== undefined) return progress("stop", reply.progress);
-  if (reply.done) return progress("stop", null);
   shown.advice = reply;
   mark("stop", "");
   show(reply);
 }, (errors) => {
   $("stop-state").textContent = pretty(saying(errors));
-  progress("stop", null);
   mark("stop", "refused", shown.advice ? "Refused: what stands here is about the rig before." : "");
-});
+}, "stop");
 
 function predict() {
   const text = JSON.stringify(state.doc);

@@ -1,17 +1,17 @@
 /* Questions to the server, and its answers. Each kind of question has a lane in which only the newest counts; answers
    carry the number of their question. */
 
-import { $, notice, state } from "./page.js";
+import { $, notice, progress, state } from "./page.js";
 
 const FRAME = 400; // ms after which a question is asked anew although the last is not answered
 
 let socket = null, counter = 0;
 const lanes = {}; // kind -> {id, answered, sent, waiting, waiter}
-const kinds = {}; // kind -> {answer, refused}
+const kinds = {}; // kind -> {answer, refused, bar}
 
-/* What is done with answers of a kind, and with complaints about its question. */
-export function on(kind, answer, refused = () => {}) {
-  kinds[kind] = { answer, refused };
+/* What is done with answers of a kind, and with complaints about its question; the bar that shows how far it is. */
+export function on(kind, answer, refused = () => {}, bar = null) {
+  kinds[kind] = { answer, refused, bar };
 }
 export function ask(kind, content = {}) {
   const lane = (lanes[kind] ??= { id: 0, answered: 0, sent: 0 });
@@ -55,7 +55,10 @@ function receive(reply) {
   if (!lane) return;
   if (reply.done || reply.errors) { lane.answered = Math.max(lane.answered, reply.id); pump(lane); }
   if (reply.id !== lane.wanted && !(reply.kind === "run" && reply.force && reply.id === lane.id)) return;
-  if (reply.errors) kinds[reply.kind].refused(reply.errors);
-  else kinds[reply.kind].answer(reply);
+  const { answer, refused, bar } = kinds[reply.kind];
+  if (reply.progress !== undefined) return void (bar && progress(bar, reply.progress));
+  if (bar && (reply.done || reply.errors || reply.force)) progress(bar, null);
+  if (reply.errors) refused(reply.errors);
+  else if (!reply.done) answer(reply);
 }
 export const saying = (errors) => errors.map((error) => error.message).join("; ");
