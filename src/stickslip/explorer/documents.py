@@ -175,15 +175,15 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     check_decades(rig)
     interval, shortest = rig.output.interval, rig.drive.duration / MOST_SAMPLES
-    counted = {"drive.pieces": ("must be at most {}", len(rig.drive.pieces), MOST_PIECES)}
-    for name in ("thresholds", "initial", "newborn"):
-        if isinstance(distribution := getattr(rig.interface, name), Empirical):
-            counted[f"interface.{name}"] = ("must have at most {} bins", len(distribution.weights), MOST_BINS)
-    if isinstance(rig.method, Contacts):
-        counted["simulation.contacts"] = ("must be at most {}", rig.method.count, MOST_CONTACTS)
-    for key, (rule, count, most) in counted.items():
-        if count > most:
-            raise InputError(f"{key}: {rule.format(most)}, here {count}, to stay live; {_ELSEWHERE}", key)
+    bins = {
+        f"interface.{name}": len(distribution.weights)
+        for name in ("thresholds", "initial", "newborn")
+        if isinstance(distribution := getattr(rig.interface, name), Empirical)
+    }
+    contacts = rig.method.count if isinstance(rig.method, Contacts) else 0
+    check_counts({"drive.pieces": len(rig.drive.pieces)}, MOST_PIECES)
+    check_counts(bins, MOST_BINS)
+    check_counts({"simulation.contacts": contacts}, MOST_CONTACTS)
     if interval is not None and interval < shortest:
         raise InputError(
             f"simulation.interval = {rig.in_units(interval, 'time')}: must be at least "
@@ -199,6 +199,13 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
 
 
 _ELSEWHERE = "for longer ones use `stickslip simulate`"
+
+
+def check_counts(counted: Mapping[str, int], most: int) -> None:
+    """Raise `InputError` if something has more parts than a page can wait for."""
+    for key, count in counted.items():
+        if count > most:
+            raise InputError(f"{key}: must be at most {most}, here {count}, to stay live; {_ELSEWHERE}", key)
 
 
 def check_decades(rig: Rig) -> None:
@@ -256,12 +263,10 @@ _KEYS: Mapping[str, str] = {
 def complaints(error: Exception) -> list[dict[str, str]]:
     """Return what is wrong, each with the key of the document that it is about (empty if there is none)."""
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
+    places = [getattr(mistake, "place", "") for mistake in mistakes]
     return [
-        {
-            "key": _KEYS.get(place := getattr(mistake, "place", ""), place),
-            "message": str(mistake).removeprefix("rig: "),
-        }
-        for mistake in mistakes
+        {"key": _KEYS.get(place, place), "message": str(mistake).removeprefix("rig: ")}
+        for place, mistake in zip(places, mistakes, strict=True)
     ]
 
 

@@ -81,16 +81,12 @@ def _bar(rig: Rig) -> Chain:
 
 def _check(rig: Rig, body: Chain, seconds: float) -> None:
     """Raise `InputError` if the run would keep the page waiting."""
-    elsewhere = "for more use `stickslip simulate`"
-    if body.blocks > MOST_BLOCKS:
-        raise InputError(f"chain.blocks = {body.blocks}: must be at most {MOST_BLOCKS}, to stay live; {elsewhere}")
+    documents.check_counts({"chain.blocks": body.blocks}, MOST_BLOCKS)
     if body.blocks < _FEWEST:
         raise InputError(f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to run")
-    if isinstance(rig.method, Contacts) and rig.method.count * body.blocks > documents.MOST_CONTACTS:
-        raise InputError(
-            f"simulation.contacts = {rig.method.count}: times {body.blocks} blocks must be at most "
-            f"{documents.MOST_CONTACTS}, to stay live; {elsewhere}"
-        )
+    if isinstance(rig.method, Contacts):
+        most = documents.MOST_CONTACTS // body.blocks
+        documents.check_counts({"simulation.contacts": rig.method.count}, most)
     documents.check_decades(rig)
     estimate(rig).check(_PATIENCE * seconds, otherwise="use `stickslip simulate`")
 
