@@ -28,10 +28,9 @@ def fitted(draws: int = 2000) -> fitting.Fit:
     return ss.fit(trace, known={"stiffness": "100 N/m"}, prior=PRIOR, draws=draws)
 
 
-def draw() -> Figure:
-    """Print the parameters, and draw them with their truths and the test of the draws."""
-    found = fitted()
-    print(found)
+def draw(draws: int = 2000) -> Figure:
+    """The parameters with their truths, and the test of the draws."""
+    found = fitted(draws)
     figure = found.plot()
     parameters = figure.axes[1]
     parts = PRIOR.parts([*TRUTH.values(), 0.1])
@@ -40,6 +39,7 @@ def draw() -> Figure:
 
 
 if __name__ == "__main__":
+    print(fitted())
     figure = draw()
     if sys.argv[1:]:
         plot.save(figure, sys.argv[1])

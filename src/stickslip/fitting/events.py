@@ -140,17 +140,21 @@ class Events(Answer):
     # ------------------------------------------------------------------------------------------------------- in words
 
     def __str__(self) -> str:
-        f, t = self.force_unit and f" {self.force_unit}", self.time_unit and f" {self.time_unit}"
-        per = f"{f}/{self.time_unit}" if self.time_unit else f"{f} per time unit"
+        f, t = self.force_unit, self.time_unit
         low, high = self.smallest, PLATEAU * self.smallest
+        peak, trough = (
+            f"{mean:.4g} ± {with_unit(scatter, f)}"
+            for mean, scatter in ((self.mean_peak, self.peaks.std()), (self.troughs.mean(), self.troughs.std()))
+        )
+        rate = with_unit(self.loading_rate, f) + (f"/{t}" if t else " per time unit")
         return "\n".join(
             (
-                f"{len(self)} slips of at least {low:.3g}{f} ({self.count_at(high)} of at least {high:.3g}{f})",
-                f"peak {self.mean_peak:.4g} ± {self.peaks.std():.3g}{f}, trough {self.troughs.mean():.4g} ± "
-                f"{self.troughs.std():.3g}{f}, drop {self.drops.mean():.3g}{f} (CV "
-                f"{self.drops.std() / self.drops.mean():.2f}), every {self.recurrence:.3g}{t}",
-                f"loading rate {self.loading_rate:.3g}{per}, last third over first {self.drift:.2f}; noise "
-                f"{self.noise:.2g}{f}, resolution {self.resolution:.2g}{f}",
+                f"{len(self)} slips of at least {with_unit(low, f)} ({self.count_at(high)} of at least "
+                f"{with_unit(high, f)})",
+                f"peak {peak}, trough {trough}, drop {with_unit(self.drops.mean(), f)} (CV "
+                f"{self.drops.std() / self.drops.mean():.2f}), every {with_unit(self.recurrence, t)}",
+                f"loading rate {rate}, last third over first {self.drift:.2f}; noise {with_unit(self.noise, f, 2)}, "
+                f"resolution {with_unit(self.resolution, f, 2)}",
                 f"{self.samples_per_period:.3g} samples from slip to slip, {self.slip_samples:.2g} in a slip; rises "
                 f"last {self.sawtooth:.3g} times as long as drops",
             )
@@ -283,3 +287,8 @@ def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> f
 def least_rise(drop: float, noise: float) -> float:
     """The smallest rise that parts two slips, where a drop of at least `drop` is one."""
     return min(drop, max(_NOISES * noise, 0.5 * drop))
+
+
+def with_unit(value: float, unit: str, digits: int = 3) -> str:
+    """A value in the unit of a trace as it is there, without another prefix."""
+    return f"{value:.{digits}g} {'' if unit == '1' else unit}".rstrip()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.fitting.events import FEWEST, LARGEST_DROP, LOST, PLATEAU, Events
+from stickslip.fitting.events import FEWEST, LARGEST_DROP, LOST, PLATEAU, Events, with_unit
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.bench import about_the_sensor
 from stickslip.measure.slips import turning_points, weighted_median
@@ -31,8 +31,7 @@ def check(events: Events) -> tuple[str, ...]:
 
 def _faults(events: Events) -> Iterator[str]:
     """What makes a fit mislead, the plainest first."""
-    f = events.force_unit and f" {events.force_unit}"
-    peak, smallest = events.mean_peak, events.smallest
+    peak, smallest, least = events.mean_peak, events.smallest, with_unit(events.smallest, events.force_unit)
     for fault in about_the_sensor(events.force):
         yield f"{fault}; reduce its gain, and record again"
     if events.gap > LONGEST_GAP:
@@ -46,7 +45,7 @@ def _faults(events: Events) -> Iterator[str]:
         )
     if smallest > LARGEST_DROP * peak:
         yield (
-            f"drops below {smallest:.3g}{f}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
+            f"drops below {least}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
             f"noise: at most {100 * LARGEST_DROP:g} %; record faster, or with less noise"
         )
     if events.sawtooth < LEAST_SAWTOOTH:
@@ -63,13 +62,13 @@ def _faults(events: Events) -> Iterator[str]:
         yield f"{len(events)} slips: at least {FEWEST} are needed; record for longer"
     if (doubled := events.count_at(PLATEAU * smallest)) < (1.0 - LOST) * len(events):
         yield (
-            f"{len(events)} drops of at least {smallest:.3g}{f}, but {doubled} of at least twice that: how many slips "
+            f"{len(events)} drops of at least {least}, but {doubled} of at least twice that: how many slips "
             "there are depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
         )
     change, when = _largest_step(events)
     if change > STEP:
         yield (
-            f"the loading rate changes {change:.2g} times at t = {f'{when:.4g} {events.time_unit}'.rstrip()}: the "
+            f"the loading rate changes {change:.2g} times at t = {with_unit(when, events.time_unit, 4)}: the "
             "speed or the load was changed; fit one part of the trace"
         )
     name, z = halves(events)

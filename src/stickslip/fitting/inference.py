@@ -8,19 +8,18 @@ model makes, a regression would extrapolate: then simulations are added near it,
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit, logit
 
 from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior
 from stickslip.fitting.observation import Observation, Seen
 from stickslip.fitting.summary import comparable
-from stickslip.fitting.tables import Table, simulated
+from stickslip.fitting.tables import Block, Table, on_all_cores, simulated
 from stickslip.measure.arrays import Array
 
 NEAREST = 300
@@ -78,14 +77,13 @@ def infer(
     """
     if seen is None:
         seen = observation.see(table.count, table.peaks, table.troughs, seed=seed)
-    valid = seen.valid
+    likelihood, prior, valid = likelihood or _nothing_known, table.prior, seen.valid
     if valid.sum() < nearest:
         raise InputError(
             f"fit: {valid.sum()} of {len(table)} draws from the prior stick-slip as the trace does, with "
             f"{observation.slips} slips above the smallest drop: at least {nearest} are needed; take more draws"
         )
-    parts, found = table.parts[valid], comparable(seen.statistics[valid])
-    target = comparable(observed)
+    parts, found, target = table.parts[valid], comparable(seen.statistics[valid]), comparable(observed)
     # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
     scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
@@ -97,35 +95,29 @@ def infer(
             "the slider stops: drive slower if the force falls between its slips or their size varies widely; else "
             "something else made the trace"
         )
-    weights = np.ones(len(parts)) if likelihood is None else likelihood(table.prior.values(parts))
-    if (weights > _LITTLE).sum() < nearest:
+    weights = likelihood(prior.values(parts))
+    if (agree := int((weights > _LITTLE).sum())) < nearest:
         raise InputError(
-            f"fit: {(weights > _LITTLE).sum()} of {len(parts)} draws agree with what is known, at least {nearest} are "
-            "needed; check the known values, give their errors as (value, error), or take more draws"
+            f"fit: {agree} of {len(parts)} draws agree with what is known, at least {nearest} are needed; check the "
+            "known values, give their errors as (value, error), or take more draws"
         )
-    sample = _kept(parts, found, weights, target, scale, nearest)
-    simulations = len(table)
-    far = edge > EDGE
+    parts, weights, found = _kept(parts, weights, found, target, scale, nearest)
+    simulations, far = len(table), edge > EDGE
     for number in range((2 if far else 0) if rounds is None else rounds):
         rng = np.random.default_rng([seed, 2, number])
-        more, density = _proposals(sample[0], sample[1], table.prior, observation, rng)
-        near = see(table.prior, more, observation, seed=seed + number + 1)
+        more, density = _proposals(parts, weights, prior, observation, rng)
+        near = see(prior, more, observation, seed=seed + number + 1)
         good = near.valid
-        fresh = 1.0 / density[good]
-        if likelihood is not None:
-            fresh = fresh * likelihood(table.prior.values(more[good]))
+        fresh = likelihood(prior.values(more[good])) / density[good]
         simulations += len(more)
         # At most a few per cent of the weight to one draw: the rest would count for nothing.
         if fresh.size:
             fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
         if _counting(fresh).sum() < nearest:
             break
-        sample = _kept(more[good], comparable(near.statistics[good]), fresh, target, scale, nearest)
-    parts, weights, found = sample
-    if not far:
-        parts = _adjusted(parts, found, weights, target)
+        parts, weights, found = _kept(more[good], fresh, comparable(near.statistics[good]), target, scale, nearest)
     return Sample(
-        parts=parts,
+        parts=parts if far else _adjusted(parts, weights, found, target),
         weights=weights / weights.sum(),
         edge=edge,
         adjusted=not far,
@@ -134,16 +126,18 @@ def infer(
     )
 
 
+def _nothing_known(values: Array) -> Array:
+    return np.ones(len(values))
+
+
 def see(prior: Prior, parts: Array, observation: Observation, *, seed: int = 0) -> Seen:
     """Simulate at given parts of the ranges of a prior, on all cores, and observe."""
-    slips = observation.slips_needed
-    blocks = np.array_split(np.arange(len(parts)), max(1, min(len(parts), _SHARES)))
+    blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
 
-    def one(block: int) -> dict[str, np.ndarray]:
-        return simulated(prior, parts[blocks[block]], slips, np.random.default_rng([seed, 3, block]))
+    def one(block: int) -> Block:
+        return simulated(prior, blocks[block], observation.slips_needed, np.random.default_rng([seed, 3, block]))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = list(pool.map(one, range(len(blocks))))
+    made = on_all_cores(one, range(len(blocks)))
     count, peaks, troughs = (np.concatenate([part[name] for part in made]) for name in ("count", "peaks", "troughs"))
     return observation.see(count, peaks, troughs, seed=seed)
 
@@ -165,7 +159,7 @@ def _counting(weights: Array) -> NDArray[np.bool_]:
 
 
 def _kept(
-    parts: Array, found: Array, weights: Array, target: Array, scale: Array, nearest: int
+    parts: Array, weights: Array, found: Array, target: Array, scale: Array, nearest: int
 ) -> tuple[Array, Array, Array]:
     """The draws nearest to the target, weighted by how near they are."""
     distance = np.sqrt((((found - target) / scale) ** 2).sum(axis=1))
@@ -176,41 +170,34 @@ def _kept(
 
 
 def _logit(parts: Array) -> Array:
-    inside = np.clip(parts, _SMALL, 1.0 - _SMALL)
-    return np.asarray(np.log(inside / (1.0 - inside)))
+    return np.asarray(logit(np.clip(parts, _SMALL, 1.0 - _SMALL)))
 
 
-def _adjusted(parts: Array, found: Array, weights: Array, target: Array) -> Array:
+def _adjusted(parts: Array, weights: Array, found: Array, target: Array) -> Array:
     """Parameters moved by a weighted linear regression, in logits, so that they stay within their ranges."""
     away = found - target
     away = away / np.maximum(away.std(axis=0), 1e-9)
     design = np.column_stack([np.ones(len(away)), away])
-    root = np.sqrt(weights)[:, None]
     ridge = np.diag([0.0, *[1e-3 * float(weights.sum())] * away.shape[1]])
-    left = (design * root).T @ (design * root) + ridge
-    slope = np.linalg.solve(left, (design * root).T @ (_logit(parts) * root))
-    moved = _logit(parts) - away @ slope[1:]
-    return np.asarray(1.0 / (1.0 + np.exp(-moved)))
+    weighted = design.T * weights
+    slope = np.linalg.solve(weighted @ design + ridge, weighted @ _logit(parts))
+    return np.asarray(expit(_logit(parts) - away @ slope[1:]))
 
 
 def _proposals(
     parts: Array, weights: Array, prior: Prior, observation: Observation, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Draws around those kept, and their density over that of the prior."""
-    weights = weights / weights.sum()
-    centres = _logit(parts)
-    mean = weights @ centres
-    covariance = 1.5 * np.einsum("i,ij,ik->jk", weights, centres - mean, centres - mean) + 1e-4 * np.eye(len(KEYS))
-    root = np.linalg.cholesky(covariance)
+    from scipy.spatial.distance import cdist
+
+    weights, centres = weights / weights.sum(), _logit(parts)
+    covariance = 1.5 * np.cov(centres, rowvar=False, aweights=weights, bias=True) + 1e-4 * np.eye(len(KEYS))
     contacts = float(np.mean(prior.values(parts)[:, 0]))
     each = _PER_CONTACT * contacts * observation.slips_needed * (1.0 + contacts / 50.0)
     count = int(np.clip(_ROUND_COST / each, _FEWEST_IN_A_ROUND, _ROUND))
     chosen = centres[rng.choice(len(centres), size=count, p=weights)]
-    drawn = chosen + rng.standard_normal(chosen.shape) @ root.T
-    whitened = np.linalg.solve(root, drawn.T).T
-    centre = np.linalg.solve(root, centres.T).T
-    square = ((whitened[:, None, :] - centre[None, :, :]) ** 2).sum(axis=-1)
-    density = np.exp(-0.5 * square) @ weights
-    new = 1.0 / (1.0 + np.exp(-drawn))
+    drawn = chosen + rng.multivariate_normal(np.zeros(len(KEYS)), covariance, count, method="cholesky")
+    away = cdist(drawn, centres, "mahalanobis", VI=np.linalg.inv(covariance))
+    new = expit(drawn)
     inside = np.prod(np.maximum(new * (1.0 - new), 1e-12), axis=1)  # density of the prior in logits
-    return np.asarray(new), np.asarray(density / inside)
+    return np.asarray(new), np.asarray(np.exp(-0.5 * away**2) @ weights / inside)

@@ -146,7 +146,7 @@ def quantity_of(name: str, values: Array, strength: Array, events: Events, known
             f"fit: {name}: a force trace alone does not tell it; give {' and '.join(missing)}, as in "
             f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
         )
-    count, kappa = len(values), values[:, 3]
+    count, residual, kappa = len(values), values[:, 2], values[:, 3]
 
     def scattered(middle: float, error: float, seed: int) -> Array:
         return middle + error * np.random.default_rng([seed, count]).standard_normal(count)
@@ -154,23 +154,17 @@ def quantity_of(name: str, values: Array, strength: Array, events: Events, known
     given = ("load", "stiffness", "mass")
     load, K, mass = (known.drawn(one, count) if known.has(one) else np.ones(count) for one in given)
     unit = load if events.force_unit == "1" and known.load else newtons(events, known)
-    force, error = strength * unit, float(np.std(events.peaks)) / math.sqrt(len(events))
-    match name:
-        case "contact_strength":
-            found = force
-        case "sliding_friction":
-            found = force * values[:, 2]
-        case "static_friction":
-            found = scattered(events.mean_peak, error, 4) * unit
-        case "friction_coefficient":
-            found = scattered(events.mean_peak, error, 4) * unit / load
-        case "interface_stiffness":
-            found = K / kappa
-        case "breaking_displacement":
-            found = force * kappa / K
-        case "speed":
-            rate = loading_rate(events, known) * np.exp(scattered(0.0, rate_error(events), 5))
-            found = rate * (1.0 + kappa) / K
-        case _:
-            found = np.sqrt(K / mass) / (2.0 * np.pi)
-    return np.asarray(found)
+    force = strength * unit
+    peak = scattered(events.mean_peak, float(np.std(events.peaks)) / math.sqrt(len(events)), 4) * unit
+    if name == "speed":
+        rate = loading_rate(events, known) * np.exp(scattered(0.0, rate_error(events), 5))
+        return np.asarray(rate * (1.0 + kappa) / K)
+    return {
+        "contact_strength": force,
+        "static_friction": peak,
+        "sliding_friction": force * residual,
+        "interface_stiffness": K / kappa,
+        "breaking_displacement": force * kappa / K,
+        "friction_coefficient": peak / load,
+        "frequency": np.sqrt(K / mass) / (2.0 * np.pi),
+    }[name]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 
 from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.summary import NAMES, statistics
+from stickslip.fitting.tables import on_all_cores
 from stickslip.measure.arrays import Array
 
 _AT_A_TIME = 500
@@ -74,8 +73,7 @@ class Observation:
                 found[whole], size[whole] = statistics(P, T), P.mean(axis=-1)
             return found, size
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            looked = list(pool.map(look, range(0, len(count), _AT_A_TIME)))
+        looked = on_all_cores(look, range(0, len(count), _AT_A_TIME))
         found, size = (np.concatenate(each) for each in zip(*looked, strict=True))
         return Seen(statistics=found, mean_peak=size)
 

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar, nnls
+from scipy.optimize import curve_fit, nnls
 from scipy.special import stdtrit
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, sequence
 from stickslip.io import files
 from stickslip.measure.arrays import Array
+from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
 from stickslip.words import engineering
 
@@ -73,30 +74,31 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, f
     v, F = np.asarray(speeds, dtype=float), np.asarray(forces, dtype=float)
     _enough("speeds", v, _FEWEST_SPEEDS)
 
-    def solved(log_half: float) -> tuple[Array, float]:
-        found, rest = nnls(np.column_stack([1.0 / (1.0 + v / math.exp(log_half)), np.ones_like(v)]), F)
-        return found, float(rest)
+    def force(v: Array, log_half: float, falls: float, stays: float) -> Array:
+        return np.asarray(stays + falls / (1.0 + v / math.exp(log_half)))
+
+    def levels(log_half: float) -> tuple[Array, float]:
+        return nnls(np.column_stack([force(v, log_half, 1.0, 0.0), np.ones_like(v)]), F)
 
     low, high = math.log(v.min() / 30.0), math.log(v.max() * 30.0)
-    best = min(np.linspace(low, high, 60), key=lambda at: solved(at)[1])
-    at = float(minimize_scalar(lambda x: solved(x)[1], bounds=(best - 0.3, best + 0.3), method="bounded").x)
-    (falls, _), rest = solved(at)
+    start = min(np.linspace(low, high, 60).tolist(), key=lambda at: levels(at)[1])
+    falls, stays = levels(start)[0]
     if falls <= 0:
         raise InputError(
             f"speeds: the force does not fall with the speed, from {F[np.argmin(v)]:.4g} at the lowest to "
             f"{F[np.argmax(v)]:.4g} at the highest: it tells no delay",
             "speeds",
         )
-    if not low + 0.4 < at < high - 0.4:
+    bounds = [low - 1.0, 0.0, 0.0], [high + 1.0, math.inf, math.inf]
+    found, covariance = curve_fit(force, v, F, [start, falls, stays], bounds=bounds)
+    if not low + 0.4 < found[0] < high - 0.4:
         raise InputError(
             f"speeds: the force does not show at which speed it halves within {v.min():.3g} to {v.max():.3g} m/s; "
             "measure over a wider range",
             "speeds",
         )
-    ratio = v / math.exp(at)
-    slopes = np.column_stack([falls * ratio / (1.0 + ratio) ** 2, 1.0 / (1.0 + ratio), np.ones_like(v)])
-    variance = float(np.linalg.pinv(slopes.T @ slopes)[0, 0]) * rest**2 / (len(F) - slopes.shape[1])
-    return math.exp(at), math.sqrt(variance), rest / math.sqrt(len(F))
+    misfit = math.sqrt(float(np.mean((F - force(v, *found)) ** 2)))
+    return math.exp(found[0]), math.sqrt(covariance[0, 0]), misfit
 
 
 def delays_of(found: Fit, speeds: Pairs) -> Delays:
@@ -107,11 +109,8 @@ def delays_of(found: Fit, speeds: Pairs) -> Delays:
     """
     v, F = _pairs("speeds", speeds, _SPEED)
     half, error, misfit = half_speed_of(v, F)
-    # Mean of the threshold less the residual, where that is above 0.
-    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
-    margin = 1.0 + found.values[:, 1, None] * nodes - found.values[:, 2, None]
-    inside = weights * (margin > 0)
-    mean = (margin * inside).sum(axis=1) / inside.sum(axis=1)
+    margins = [Gaussian(mean=1.0 - residual, std=std).positive() for std, residual in found.values[:, 1:3].tolist()]
+    mean = np.array([margin.moment(1) for margin in margins])
     scatter = np.random.default_rng([6, len(mean)]).standard_t(len(F) - 3, len(mean))
     return Delays(
         draws=np.asarray(mean * found.draws("breaking_displacement") / half * np.exp(error * scatter)),
@@ -124,11 +123,9 @@ def strengthening_of(holds: Pairs) -> Strengthening:
     """Straight line of static friction over the logarithm of the time of rest before."""
     t, F = _pairs("holds", holds, _TIME)
     _enough("holds", t, _FEWEST_HOLDS)
-    decades = np.log10(t) - np.log10(t).mean()
-    slope, size, freedom = float(decades @ F / (decades @ decades)), float(F[np.argmin(t)]), len(F) - 2
-    rest = F - F.mean() - slope * decades
-    error = math.sqrt(float(rest @ rest) / freedom / float(decades @ decades))
-    return Strengthening(per_decade=slope / size, error=error / size, freedom=freedom)
+    (slope, _), covariance = np.polyfit(np.log10(t), F, 1, cov=True)
+    size = float(F[np.argmin(t)])
+    return Strengthening(per_decade=float(slope) / size, error=math.sqrt(covariance[0, 0]) / size, freedom=len(F) - 2)
 
 
 def _enough(place: str, values: Array, fewest: int) -> None:
@@ -148,29 +145,22 @@ def _pairs(place: str, given: object, first: tuple[str, str]) -> tuple[Array, Ar
     return columns[0], columns[1]
 
 
-_NUMBER = re.compile(r"[-+]?\d*[.]?\d+.*")
-"""What begins as a number does: a line of names has none."""
-
-
 def read_pairs(path: Path | None) -> Pairs:
-    """Two columns of a text file: a speed in m/s or a time in s, and a force in N."""
+    """Two columns of a text file: a speed in m/s or a time in s, and a force in N; names may stand above them."""
     if path is None:
         return ()
     rows: list[tuple[object, object]] = []
     text = files.read(path, "table of two columns", largest=1_000_000).decode("utf-8", "replace")
     for at, line in enumerate(text.splitlines(), start=1):
-        line = line.split("#")[0].strip()
-        heading = not any(_NUMBER.fullmatch(cell) for cell in re.split(r"[\s,;]+", line))
-        if not line or (heading and not rows):
+        cells = re.split(r"\s*[,;]\s*|\s+", line.split("#")[0].strip())
+        if cells == [""] or not (rows or any(re.match(r"[-+]?[.]?\d", cell) for cell in cells)):
             continue
         try:
-            if re.search(r"\d,\d.*[\s;]", line):  # a decimal comma
-                raise ValueError
-            first, second = (float(cell) for cell in re.split(r"\s*[,;]\s*|\s+", line))
+            first, second = map(float, cells)
         except ValueError:
             raise InputError(
-                f"{path}: line {at}: {line[:60]!r}: must be two numbers without units, with decimal points, such as "
-                "'0.001 12.5'"
+                f"{path}: line {at}: {line.strip()[:60]!r}: must be two numbers without units, with decimal points, "
+                "such as '0.001 12.5'"
             ) from None
         rows.append((first, second))
     if not rows:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
-from stickslip.fitting.events import Events, pick_events
+from stickslip.fitting.events import Events, pick_events, with_unit
 from stickslip.fitting.gates import RESOLVED
 from stickslip.fitting.known import Known, newtons, quantity_of, rate_error, seconds
 from stickslip.io.rig_files import from_document, to_document
@@ -38,6 +38,10 @@ _LIGHTEST = 0.01
 _TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
 """Draws run, at most; slips of a run, after those in which it settles; standard errors in half a 90 % interval."""
 _SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0)
+_ON_ARREST = (
+    "contacts re-attach on arrest, so there is no smooth sliding for linear theory; friction at several speeds (fit "
+    "--speeds) would tell the delay"
+)
 
 _ASSUMED = "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
 KEYS: Mapping[str, tuple[str, str]] = {
@@ -90,13 +94,11 @@ def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], foun
     document: dict[str, Any] = {
         "name": name,
         "source": f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips",
-        "slider": {},
         "interface": {
             "thresholds": {"distribution": "gaussian"},
             "newborn": {"distribution": "gaussian", "std": 0.0},
             "delay": "on arrest",
         },
-        "drive": {},
         "simulation": {"contacts": max(round(float(found.values[i, 0])), 1)},
         "fitted": {},
         "assumed": {},
@@ -162,8 +164,8 @@ def compared(made: Events, events: Events) -> tuple[str, bool]:
 
 
 def _said(events: Events) -> str:
-    drop = f"{events.drops.mean():.3g} {events.force_unit}".rstrip()
-    return f"{drop} every {events.recurrence:.3g} {events.time_unit}".rstrip()
+    drop, period = float(events.drops.mean()), events.recurrence
+    return f"{with_unit(drop, events.force_unit)} every {with_unit(period, events.time_unit)}"
 
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
@@ -230,6 +232,7 @@ class Uncertain(Answer):
     speeds: tuple[float, ...]  #: in the rig's own units; the middle one is its own
     unstable: tuple[float, ...]  #: fraction of the draws for which smooth sliding is unstable at each speed
     undecided: tuple[float, ...]  #: fraction of the draws that theory does not tell
+    reason: str = ""  #: why theory does not tell
     speed_unit: str = "m/s"
 
     @property
@@ -239,10 +242,7 @@ class Uncertain(Answer):
 
     def __str__(self) -> str:
         if min(self.undecided) == 1.0:
-            return (
-                "Not judged over the draws: contacts re-attach on arrest, so there is no smooth sliding for linear "
-                "theory; friction at several speeds (fit --speeds) would tell the delay"
-            )
+            return f"Not judged over the draws: {self.reason}"
         pairs = zip(self.unstable, self.speeds, strict=True)
         each = ", ".join(f"{100 * part:.0f} % at {engineering(v, self.speed_unit, 2)}" for part, v in pairs)
         untold = f" (up to {100 * max(self.undecided):.0f} % not told)" if any(self.undecided) else ""
@@ -277,20 +277,22 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
         raise InputError(f"rig {rig.name!r}: holds no fitted values with draws; make it with stickslip fit")
     count = min(most, *(len(draws) for draws in columns.values()))
     document = to_document(rig)
-    unstable, undecided = np.zeros(len(_SPEEDS)), np.zeros(len(_SPEEDS))
+    unstable, undecided, reason = np.zeros(len(_SPEEDS)), np.zeros(len(_SPEEDS)), ""
     if isinstance(rig.interface.delay, OnArrest):
-        undecided += count
-    for i in range(0 if undecided.any() else count):
+        undecided, reason = undecided + count, _ON_ARREST
+    for i in range(0 if reason else count):
         one = copy.deepcopy(document)
         for path, draws in columns.items():
             unit = KEYS.get(path, ("", ""))[0]
             _put(one, path, f"{draws[i]!r} {unit}" if unit else draws[i])
         made = from_document(one, "a draw")
+        smooth = replace(made, interface=replace(made.interface, track_scatter=0.0))  # it is that from slip to slip
         for k, factor in enumerate(_SPEEDS):
             try:
-                unstable[k] += count_unstable(made.replace(velocity=made.velocity * factor).natural) > 0
-            except (InputError, UndecidedError):
+                unstable[k] += count_unstable(smooth.replace(velocity=made.velocity * factor).natural) > 0
+            except (InputError, UndecidedError) as error:
                 undecided[k] += 1
+                reason = str(error)
         if progress is not None:
             progress((i + 1) / count)
     return Uncertain(
@@ -298,4 +300,5 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
         speeds=tuple(rig.velocity * factor for factor in _SPEEDS),
         unstable=tuple((unstable / count).tolist()),
         undecided=tuple((undecided / count).tolist()),
+        reason=reason,
     )

@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -33,6 +34,7 @@ _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
 Progress = Callable[[float], None]
 Series = NDArray[np.float32]
+Found = TypeVar("Found")
 Block = dict[str, NDArray[np.generic]]
 
 
@@ -130,6 +132,12 @@ def table(
                     future.cancel()
     made = {name: np.concatenate([blocks[block][name] for block in range(len(paths))])[:draws] for name in _FIELDS}
     return Table(prior=prior, **made)
+
+
+def on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Found]:
+    """What a function of numbers returns, by threads: kernels let others run."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(function, of))
 
 
 def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> Block:

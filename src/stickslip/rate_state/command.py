@@ -16,6 +16,7 @@ from stickslip.rate_state.exports import Program
 
 if TYPE_CHECKING:
     from stickslip.model.rig import Rig
+    from stickslip.rate_state.holds import Healing
     from stickslip.rate_state.measured import StepFit
     from stickslip.rate_state.verdict import RateAndStateFit
 
@@ -27,19 +28,20 @@ Asked = Literal["best", "ageing", "slip"]
 class OfRig:
     """What may be asked of a rig."""
 
-    velocity: Annotated[str | None, Parameter(help="Of smooth sliding before the step; the rig's own by default.")] = (
-        None
-    )
-    step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10"
-    holds: Annotated[
-        str | None, Parameter(help="Also slide, hold and slide, with these times of rest: '1 s, 10 s, 100 s'.")
-    ] = None
-    export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None
-    load: Annotated[
-        str | None, Parameter(help="Normal load, for coefficients of friction and for the export: '2 kN'.")
-    ] = None
-    area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None
-    output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None
+    velocity: str | None = None
+    """Of smooth sliding before the step; the rig's own by default."""
+    step: str = "10"
+    """Ratio of the velocities."""
+    holds: str | None = None
+    """Also slide, hold and slide, with these times of rest: '1 s, 10 s, 100 s'."""
+    export: Program | None = None
+    """Print, or write, the input of another program."""
+    load: str | None = None
+    """Normal load, for coefficients of friction and for the export: '2 kN'."""
+    area: str | None = None
+    """Area of the surface, for the export: '1 cm^2'."""
+    output: Annotated[Path | None, Parameter(alias="-o")] = None
+    """Write the export to a file."""
 
 
 @Parameter(name="*")
@@ -47,18 +49,18 @@ class OfRig:
 class OfTrace:
     """What is to be known of a measured step."""
 
-    step_at: Annotated[str | None, Parameter(help="Of a trace: about when the step came, '68.7 s'.")] = None
-    from_: Annotated[str | None, Parameter(name="--from", help="Of a trace: velocity before the step, '3 um/s'.")] = (
-        None
-    )
-    to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None
-    span: Annotated[
-        str | None, Parameter(help="Of a trace: displacement before and after the step, '5 um, 120 um'.")
-    ] = None
-    trend: Annotated[bool, Parameter(help="Of a trace: fit a linear trend in displacement besides.")] = True
-    stiffness: Annotated[
-        str | None, Parameter(help="Of a trace: between load point and surface, '0.006 1/um'; fitted by default.")
-    ] = None
+    step_at: str | None = None
+    """Of a trace: about when the step came, '68.7 s'."""
+    from_: Annotated[str | None, Parameter(name="--from")] = None
+    """Of a trace: velocity before the step, '3 um/s'."""
+    to: str | None = None
+    """Of a trace: velocity after the step."""
+    span: str | None = None
+    """Of a trace: displacement before and after the step, '5 um, 120 um'."""
+    trend: bool = True
+    """Of a trace: fit a linear trend in displacement besides."""
+    stiffness: str | None = None
+    """Of a trace: between load point and surface, '0.006 1/um'; fitted by default."""
 
 
 def rsf(
@@ -85,15 +87,20 @@ def rsf(
 
     named = not data.exists() and data.name in rig_files.example_names()
     if trace.step_at is None and (data.suffix == ".toml" or named):
-        _judge(data, law, rig, json=json, plot=plot)
-        return
-    if rig.holds is not None:
+        told, words = _judged(data, law, rig, plot)
+    elif rig.holds is None:
+        found = _fitted(data, law, trace, plot)
+        told, words = found.to_dict(), str(found)
+    else:
         raise InputError("--holds: is for a rig; a measured trace has its own")
-    found = _fit_step(data, law, trace, plot)
-    print(jsonlib.dumps(found.to_dict(), indent=2) if json else found)
+    if told and json:
+        print(jsonlib.dumps(told, indent=2))
+    else:
+        print(words, end="" if rig.export and not rig.output else "\n")
 
 
-def _judge(path: Path, law: Asked, given: OfRig, *, json: bool, plot: Path | None) -> None:
+def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[dict[str, Any], str]:
+    """The verdict on a rig, plain and in words; an export is of words alone."""
     from stickslip.io.rig_files import read_rig
     from stickslip.rate_state.exports import export_rate_and_state
     from stickslip.rate_state.verdict import rate_and_state
@@ -107,14 +114,11 @@ def _judge(path: Path, law: Asked, given: OfRig, *, json: bool, plot: Path | Non
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
     scaled = fit.in_units(rig)
-    if given.export is not None:
-        assert rig.scales is not None
-        assert given.load is not None
+    if given.export is not None and rig.scales is not None:
         text = export_rate_and_state(
-            scaled, given.export, scales=rig.scales, load=given.load, area=given.area, path=given.output
+            scaled, given.export, scales=rig.scales, load=given.load or "", area=given.area, path=given.output
         )
-        print(text, end="") if given.output is None else print(f"{given.export}: {given.output}")
-        return
+        return {}, text if given.output is None else f"{given.export}: {given.output}"
     told, words = scaled.to_dict(), str(scaled)
     if given.load is not None:
         weight = read_value("--load", given.load, "N", "2 kN")
@@ -126,7 +130,7 @@ def _judge(path: Path, law: Asked, given: OfRig, *, json: bool, plot: Path | Non
         healed = _after_holds(rig, fit, given.holds, plot)
         told["holds"] = healed.to_dict()
         words += f"\n\n{healed}"
-    print(jsonlib.dumps(told, indent=2) if json else words)
+    return told, words
 
 
 def _check(path: Path, rig: Rig, given: OfRig, plot: Path | None) -> None:
@@ -145,7 +149,7 @@ def _check(path: Path, rig: Rig, given: OfRig, plot: Path | None) -> None:
             raise InputError(why)
 
 
-def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) -> Any:
+def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) -> Healing:
     """Slide, hold and slide the rigidly driven slider of a rig, at the velocity of a fit."""
     from stickslip.rate_state.holds import healing
     from stickslip.simulation.steps_and_holds import slide_hold_slide
@@ -163,7 +167,7 @@ def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) 
     return healed
 
 
-def _fit_step(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFit:
+def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFit:
     from stickslip.measure import read_trace
     from stickslip.rate_state.measured import fit_rate_and_state
     from stickslip.rate_state.steps import velocity_step_in
@@ -175,22 +179,21 @@ def _fit_step(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> Step
     length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
     span = None
     if given.span is not None:
-        parts = given.span.split(",")
-        if len(parts) != 2:
+        back, comma, forth = given.span.partition(",")
+        if not comma or "," in forth:
             raise InputError(f"--span {shown(given.span)}: must be two displacements, as in '5 um, 120 um'")
-        span = (_quantity("--span", parts[0], length, "5 um"), _quantity("--span", parts[1], length, "120 um"))
+        span = (_quantity("--span", back, length, "5 um"), _quantity("--span", forth, length, "120 um"))
     step = velocity_step_in(
         trace,
-        at=_of("--step-at", given.step_at, lambda text: read_quantity(text, clock, "68.7 s", bare=True)),
+        at=_quantity("--step-at", given.step_at, clock, "68.7 s", bare=True),
         before=_quantity("--from", given.from_, f"{length}/{clock}", "3 um/s"),
         after=_quantity("--to", given.to, f"{length}/{clock}", "10 um/s"),
         span=span,
     )
-    step = replace(step, length_unit=length)
     spring, friction = None, step.friction_unit or 1
     if given.stiffness is not None:
         spring = _quantity("--stiffness", given.stiffness, f"{friction}/{length}", f"0.006 {friction}/um")
-    fit = fit_rate_and_state(step, law=law, stiffness=spring, trend=given.trend)
+    fit = fit_rate_and_state(replace(step, length_unit=length), law=law, stiffness=spring, trend=given.trend)
     if plot is not None:
         from stickslip import plot as drawing
 
@@ -198,8 +201,8 @@ def _fit_step(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> Step
     return fit
 
 
-def _quantity(option: str, text: str, unit: str, example: str) -> float:
-    return _of(option, text, lambda given: read_quantity(given, unit, example))
+def _quantity(option: str, text: str, unit: str, example: str, *, bare: bool = False) -> float:
+    return _of(option, text, lambda given: read_quantity(given, unit, example, bare=bare))
 
 
 def _of(option: str, text: str, read: Callable[[str], float]) -> float:

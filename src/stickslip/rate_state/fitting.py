@@ -85,15 +85,13 @@ def least_squares(
 
     A model may be NaN, or raise `UndecidedError`, where it has no curve.
     """
-    logarithmic = low > 0
+    logarithmic, scale = low > 0, float(np.ptp(data)) or 1.0
 
     def values(place: Array) -> Array:
         return np.where(logarithmic, np.exp(np.where(logarithmic, place, 0.0)), place)
 
     def places(value: Array) -> Array:
         return np.where(logarithmic, np.log(np.where(logarithmic, value, 1.0)), value)
-
-    scale = float(np.ptp(data)) or 1.0
 
     def residual(place: Array) -> Array:
         try:
@@ -102,22 +100,27 @@ def least_squares(
             return np.full(data.size, 1e3)
         return np.clip(np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=1e3), -1e3, 1e3)
 
-    bounds = places(low), places(high)
-
-    def fitted(start: Array) -> optimize.OptimizeResult:
-        inside = np.clip(places(start), bounds[0] + 1e-9, bounds[1] - 1e-9)
-        return optimize.least_squares(
-            residual, inside, bounds=bounds, x_scale="jac", xtol=tolerance, ftol=tolerance, max_nfev=most
+    least, largest = places(low), places(high)
+    fits = (
+        optimize.least_squares(
+            residual,
+            np.clip(places(start), least + 1e-9, largest - 1e-9),
+            bounds=(least, largest),
+            x_scale="jac",
+            xtol=tolerance,
+            ftol=tolerance,
+            max_nfev=most,
         )
-
-    best = min(map(fitted, starts), key=lambda one: one.cost)
-    if 2.0 * best.cost / data.size > 1e4:
+        for start in starts
+    )
+    best = min(fits, key=lambda one: one.cost)
+    square, value = 2.0 * best.cost, values(best.x)
+    if square / data.size > 1e4:
         raise UndecidedError("no rate-and-state parameters fit: the slider runs away for all that were tried")
-    value = values(best.x)
-    _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     # What the curve does not depend on has an error that is large, not one of 0.
+    _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     turned = turned / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]
-    by_place = turned.T @ turned * 2.0 * best.cost / max(data.size - value.size, 1)
+    covariance = turned.T @ turned * square / max(data.size - value.size, 1)
     slope = np.where(logarithmic, value, 1.0)
-    rms = scale * math.sqrt(2.0 * best.cost / data.size)
-    return Fit(value, by_place * np.outer(slope, slope), rms, model(value), best.status > 0)
+    rms = scale * math.sqrt(square / data.size)
+    return Fit(value, covariance * np.outer(slope, slope), rms, model(value), best.status > 0)
