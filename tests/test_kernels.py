@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime
 
 from stickslip.kernels import expansions, hazard, network, rules, tournament, turning_points
 from stickslip.kernels import flight as flights
 from stickslip.kernels.drift_diffusion import bernoulli
+from stickslip.kernels.drive import Quadratic, drive_at
 from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth, ageing_time, grown, threshold_at
 from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
+from stickslip.kernels.oscillator import Load, Motion, Slider, travel
 
 # ---------------------------------------------------------------- the smallest of many
 
@@ -267,3 +270,27 @@ def test_a_crossing_that_comes_soon_is_where_the_slider_is_then(numbers, distanc
         assert (y, u) == pytest.approx(flights.at(flight, h), rel=1e-9, abs=1e-12)
         assert y == there if reached else abs(y) < distance
         assert not reached or u * v > 0.0
+
+
+@pytest.mark.parametrize(
+    ("mass", "damping", "length", "tolerance"),  # the quadratures are of fourth order in the last doubling
+    [(0.02, 40.0, 0.3, 1e-5), (1.0, 2.0, 0.3, 1e-5), (1.0, 2.0, 1.0, 5e-4), (0.02, 3.0, 0.05, 1e-6)],
+)
+def test_work_and_turning_points_of_the_oscillator(mass, damping, length, tolerance):
+    """Against the equation of motion, integrated: a drive that turns, contacts that break ever slower."""
+    K, begin, start = 1.5, 0.1, Motion(0.1, 0.15, -0.4)
+    drive, load = Quadratic(0.0, 0.2, -1.0, 2.0), Load(0.1, 0.5, 0.7, -0.3)
+
+    def slope(t, state):
+        X, V, _, _ = state
+        D, velocity = drive_at(drive, begin + t)
+        friction = load.force + load.stiffness * (X - start.X) - load.loss * t - 0.5 * load.ramp * t * t
+        return [V, (K * (D - X) - friction) / mass - damping * V, K * (D - X) * velocity, V * V]
+
+    exact = solve_ivp(slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
+    X, V, work, squares = exact.y[:, -1]
+    path = exact.sol(np.linspace(0, length, 10_001))[0]
+    got = travel(Slider(K, mass, damping), drive, start, load, length)
+    assert pytest.approx([X, V], abs=1e-12) == [got.X, got.V]
+    assert [got.low, got.high] == pytest.approx([path.min(), path.max()], abs=20 * tolerance)  # a cubic between ends
+    assert [got.work, got.squares] == pytest.approx([work, squares], abs=tolerance)

@@ -37,8 +37,9 @@ def lost_balance(rate, velocity, s, **changes):
     return abs(impedance + complex(dynamic_stiffness(aged(rate), velocity, s)))
 
 
-def test_slow_shaking_feels_the_slope_of_the_friction_law():
-    interface, speed, step = aged(1.0), 0.5, 1e-3
+@pytest.mark.parametrize("changes", [{}, {"ageing": Langevin(rate=1.0, newborn=0.3), "delay": Delay(0.2)}], ids=str)
+def test_slow_shaking_feels_the_slope_of_the_friction_law(changes):
+    interface, speed, step = replace(aged(1.0), **changes), 0.5, 1e-3
     slope = (kinetic_friction(interface, speed + step) - kinetic_friction(interface, speed - step)) / (2 * step)
     kappa = dynamic_stiffness(interface, speed, 1e-3j)
     assert complex(kappa) == pytest.approx(1e-3j * slope, rel=0.02)
