@@ -16,7 +16,7 @@ from stickslip.kernels.langevin_response import excursions, life_transforms
 from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction, steady_moments
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.stepping import Course
-from stickslip.model import ForceAbove, PaperClosure, Travel
+from stickslip.model import PaperClosure
 from stickslip.paper.cases import FIG4, FIG8
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
@@ -236,20 +236,6 @@ def test_recorded_friction_of_hot_contacts_moves_the_slider():
     push = (run["spring_force"] - run["friction_force"] - 0.02 * run["velocity"]).to_numpy()
     gained = np.concatenate([[0.0], np.cumsum(0.5 * (push[1:] + push[:-1]) * np.diff(t))]) / 0.01
     assert np.abs(gained - (v - v[0])).max() < 0.02 * np.abs(v).max()
-
-
-@pytest.mark.parametrize("method", [ss.Contacts(300, seed=4), ss.MasterEquation(rtol=4e-3)], ids=str)
-def test_pieces_end_where_their_conditions_are_met(method):
-    def run(drive):
-        rig = ss.Rig(aged(1.5), ss.Slider(stiffness=1.0, mass=1.0, damping=1.0), drive, method=method)
-        return ss.simulate(rig, output=ss.Output(interval=0.01))
-
-    plain = run(ss.constant(1.0, 3.0).until(ForceAbove(99.0)))
-    ended = run(ss.constant(1.0, 3.0).until(ForceAbove(0.4)).then(ss.constant(0.5, 2.0).until(Travel(0.1))))
-    seam, X = int(np.argmax(ended["spring_force"].to_numpy() >= 0.4)), ended["displacement"].to_numpy()
-    np.testing.assert_array_equal(X[: seam + 1], plain["displacement"][: seam + 1])
-    np.testing.assert_array_equal(ended["drive_velocity"], np.where(np.arange(X.size) > seam, 0.5, 1.0))
-    assert X[-1] - X[seam] >= 0.1 > X[-2] - X[seam]
 
 
 # ---------------------------------------------------------------- the paper's closure

@@ -267,6 +267,18 @@ def test_a_seam_between_equal_pieces_is_no_event(name):
 
 
 @every_pair
+def test_a_piece_ends_at_the_first_sample_where_its_condition_holds(name):
+    force = 0.5 * float(run_of(name)["spring_force"].sel(time=slice(0.0, 1.6)).max())
+    pulled = ss.constant(1.0, 1.6).until(ss.model.ForceAbove(force))
+    run = simulate(PAIRS[name], drive=pulled.then(ss.constant(-1.0, 3.0).until(ss.model.Travel(0.2))), interval=0.02)
+    seam, F = int(np.flatnonzero(run["drive_velocity"] > 0)[-1]), run["spring_force"].to_numpy()
+    assert F[seam] >= force > F[:seam].max()
+    X = run["displacement"].mean([dim for dim in run["displacement"].dims if dim != "time"]).to_numpy()
+    far = np.abs(X[seam:] - X[seam])
+    assert far[-1] >= 0.2 > far[:-1].max()
+
+
+@every_pair
 def test_backwards_is_the_mirror_image(name):
     pair = relaxed(PAIRS[name])
     back = simulate(pair, drive=ss.constant(-1.0, 1.6).then(ss.ramp(-1.0, 1.0, 1.0)))

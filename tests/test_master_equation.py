@@ -1,36 +1,13 @@
 """The master equation by its public name: its error follows its tolerance, whatever the rig."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 import stickslip as ss
 from stickslip.io import datasets, rig_files
-from stickslip.model import DelayModel, OnArrest
-
-
-@dataclass(frozen=True)
-class EitherOr(DelayModel):
-    """Short for a fraction `often` of the contacts, long for the others."""
-
-    short: float
-    long: float
-    often: float
-
-    def moment(self, order):
-        return self.often * self.short**order + (1 - self.often) * self.long**order
-
-    def laplace(self, s):
-        s = np.asarray(s, dtype=complex)
-        return self.often * np.exp(-s * self.short) + (1 - self.often) * np.exp(-s * self.long)
-
-    def sample(self, rng, size):
-        return np.where(rng.random(size) < self.often, self.short, self.long)
-
-    def quadrature(self):
-        return np.array([self.short, self.long]), np.array([self.often, 1 - self.often])
+from stickslip.model import OnArrest
 
 
 def rig(slider, *, thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2), duration=6.0):
@@ -44,7 +21,6 @@ RIGS = {
     "soft": rig((0.5, 1e-4, 60.0)),
     "stiff": rig((20.0, 1e-6, 1000.0), duration=4.0),
     "random delay": rig((2.0, 1e-4, 42.4), delay=ss.RandomDelay(mean=0.2, std=0.12)),
-    "two delays": rig((2.0, 1e-4, 42.4), delay=EitherOr(0.05, 0.2, 0.3)),
     "uniform": rig((1.0, 1e-4, 60.0), thresholds=ss.Uniform(low=0.7, high=1.3)),
     "next to tau*": rig((2.0, 1e-4, 42.4), delay=ss.Delay(0.0757)),
 }

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from stickslip.kernels import panels, renewal, survival
-from stickslip.kernels.drive import FINISHED, FORCE_ABOVE, FORCE_BELOW, PAUSED, STOPPED, TRAVEL, Quadratic, Stop
+from stickslip.kernels.drive import FINISHED, PAUSED, Quadratic
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.kernels.panel_state import Accuracy, Case, Delays, State, initial_state
 from stickslip.kernels.rules import GAUSS, WEIGHT
@@ -103,33 +103,6 @@ class Run(NamedTuple):
     reason: int
 
 
-def sliding(delays, velocity, *, distribution=GAUSSIAN, slider=SLIDER):
-    """A state of smooth sliding, the driving spring stretched accordingly; also its spring force."""
-    positive = distribution.positive()
-    m1, m2 = (positive.moment(order) for order in (1, 2))
-    cycle = m1 + velocity * float(delays.time @ delays.weight)
-    edges = np.linspace(0.0, tables(distribution).top, 41)
-    x = edges[:-1, None] + np.diff(edges)[:, None] * GAUSS
-    weight = positive.survival(x) * WEIGHT
-    rate = velocity / cycle
-    weight *= m1 / cycle / weight.sum()
-    state = initial_state(tables(distribution), delays, x, weight, velocity=velocity, rate=rate)
-    force = 0.5 * m2 / cycle + slider.mass * slider.damping * velocity
-    state.motion.drive_force = force
-    return state, force
-
-
-def imbalance(progress, slider):
-    """Energy put in less energy found, from the first sample to the last."""
-    first, last = progress.rows[0], progress.rows[-1]
-
-    def kept(row):
-        kinetic = 0.5 * slider.mass * row.velocity**2
-        return kinetic + 0.5 * row.drive_force**2 / slider.stiffness + row.damped + row.lost + row.stored
-
-    return last.work - first.work - kept(last) + kept(first)
-
-
 # ---------------------------------------------------------------- parts
 
 
@@ -213,23 +186,6 @@ def test_mass_is_conserved_to_rounding(distribution, times):
     assert motion.mass_out > -1e-3  # to the tolerance
 
 
-@pytest.mark.eq(1)
-@pytest.mark.parametrize("times", [(0.0,), (0.05,), (0.02, 0.05, 0.08)])
-def test_smooth_sliding_is_a_fixed_point_with_the_exact_force(times):
-    start, force = sliding(after(*times), 1.0)
-    rows = run(5.0, delays=after(*times), start=start).rows
-    assert rows.drive_force == pytest.approx(force, abs=1e-5)
-    assert rows.velocity == pytest.approx(1.0, abs=2e-4)
-
-
-@pytest.mark.parametrize("damping", [0.0, 14.0, 200.0])
-def test_energy_balance_closes_to_the_tolerance(damping):
-    slider = SLIDER._replace(damping=damping)
-    for tolerance in (1e-4, 1e-7):
-        gap = imbalance(run(3.0, slider=slider, delays=after(0.2), tolerance=tolerance), slider)
-        assert abs(gap) < 20 * tolerance
-
-
 # ---------------------------------------------------------------- order of convergence
 
 
@@ -304,14 +260,6 @@ def agree(distribution, delays, velocity, time=None, weight_of_time=None):
 # ---------------------------------------------------------------- any direction of motion
 
 
-def test_a_shuttle_breaks_no_more_than_its_widest_swing():
-    state = initial_state(tables(GAUSSIAN), NEVER_BACK, *AT_REST)
-    for velocity, duration in ((1.0, 0.95), (-1.0, 1.8), (1.0, 1.8)):
-        state = run(duration, delays=NEVER_BACK, slider=RIGID, start=state, velocity=velocity).state
-    assert state.motion.attached == pytest.approx(float(GAUSSIAN.survival(0.95)), abs=1e-11)
-    assert state.motion.contact_force == pytest.approx(0.95 * state.motion.attached, abs=1e-11)
-
-
 def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
     # Let go with a stretched spring and no damping: the first oscillation decides what breaks, however long the
     # steps.
@@ -361,24 +309,6 @@ def test_neither_samples_nor_pauses_change_the_steps():
     assert all(np.array_equal(rows[name], whole.rows[name]) for name in rows.dtype.names[:10])
     assert np.array_equal(state.motion, whole.state.motion)
     assert np.array_equal(state.motion, run(2.0, times=times[::50], **case).state.motion)
-
-
-@pytest.mark.parametrize(
-    ("stop", "column", "expected"),
-    [
-        (Stop(TRAVEL, 0.5, 0.0), "position", 0.5),
-        (Stop(FORCE_ABOVE, 0.6, 0.0), "drive_force", 0.6),
-        (Stop(FORCE_BELOW, -0.1, 0.0), "drive_force", -0.1),
-    ],
-)
-def test_stops_at_the_first_sample_where_the_condition_holds(stop, column, expected):
-    velocity = -1.0 if stop.kind == 3 else 1.0
-    state, rows, reason = run(5.0, velocity=velocity, stop=stop)
-    past = (np.abs(rows[column]) >= abs(expected)).tolist()
-    assert reason == STOPPED
-    assert past.index(True) == len(rows) - 1
-    assert state.motion.time == pytest.approx(rows[-1].time, abs=1e-12)
-    assert state.motion.tolist()[:10] == pytest.approx(rows[-1].tolist()[:10], abs=1e-12)
 
 
 def test_slow_and_resting_sliders_need_few_steps():

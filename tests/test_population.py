@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import stickslip as ss
 from stickslip.errors import InputError
-from stickslip.io import rig_files
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.cohorts import COUNT
 from stickslip.simulation.engines import Beginning, engine_of
@@ -57,14 +56,6 @@ DELAYS = [
 
 def engine_for(interface, method, slider=SLIDER, start=ss.FromRest(), velocity=1.0):
     return engine_of(interface, method, slider)(Beginning(interface, slider, velocity, start), method)
-
-
-def imbalance(run):
-    """How far the energies miss the work of the drive, over the largest of either."""
-    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
-    energy = sum(run[name].to_numpy() for name in parts)
-    work = run["work"].to_numpy()
-    return np.max(np.abs(energy - energy[0] - work)) / np.max(np.abs(work))
 
 
 # ---------------------------------------------------------------- conservation
@@ -208,23 +199,6 @@ def test_cycles_are_those_of_contacts(count):
 # ---------------------------------------------------------------- drives, files, refusals
 
 
-def test_pieces_that_end_on_a_condition_end_there():
-    drive = (
-        ss.constant(1.0, duration=9.0)
-        .until(ss.model.ForceAbove(0.5))
-        .then(ss.constant(-1.0, duration=9.0).until(ss.model.ForceBelow(0.1)))
-    )
-    run = ss.simulate(
-        ss.Rig(CYCLING, SLIDER, drive), method=ss.Population(1_000, seed=1), output=ss.Output(interval=1e-3)
-    )
-    force = run.spring_force.to_numpy()
-    top = int(np.argmax(force >= 0.5))
-    assert force[top] == pytest.approx(0.5, abs=2e-3)
-    assert np.all(force[:top] < 0.5)
-    assert force[-1] == pytest.approx(0.1, abs=2e-3)
-    assert imbalance(run) < 1e-4
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -257,13 +231,6 @@ def test_what_cannot_be_is_refused_in_one_line(make, words):
     with pytest.raises(InputError, match=words) as caught:
         make()
     assert "\n" not in str(caught.value)
-
-
-def test_rig_files_name_the_method():
-    rig = ss.example("precision_stage").replace(method=ss.Population(10**8, seed=3, rtol=1e-3))
-    text = rig_files.to_toml(rig)
-    assert 'method = "population"' in text
-    assert rig_files.from_text(text).method == rig.method
 
 
 def test_a_sweep_keeps_the_method_and_changes_its_count():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stickslip.kernels import renewal
-from stickslip.model import RandomDelay
 from stickslip.model.distributions import (
     Empirical,
     Exponential,
@@ -151,24 +150,6 @@ def test_extrapolation_makes_it_sixth_order_for_a_smooth_distribution():
     errors = [np.abs(v[:, :: (v.shape[1] - 1) // 100] - values[2][:, ::16]).max() for v in values[:2]]
     assert errors[1] < errors[0] / 40
     assert errors[1] < 2e-6
-
-
-def test_a_whole_curve_is_good_to_1e_8():
-    X = np.linspace(0.0, 20.0, 1001)
-    found = moved(interface(start=gaussian(0.01, 12)), X, points=1000)
-    exact = moved(interface(start=gaussian(0.01, 12)), X, points=4000)
-    for value, expected in zip(found, exact, strict=True):
-        assert value == pytest.approx(expected, abs=1e-8)
-
-
-@pytest.mark.parametrize("negative", ["clip", "redraw", "fold"])
-def test_a_random_delay_is_a_mean_over_delays(negative):
-    delay = RandomDelay(mean=0.2, std=0.12, negative=negative)
-    tau, fraction = delay.quadrature()
-    response = moved(interface(shift=2.0 * tau, fraction=fraction), [38.0, 40.0], points=2000)
-    cycle = 1.0 + 2.0 * delay.moment(1)
-    assert response.attached == pytest.approx(1 / cycle, abs=1e-4)
-    assert response.force == pytest.approx(0.505 / cycle, abs=1e-4)
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
