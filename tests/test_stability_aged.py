@@ -54,12 +54,6 @@ def test_response_depends_on_reduced_velocity_and_frequency_and_is_stiff_at_high
     assert abs(complex(dynamic_stiffness(aged(1.0), 0.7, 1e4j)) - 1.0) < 0.1
 
 
-# The edges seen in runs from smooth sliding: growth from .80, smooth again from 1.63 +- .05.
-@pytest.mark.parametrize(("rate", "modes"), [(0.76, 0), (0.85, 2), (1.5, 2), (1.58, 2), (1.68, 0), (3.0, 0)])
-def test_window_of_figure_8_is_where_smooth_sliding_is_unstable(rate, modes):
-    assert count_unstable(rig(rate)) == modes
-
-
 def test_growth_rate_solves_the_equation_of_modes():
     s = growth_rate(rig(1.5))
     assert s.real > 0

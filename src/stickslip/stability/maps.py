@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,14 +66,15 @@ def boundary(
         If a range is empty, both parameters are the same, or there is no steady sliding in the window.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    parameters, window = _window(rig, over, between)
-    natural = rig.natural
-    lines = LINES if any(_is_free(parameter, natural) for parameter in parameters) else FEW_LINES
+    parameters = _two_parameters(over)
+    ranges = _pair("between", between, "a range of each parameter")
+    window = [rig.span(parameter, ends) for parameter, ends in zip(parameters, ranges, strict=True)]
+    lines = LINES if any(_is_free(parameter, rig) for parameter in parameters) else FEW_LINES
     grids = [np.geomspace(low, high, lines) for low, high in window]
-    for grid, ends in zip(grids, window, strict=True):
-        grid[[0, -1]] = ends
-    curves = _contour(parameters, natural, grids)
-    return rig.in_its_units(_boundary_dataset(parameters, natural, window, curves))
+    for values, ends in zip(grids, window, strict=True):
+        values[[0, -1]] = ends
+    grid = _Grid(parameters, rig.natural, grids)
+    return rig.in_its_units(_boundary_dataset(grid, window, grid.contour()))
 
 
 def stability_map(
@@ -113,113 +113,16 @@ def stability_map(
         If a value is not above 0, both parameters are the same, or there is no steady sliding.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    first, second = _two_parameters(over)
+    parameters = _two_parameters(over)
+    given = zip(parameters, _pair("values", values, "values of each parameter"), strict=True)
     grids = [
         np.atleast_1d(numbers(f"values of {parameter.name}", value, above=0, hint=rig.unit_name(parameter.unit)))
-        for parameter, value in zip((first, second), _pair("values", values, "values of each parameter"), strict=True)
+        / rig.unit(parameter.unit)
+        for parameter, value in given
     ]
-    grids = [grid / rig.unit(parameter.unit) for parameter, grid in zip((first, second), grids, strict=True)]
-    natural = rig.natural
-    points = _points_on_grid((first, second), natural, grids)
-    counts = np.array([[neutral.unstable() for neutral in row] for row in points], dtype=np.int64)
-    found = _roots_on_grid((first, second), natural, grids, counts) if growth else None
-    return rig.in_its_units(_map_dataset((first, second), natural, grids, counts, found))
-
-
-# ---------------------------------------------------------------- maps
-
-
-def _is_free(parameter: Parameter, rig: Rig) -> bool:
-    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all."""
-    return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
-
-
-def _points_on_grid(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[list[Neutral]]:
-    """Neutral frequencies at each point of the grid, by the first parameter and then by the second."""
-    free = next((k for k in range(2) if _is_free(parameters[k], rig)), None)
-    if free is None:
-        inner = 1 if parameters[0] is not VELOCITY else 0
-        found = [
-            neutral_along(parameters[inner], parameters[1 - inner].set(rig, value), grids[inner].tolist())
-            for value in grids[1 - inner].tolist()
-        ]
-        return found if inner == 1 else [list(row) for row in zip(*found, strict=True)]
-    # What a softer spring lacks, a stiffer one lacks by so much less.
-    springs = grids[free]
-    softest = float(np.min(springs))
-    along = neutral_along(
-        parameters[1 - free], parameters[free].set(rig, softest), grids[1 - free].tolist(), softest=softest
-    )
-    found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in along] for k in springs.tolist()]
-    return found if free == 0 else [list(row) for row in zip(*found, strict=True)]
-
-
-def _roots_on_grid(
-    parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array], counts: NDArray[np.int64]
-) -> NDArray[np.complex128]:
-    """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
-    fastest = np.full(counts.shape, complex(math.nan, math.nan))
-    for j, b in enumerate(grids[1].tolist()):
-        column = parameters[1].set(rig, b)
-        known = np.empty(0, dtype=complex)
-        for i, a in enumerate(grids[0].tolist()):
-            here = parameters[0].set(column, a)
-            response, body = respond(here.interface), impedance(here.slider)
-            # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
-            starts = known[:8] if i % 16 else known[:0]
-            for attempt in (starts, known[:0]):
-                known = roots.near(response, body, here.velocity, attempt)
-                growing = sum(2 if root.imag > 0 else 1 for root in known if root.real > 0)
-                if growing == counts[i, j] and known.size:
-                    fastest[i, j] = known[0]
-                    break
-            else:
-                try:
-                    fastest[i, j] = rightmost_root(here)
-                except UndecidedError:
-                    known = known[:0]
-    return fastest
-
-
-def _map_dataset(
-    parameters: tuple[Parameter, Parameter],
-    rig: Rig,
-    grids: Sequence[Array],
-    counts: NDArray[np.int64],
-    roots: NDArray[np.complex128] | None,
-) -> xarray.Dataset:
-    import xarray
-
-    names = tuple(parameter.name for parameter in parameters)
-    data: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
-        "unstable_modes": (names, counts, {"units": "1", "long_name": "growing modes of smooth sliding"}),
-    }
-    if roots is not None:
-        rate = {"units": "1/time", "long_name": "growth rate of the fastest mode"}
-        data["growth_rate"] = (names, roots.real, rate)
-        data["frequency"] = (names, roots.imag, {"units": "1/time", "long_name": "its angular frequency"})
-    coords = {
-        parameter.name: (parameter.name, grid, {"units": parameter.unit, "long_name": parameter.name})
-        for parameter, grid in zip(parameters, grids, strict=True)
-    }
-    values = [grid.tolist() for grid in grids]
-    made = _provenance("stability_map", parameters, rig, values=values, growth=roots is not None)
-    return xarray.Dataset(data, coords=coords, attrs={"provenance": made})
-
-
-def _provenance(call: str, parameters: Sequence[Parameter], rig: Rig, **more: object) -> str:
-    """What made the result; a rig that is a function is named, but cannot be made again from its name."""
-    arguments = {
-        "interface": rig.interface,
-        "slider": rig.slider if is_dataclass(rig.slider) else repr(rig.slider),
-        "drive": rig.drive,
-        "over": [parameter.name for parameter in parameters],
-        **more,
-    }
-    return store.provenance(call, arguments)
-
-
-# ---------------------------------------------------------------- boundaries
+    grid = _Grid(parameters, rig.natural, grids)
+    counts = np.array([[neutral.unstable() for neutral in row] for row in grid.neutral()], dtype=np.int64)
+    return rig.in_its_units(_map_dataset(grid, counts, grid.fastest(counts) if growth else None))
 
 
 def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
@@ -242,76 +145,135 @@ def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Para
     return first, second
 
 
-def _window(
-    rig: Rig, over: tuple[Parameter | str, Parameter | str], within: Window
-) -> tuple[tuple[Parameter, Parameter], Array]:
-    parameters = _two_parameters(over)
-    ranges = [rig.span(parameter, span) for parameter, span in zip(parameters, within, strict=True)]
-    return parameters, np.array(ranges)
+def _is_free(parameter: Parameter, rig: Rig) -> bool:
+    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all."""
+    return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
-def _contour(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[Array]:
-    """Lines between stable and unstable points of the grid: both parameters and the frequency, shape (n, 3) each."""
-    import contourpy
+class _Grid(NamedTuple):
+    """Points over two parameters of a rig, in natural units."""
 
-    points = _points_on_grid(parameters, rig, grids)
-    unstable = np.array([[neutral.unstable() > 0 for neutral in row] for row in points])
-    crossed: dict[tuple[float, float], tuple[float, float, float] | None] = {}
-    curves = []
-    for line in contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0):
-        curve = []
-        # Each point of the contour lies half way between a stable and an unstable point of the grid.
-        for j, i in np.asarray(line).tolist():
-            if (i, j) not in crossed:
-                crossed[i, j] = _on_side(parameters, rig, grids, points, i, j)
-            curve.append(crossed[i, j])
-        found = [point for point in curve if point is not None]
-        if found:
-            curves.append(np.array(found))
-    return curves
+    parameters: tuple[Parameter, Parameter]
+    rig: Rig
+    values: list[Array]
+
+    def neutral(self) -> list[list[Neutral]]:
+        """Neutral frequencies at each point, by the first parameter and then by the second."""
+        free = next((k for k in range(2) if _is_free(self.parameters[k], self.rig)), None)
+        # Along the velocity, points share a response.
+        outer = free if free is not None else int(self.parameters[0] is VELOCITY)
+        across, along = self.parameters[outer], self.parameters[1 - outer]
+        rows, line = self.values[outer].tolist(), self.values[1 - outer].tolist()
+        if free is None:
+            found = [neutral_along(along, across.set(self.rig, value), line) for value in rows]
+        else:  # what a softer spring lacks, a stiffer one lacks by so much less
+            softest = min(rows)
+            known = neutral_along(along, across.set(self.rig, softest), line, softest=softest)
+            found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in known] for k in rows]
+        return found if outer == 0 else [list(row) for row in zip(*found, strict=True)]
+
+    def fastest(self, counts: NDArray[np.int64]) -> NDArray[np.complex128]:
+        """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
+        (first, second), found = self.parameters, np.full(counts.shape, complex(math.nan, math.nan))
+        for j, b in enumerate(self.values[1].tolist()):
+            column, known = second.set(self.rig, b), np.empty(0, dtype=complex)
+            for i, a in enumerate(self.values[0].tolist()):
+                here = first.set(column, a)
+                response, body = respond(here.interface), impedance(here.slider)
+                # Every few points the search starts afresh, for a root that overtakes from outside those carried along.
+                for starts in (known[:8] if i % 16 else known[:0], known[:0]):
+                    known = roots.near(response, body, here.velocity, starts)
+                    if known.size and roots.with_partners(known[known.real > 0]) == counts[i, j]:
+                        found[i, j] = known[0]
+                        break
+                else:
+                    try:
+                        found[i, j] = rightmost_root(here)
+                    except UndecidedError:
+                        known = known[:0]
+        return found
+
+    def contour(self) -> list[Array]:
+        """Lines between stable and unstable points: both parameters and the frequency, shape (n, 3) each."""
+        import contourpy
+
+        points = self.neutral()
+        unstable = np.array([[neutral.unstable() > 0 for neutral in row] for row in points])
+        crossed: dict[tuple[float, float], tuple[float, float, float] | None] = {}
+        curves = []
+        for line in contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0):
+            # Each point of the contour lies half way between a stable and an unstable point of the grid.
+            sides = [(i, j) for j, i in np.asarray(line).tolist()]
+            crossed.update({side: self.on_side(points, *side) for side in sides if side not in crossed})
+            if found := [point for side in sides if (point := crossed[side]) is not None]:
+                curves.append(np.array(found))
+        return curves
+
+    def on_side(self, points: list[list[Neutral]], i: float, j: float) -> tuple[float, float, float] | None:
+        """The boundary itself on the side of a cell, of which ``(i, j)`` is the middle, and the frequency there."""
+        at, beyond = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
+        k = 0 if beyond[0] > at[0] else 1
+        other = float(self.values[1 - k][at[1 - k]])
+        left, right = (
+            Point(float(self.values[k][end[k]]), neutral, neutral.unstable())
+            for end in (at, beyond)
+            for neutral in (points[end[0]][end[1]],)
+        )
+        line = self.parameters[1 - k].set(self.rig, other)
+        for crossing in crossings_between(self.parameters[k], line, left, right):
+            if (crossing.loses_stability or crossing.regains_stability) and math.isfinite(crossing.frequency):
+                place = (crossing.value, other) if k == 0 else (other, crossing.value)
+                return *place, crossing.frequency
+        return None
 
 
-def _on_side(
-    parameters: tuple[Parameter, Parameter],
-    rig: Rig,
-    grids: Sequence[Array],
-    points: list[list[Neutral]],
-    i: float,
-    j: float,
-) -> tuple[float, float, float] | None:
-    """The boundary itself on the side of a cell, of which ``(i, j)`` is the middle, and the frequency there."""
-    at, beyond = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
-    k = 0 if beyond[0] > at[0] else 1
-    along, other = parameters[k], float(grids[1 - k][at[1 - k]])
-    left, right = (
-        Point(float(grids[k][end[k]]), neutral, neutral.unstable())
-        for end in (at, beyond)
-        for neutral in (points[end[0]][end[1]],)
-    )
-    for crossing in crossings_between(along, parameters[1 - k].set(rig, other), left, right):
-        changes = crossing.loses_stability or crossing.regains_stability
-        if changes and math.isfinite(crossing.frequency):
-            place = (crossing.value, other) if k == 0 else (other, crossing.value)
-            return *place, crossing.frequency
-    return None
+# ---------------------------------------------------------------- as datasets
 
 
-def _boundary_dataset(
-    parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, curves: list[Array]
-) -> xarray.Dataset:
+def _column(dims: Any, values: Any, unit: str, title: str) -> tuple[Any, Any, dict[str, str]]:
+    return dims, values, {"units": unit, "long_name": title}
+
+
+def _map_dataset(grid: _Grid, counts: NDArray[np.int64], found: NDArray[np.complex128] | None) -> xarray.Dataset:
+    import xarray
+
+    names = tuple(parameter.name for parameter in grid.parameters)
+    data = {"unstable_modes": _column(names, counts, "1", "growing modes of smooth sliding")}
+    if found is not None:
+        data["growth_rate"] = _column(names, found.real, "1/time", "growth rate of the fastest mode")
+        data["frequency"] = _column(names, found.imag, "1/time", "its angular frequency")
+    coords = {
+        parameter.name: _column(parameter.name, values, parameter.unit, parameter.name)
+        for parameter, values in zip(grid.parameters, grid.values, strict=True)
+    }
+    values = [each.tolist() for each in grid.values]
+    made = _provenance("stability_map", grid, values=values, growth=found is not None)
+    return xarray.Dataset(data, coords=coords, attrs={"provenance": made})
+
+
+def _boundary_dataset(grid: _Grid, window: list[tuple[float, float]], curves: list[Array]) -> xarray.Dataset:
     import xarray
 
     values = np.concatenate([np.empty((0, 3)), *curves])
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     data = {
-        parameter.name: ("point", values[:, k], {"units": parameter.unit, "long_name": parameter.name})
-        for k, parameter in enumerate(parameters)
+        parameter.name: _column("point", values[:, k], parameter.unit, parameter.name)
+        for k, parameter in enumerate(grid.parameters)
     }
-    data["frequency"] = (
-        "point",
-        values[:, 2],
-        {"units": "1/time", "long_name": "angular frequency of the neutral mode"},
-    )
-    data["curve"] = ("point", which, {"units": "1", "long_name": "number of the curve"})
-    made = _provenance("boundary", parameters, rig, within=window.tolist())
+    data["frequency"] = _column("point", values[:, 2], "1/time", "angular frequency of the neutral mode")
+    data["curve"] = _column("point", which, "1", "number of the curve")
+    made = _provenance("boundary", grid, within=[list(ends) for ends in window])
     return xarray.Dataset(data, attrs={"provenance": made})
+
+
+def _provenance(call: str, grid: _Grid, **more: object) -> str:
+    """What made the result; a rig that is a function is named, but cannot be made again from its name."""
+    rig = grid.rig
+    arguments = {
+        "interface": rig.interface,
+        "slider": rig.slider if is_dataclass(rig.slider) else repr(rig.slider),
+        "drive": rig.drive,
+        "over": [parameter.name for parameter in grid.parameters],
+        **more,
+    }
+    return store.provenance(call, arguments)

@@ -55,7 +55,7 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
         roots = _polished(response, body, velocity, starts)
         if roots.size == 0:
             continue
-        if growing and growing == _with_partners(roots[roots.real > 0]):
+        if growing and growing == with_partners(roots[roots.real > 0]):
             return complex(roots[0])
         if not growing and roots[0].real <= 0 and _is_rightmost(response, body, velocity, roots):
             return complex(roots[0])
@@ -94,7 +94,7 @@ def _lines(response: Response, growing: int, limit: float) -> tuple[float, ...]:
     return (0.0, -0.1, -0.4, -1.0, -3.0, -8.0) if limit < 0 else ()
 
 
-def _with_partners(roots: ComplexArray) -> int:
+def with_partners(roots: ComplexArray) -> int:
     """Number of roots, a complex pair counting 2."""
     return int(np.sum(np.where(roots.imag > 0, 2, 1)))
 
@@ -207,7 +207,7 @@ def _is_rightmost(response: Response, body: Impedance, velocity: float, roots: C
     after = roots.real[roots.real < best - 1e-6 / cycle]
     nearest = max(float(after[0]) if after.size else -math.inf, response.leftmost(velocity), best - 0.2 / cycle)
     line = 0.5 * (best + nearest)
-    return count_right_of(response, body, velocity, line) == _with_partners(roots[roots.real > line])
+    return count_right_of(response, body, velocity, line) == with_partners(roots[roots.real > line])
 
 
 def count_right_of(response: Response, body: Impedance, velocity: float, line: float) -> int | None:
