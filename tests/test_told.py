@@ -106,7 +106,12 @@ def bench(tmp_path_factory, request):
     return folder
 
 
-@pytest.mark.parametrize("name", CASES)
+DEAR = ("predict small", "map small, bistable")  # a search for mitigations, cycles at many points
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in CASES]
+)
 def test_commands_say_what_they_said(name, bench, tmp_path, monkeypatch, capsys):
     folder = shutil.copytree(bench, tmp_path / "bench")
     monkeypatch.chdir(folder)

@@ -28,9 +28,10 @@ def fitted(draws: int = 2000) -> fitting.Fit:
     return ss.fit(trace, known={"stiffness": "100 N/m"}, prior=PRIOR, draws=draws)
 
 
-def draw(draws: int = 2000) -> Figure:
-    """The parameters with their truths, and the test of the draws."""
-    found = fitted(draws)
+def draw() -> Figure:
+    """Print the parameters, and draw them with their truths and the test of the draws."""
+    found = fitted()
+    print(found)
     figure = found.plot()
     parameters = figure.axes[1]
     parts = PRIOR.parts([*TRUTH.values(), 0.1])
@@ -39,7 +40,6 @@ def draw(draws: int = 2000) -> Figure:
 
 
 if __name__ == "__main__":
-    print(fitted())
     figure = draw()
     if sys.argv[1:]:
         plot.save(figure, sys.argv[1])

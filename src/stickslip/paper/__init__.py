@@ -14,8 +14,14 @@ from __future__ import annotations
 
 from stickslip.errors import InputError
 from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11
-from stickslip.paper.figure import Claim, Figure, Measured, Verdict
-from stickslip.paper.reproduce import Format, Reproduction, places, reproduce
+from stickslip.paper.figure import Claim as Claim
+from stickslip.paper.figure import Figure as Figure
+from stickslip.paper.figure import Measured as Measured
+from stickslip.paper.figure import Verdict as Verdict
+from stickslip.paper.reproduce import Format as Format
+from stickslip.paper.reproduce import Reproduction as Reproduction
+from stickslip.paper.reproduce import places as places
+from stickslip.paper.reproduce import reproduce as reproduce
 
 _MODULES = (fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11)
 FIGURES: dict[str, Figure] = {module.FIGURE.name: module.FIGURE for module in _MODULES}
@@ -35,17 +41,3 @@ def figures_named(name: str) -> tuple[Figure, ...]:
     if name not in FIGURES:
         raise InputError(f"{name}: no such figure; there are {', '.join(FIGURES)}, or all")
     return (FIGURES[name],)
-
-
-__all__ = [
-    "FIGURES",
-    "Claim",
-    "Figure",
-    "Format",
-    "Measured",
-    "Reproduction",
-    "Verdict",
-    "figures_named",
-    "places",
-    "reproduce",
-]

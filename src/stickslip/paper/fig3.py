@@ -61,30 +61,20 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         seen = ss.regime(ss.simulate(rig, method=method, start=start, progress=progress), after=duration - _EVALUATED)
         return {"kind": seen.kind, "peak_to_peak": seen.peak_to_peak}
 
-    def from_steady(std: float) -> float:
-        thresholds = ss.Gaussian(mean=1.0, std=std)
-        return ss.critical_stiffness(
-            ss.Interface(thresholds=thresholds, initial=ss.model.SteadyState(thresholds=thresholds))
-        )
-
-    def critical_delay(std: float) -> float:
-        rig = FIG4.rig.replace(interface=_interface(0.01, std))
-        return ss.stability.onset(rig, "delay", between=(1e-3 / FIG4.velocity, 1e2 / FIG4.velocity))
-
-    delays = [critical_delay(std) for std in (0.1, 0.3)]
+    thresholds = [ss.Gaussian(mean=1.0, std=std) for std in stds]
+    steady = [ss.Interface(thresholds=one, initial=ss.model.SteadyState(thresholds=one)) for one in thresholds]
+    rigs = [FIG4.rig.replace(interface=_interface(0.01, std)) for std in (0.1, 0.3)]
+    delays = [ss.stability.onset(rig, "delay", between=(1e-3, 1e2)) for rig in rigs]
     K, seen = grid(first, stiffness, initials, stds), grid(second, run, list(_RUNS))
     both, pairs = [K["at once"], K["never"]], "initial_std threshold_std"
+    stiffness_words = "critical stiffness, per contact [k]"
     from_steady_state = "critical stiffness from the steady state, per contact [k]"
     oscillation = "peak to peak of the spring force at the end, per contact [f_s]"
     return dataset(
         {
-            "critical_stiffness": (f"reattachment {pairs}", both, "critical stiffness, per contact [k]"),
-            "critical_stiffness_steady": ("threshold_std", [from_steady(std) for std in stds], from_steady_state),
-            "critical_stiffness_estimate": (
-                pairs,
-                K["estimate"],
-                "estimate of the critical stiffness, per contact [k]",
-            ),
+            "critical_stiffness": (f"reattachment {pairs}", both, stiffness_words),
+            "critical_stiffness_steady": ("threshold_std", list(map(ss.critical_stiffness, steady)), from_steady_state),
+            "critical_stiffness_estimate": (pairs, K["estimate"], f"estimate of the {stiffness_words}"),
             "kind": ("run", seen["kind"], "regime at the end"),
             "peak_to_peak": ("run", seen["peak_to_peak"], oscillation),
             "linear_critical_delay": ("std", delays, "delay from which steady sliding is unstable [time]"),

@@ -14,7 +14,7 @@ from stickslip.model import Method
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
 from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, panel, portions
+from stickslip.paper.kit import Picture, dataset, panel, portions
 
 _TRACES = ("displacement", "velocity", "spring_force", "friction_force")
 _DAMPINGS = {"200": FIG5.slider.damping, "0.3 Omega": 0.3 * FIG5.slider.frequency, "0": 0.0}
@@ -32,26 +32,20 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         rig = FIG5.rig.replace(damping=damping, drive=ss.constant(FIG5.velocity, 1.6))
         return ss.simulate(rig, method=method, output=output, progress=next(parts))
 
-    solvers = {
-        "master equation": run(master),
-        "contacts": run(ss.Contacts(FIG5.contacts if quick else 100 * FIG5.contacts, seed=5)),
-    }
-    own = solvers["master equation"]
+    own, contacts = run(master), run(ss.Contacts(FIG5.contacts if quick else 100 * FIG5.contacts, seed=5))
+    solvers = {"master equation": own, "contacts": contacts}
+    runs = [own, *(run(master, damping) for damping in list(_DAMPINGS.values())[1:])]
     found = first_instability(FIG5.interface, FIG5.slider.stiffness)
     phase = np.linspace(0.0, 6.0, 121)
     elapsed = phase / FIG5.slider.frequency
-
-    def expected(velocity: float) -> Array:
-        return theory.slip_displacement(FIG5.slider, velocity, elapsed)
-
-    slips, actual, passed, velocities = [], [], [], []
-    for one in (own, *(run(master, damping) for damping in list(_DAMPINGS.values())[1:])):
-        start = _passes(one, found.X)
-        passed.append(start)
-        velocities.append(float(np.interp(start, one["time"], one["velocity"])))
-        slips.append(np.interp(start + elapsed, one["time"], one["displacement"]) - found.X)
-        actual.append(expected(velocities[-1]))
-    printed = expected(FIG5.velocity)
+    passed = [_passes(one, found.X) for one in runs]
+    velocities = [np.interp(start, one["time"], one["velocity"]) for start, one in zip(passed, runs, strict=True)]
+    slips = [
+        np.interp(start + elapsed, one["time"], one["displacement"]) - found.X
+        for start, one in zip(passed, runs, strict=True)
+    ]
+    actual = [theory.slip_displacement(FIG5.slider, float(velocity), elapsed) for velocity in velocities]
+    printed = theory.slip_displacement(FIG5.slider, FIG5.velocity, elapsed)
     by_slider = "displacement by Eq. (12) with the slider's velocity at the instability [x_s]"
     return dataset(
         {name: ("solver time", [one[name] for one in solvers.values()]) for name in _TRACES}

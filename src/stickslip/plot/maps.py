@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, YAxis
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -50,6 +50,8 @@ REGIMES: dict[str, tuple[str, str, str]] = {
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _BOUNDARY = "linear boundary, computed"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
+_ENTRY = 1.6
+"""Inches of an entry of a legend."""
 _LINE: Any = {"color": BLACK, "linewidth": 1.6, "path_effects": _HALO}
 
 
@@ -136,11 +138,12 @@ def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, le
         mine = here == kind
         if not mine.any() or kind == "not run":
             continue
+        shown = np.ma.masked_array(np.ones(mine.shape), ~mine)
+        paint: Any = {"cmap": ListedColormap([colour]), "zorder": 0.5}
         if hatch:
-            ax.add_collection(_hatched(mine, cells, hatch), autolim=False)
+            ax.pcolor(*cells, shown, **paint, hatch=hatch, edgecolor=GREY, linewidth=0)
         else:
-            shown = np.where(mine, 1.0, np.nan)
-            ax.pcolormesh(*cells, shown, cmap=ListedColormap([colour]), rasterized=here.size > 10_000, zorder=0.5)
+            ax.pcolormesh(*cells, shown, **paint, rasterized=here.size > 10_000)
         legend.setdefault(kind, Patch(facecolor=colour, hatch=hatch, label=kind, edgecolor=GREY, linewidth=0.5))
     return {"xlim": cells[0][[0, -1]], "ylim": cells[1][[0, -1]]}
 
@@ -163,15 +166,6 @@ def _marks(kinds: NDArray[Any]) -> Iterator[tuple[str, dict[str, Any], NDArray[n
         here = kinds == kind
         if mark and here.any():
             yield kind, {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": BLACK}, here
-
-
-def _hatched(mine: NDArray[np.bool_], cells: list[Array], hatch: str) -> PolyCollection:
-    """Hatch some cells of a grid."""
-    x, y = cells
-    corners = [
-        [(x[j], y[i]), (x[j + 1], y[i]), (x[j + 1], y[i + 1]), (x[j], y[i + 1])] for i, j in np.argwhere(mine).tolist()
-    ]
-    return PolyCollection(corners, facecolor="white", edgecolor=GREY, hatch=hatch, linewidth=0, zorder=0.5)
 
 
 def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, Any]:
@@ -350,6 +344,7 @@ def _cell_edges(axis: xr.DataArray) -> Array:
 
 
 def legend_below(figure: Figure, handles: list[Any]) -> None:
-    """Put the legend below all axes, where it hides no data."""
-    columns = len(handles) if len(handles) <= 4 else -(-len(handles) // 2)
+    """Put the legend below all axes, where it hides no data, in as many rows as its width asks for."""
+    rows = math.ceil(len(handles) / max(figure.get_figwidth() // _ENTRY, 1))
+    columns = math.ceil(len(handles) / max(rows, 1))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4)
