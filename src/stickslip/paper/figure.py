@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, SupportsFloat
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from stickslip.answers import plain
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.plot import house_style
@@ -148,10 +149,9 @@ class Claim:
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
-        measured = [asdict(m) | {"ok": m.ok} for m in self.measured]
-        for number in measured:
-            number |= {name: None for name in ("value", "low", "high") if not math.isfinite(number[name])}
-        return asdict(self) | {"settled": self.settled, "measured": measured, "ok": self.ok}
+        measured = [plain(m) | {"ok": m.ok} for m in self.measured]
+        found: dict[str, object] = plain(self)
+        return found | {"settled": self.settled, "measured": measured, "ok": self.ok}
 
 
 def verdict(*, printed: bool, read: bool = False) -> Verdict:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from stickslip.plot.style import (
     BLACK,
@@ -187,5 +188,6 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
     dress(upper.yaxis, run["peak"].assign_attrs(long_name="peak above sliding"))
     dress(lower.yaxis, run["relaxation"].assign_attrs(long_name="relaxation"))
     dress(lower.xaxis, run["hold"].assign_attrs(spacing="log"))
+    lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow
     legend_above(upper)
     return figure

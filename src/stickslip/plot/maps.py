@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, YAxis
 from matplotlib.colors import ListedColormap, SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
@@ -117,8 +116,8 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
             letter(ax, f"({'abc'[i]}) {_STARTS.get(start, start)}")
         limits = draw(ax, data, across, up, start, legend)
         legend |= _draw_theory(ax, data, across, up)
-        axis_of_parameter(ax.xaxis, data[across])
-        axis_of_parameter(ax.yaxis, data[up])
+        dress(ax.xaxis, data[across])
+        dress(ax.yaxis, data[up])
         ax.set(**limits)
         ax.label_outer()
     order = [kind for kind in REGIMES if kind in legend] + [name for name in legend if name not in REGIMES]
@@ -216,7 +215,7 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
         ends = (data[f"band_{axis}_{end}"].to_numpy() for end in ("low", "high"))
         for i, (low, high) in enumerate(zip(*ends, strict=True)):
             ax.axvspan(low, high, color=YELLOW, alpha=0.3, linewidth=0, label=None if i else "both last, computed")
-    axis_of_parameter(ax.xaxis, data[axis])
+    dress(ax.xaxis, data[axis])
     dress(ax.yaxis, oscillation)
     ax.set_ylim(bottom=0)
     found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
@@ -261,7 +260,7 @@ def chart(found: xr.Dataset) -> Figure:
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
     (handles["here"],) = ax.plot(*here, "o", ms=8, mfc="white", mec=BLACK, mew=1.5, ls="none", label="this rig")
     for axis, name in ((ax.xaxis, across), (ax.yaxis, up)):
-        axis_of_parameter(axis, found[name].assign_attrs(spacing="log"))
+        dress(axis, found[name].assign_attrs(spacing="log"))
     ax.set_xlim(float(found[across].min()), float(found[across].max()))
     ax.set_ylim(float(found[up].min()), float(found[up].max()))
     unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
@@ -307,27 +306,6 @@ def _places(x: Any, y: Any, across: xr.DataArray, up: xr.DataArray, written: lis
 # ---------------------------------------------------------------------------------------------------------------------
 # Axes and legends
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-def axis_of_parameter(axis: Axis, variable: xr.DataArray) -> None:
-    """Label an axis; one of equal ratios is logarithmic, with plain numbers."""
-    dress(axis, variable)
-    if variable.attrs.get("spacing") != "log":
-        return
-    written = axis.get_major_formatter()
-    (axis.axes.set_yscale if isinstance(axis, YAxis) else axis.axes.set_xscale)("log")
-    values = variable.to_numpy()
-    wide = values.max() > 3000 * values.min()
-    axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
-    axis.set_major_formatter(written if isinstance(written, FuncFormatter) else FuncFormatter(lambda v, _: f"{v:g}"))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def axis_of_speeds(axis: Axis, ends: tuple[float, float], unit: str) -> None:
-    """A logarithmic axis of speeds between two ends."""
-    attributes = {"long_name": "speed", "units": unit, "spacing": "log"}
-    axis_of_parameter(axis, xr.DataArray(np.array(ends), attrs=attributes))
-    axis.axes.set_xlim(*ends)
 
 
 def _cell_edges(axis: xr.DataArray) -> Array:

@@ -7,15 +7,17 @@ import re
 import textwrap
 from typing import Any
 
+import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from stickslip.model.parameters import parameter_named
-from stickslip.plot.maps import REGIMES, axis_of_speeds, legend_below
+from stickslip.plot.maps import REGIMES, legend_below
 from stickslip.plot.runs import force_trace
-from stickslip.plot.style import BLACK, DASHED, GREY, PAGE, VERMILLION, house_style, new_figure
+from stickslip.plot.style import BLACK, DASHED, GREY, PAGE, VERMILLION, dress, house_style, new_figure
 
 Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
 
@@ -79,13 +81,20 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
         ax.plot([speed] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2)))
     if answer.between is not None:
         ax.plot(answer.between, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
-    axis_of_speeds(ax.xaxis, answer.speeds_searched, rig.unit_name("x_s/time"))
+    _axis_of_speeds(ax, answer)
     ax.set(ylim=(0.0, 1.0), yticks=[])
     ax.spines["left"].set_visible(False)
     others = "; dashed, its other speeds" if len(operation.speeds) > 1 else ""
     others = "; the bar is its range" if answer.between is not None else others
     ax.set_title(f"motion at each speed; the mark is this rig{others}", fontsize=8)
     return handles
+
+
+def _axis_of_speeds(ax: Axes, answer: Any) -> None:
+    """A logarithmic axis of the speeds searched."""
+    attributes = {"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
+    dress(ax.xaxis, xr.DataArray(np.array(answer.speeds_searched), attrs=attributes))
+    ax.set_xlim(*answer.speeds_searched)
 
 
 def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
@@ -156,7 +165,7 @@ def waves(answer: Any) -> Figure:
         for (begin, end), colour in [(answer.speeds_searched, decays), *((pair, grows) for pair in wave.speeds)]:
             ax.barh(row, end - begin, left=begin, color=colour, **_BAR)
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
-    axis_of_speeds(ax.xaxis, answer.speeds_searched, answer.rig.unit_name("x_s/time"))
+    _axis_of_speeds(ax, answer)
     ax.set_ylim(rows - 0.5, -0.5)
     ax.set_yticks(range(len(answer.waves)), [wave.name for wave in answer.waves])
     ax.tick_params(axis="y", length=0)

@@ -18,7 +18,7 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from matplotlib.rcsetup import cycler
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, printable
@@ -148,16 +148,21 @@ def minus(value: float) -> str:
 
 
 def dress(axis: Axis, variable: xr.DataArray) -> None:
-    """Label an axis with the name and unit of a variable; SI units get the prefix that suits the values."""
-    units = str(variable.attrs.get("units", ""))
-    values = np.abs(np.asarray(variable.values, dtype=float))
+    """Label an axis with the name and unit of a variable; SI units get the prefix that suits the values.
+
+    An axis of equal ratios (``spacing`` is "log") is logarithmic, with plain numbers.
+    """
+    units, log = str(variable.attrs.get("units", "")), variable.attrs.get("spacing") == "log"
+    values, upright = np.abs(np.asarray(variable.values, dtype=float)), isinstance(axis, YAxis)
     largest = float(np.nanmax(values, initial=0.0))
-    if variable.attrs.get("spacing") == "log" and largest > 0:  # of an axis over decades the middle decides
-        largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))
+    if log:
+        (axis.axes.set_yscale if upright else axis.axes.set_xscale)("log")
+        axis.set_major_locator(LogLocator(subs=(1.0,) if largest > 3000 * np.nanmin(values) else (1.0, 2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+        largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))  # over decades the middle decides
     factor, units = (1.0, units) if 0.5 <= largest < 5e3 else prefixed(largest, units)
-    most = 24 if isinstance(axis, YAxis) else 200
-    axis.set_label_text(label(variable, units=units, most=most))
-    if factor != 1.0:
+    axis.set_label_text(label(variable, units=units, most=24 if upright else 200))
+    if log or factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
 
 
