@@ -106,7 +106,7 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
 
 def content_of(path: Path) -> Document:
     """What a rig file holds, or the example of that name where there is no such file."""
-    if not path.exists() and path.name == str(path) and path.name in example_names():
+    if str(path) in example_names() and not path.exists():
         path = example_file(path.name)
     return read_toml(path, "rig file", "`stickslip new pmma_slider`")
 
