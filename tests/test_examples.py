@@ -13,10 +13,10 @@ from stickslip.io import rig_files as rig
 from stickslip.paper import FIGURES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-PRACTICE = sorted(path.stem for path in (EXAMPLES / "practice").glob("*.py"))
-
-
-DEAR = ("basalt_step", "bowed_string")  # tens of seconds
+PAGES = sorted(
+    f"{folder}/{path.stem}" for folder in ("practice", "elastic") for path in (EXAMPLES / folder).glob("*.py")
+)
+DEAR = ("practice/basalt_step", "practice/bowed_string")  # tens of seconds
 
 
 def example(name):
@@ -34,26 +34,21 @@ def test_an_example_that_is_not_there_is_told():
         rig.example_file("whiper")
 
 
-@pytest.mark.parametrize("name", PRACTICE)
-def test_the_page_names_its_own_command(name):
-    text = (EXAMPLES / "practice" / f"{name}.py").read_text()
-    assert f"``python examples/practice/{name}.py " in text
-
-
 def test_every_figure_has_its_page():
     pages = {f"{name[:3]}{int(name[3:]):02d}.py" for name in FIGURES}
     assert {path.name for path in (EXAMPLES / "figures").glob("*.py")} == pages
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in PRACTICE]
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in PAGES]
 )
 def test_an_example_is_its_own_command(name, tmp_path, monkeypatch, capsys):
-    picture = tmp_path / "picture.png"
+    page, picture = EXAMPLES / f"{name}.py", tmp_path / "picture.png"
+    assert f"``python examples/{name}.py " in page.read_text()
     monkeypatch.setattr(sys, "argv", [name, str(picture)])
-    runpy.run_path(str(EXAMPLES / "practice" / f"{name}.py"), run_name="__main__")
+    runpy.run_path(str(page), run_name="__main__")
     assert picture.stat().st_size > 10_000
-    assert name != "brake_pad" or "damping times 10: groans from " in capsys.readouterr().out
+    assert "brake_pad" not in name or "damping times 10: groans from " in capsys.readouterr().out
 
 
 def test_the_wiper_chatters_at_both_ends_of_its_stroke():

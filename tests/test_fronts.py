@@ -1,11 +1,12 @@
 """Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
 
-import importlib.util
 import json
 import math
+import runpy
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -674,10 +675,7 @@ def test_front_curve_needs_a_prestressed_start(pulled):
 
 
 def gallery(name):
-    spec = importlib.util.spec_from_file_location(name, GALLERY / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return SimpleNamespace(**runpy.run_path(str(GALLERY / f"{name}.py")))
 
 
 def test_smooth_sliding_invades_stick_slip_on_a_long_bar():
@@ -694,13 +692,6 @@ def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_eith
     case = gallery("side_by_side")
     count = case.in_stick_slip(case.run(blocks, at_rest, duration=30.0))
     assert (count[0], count[-1]) == (at_rest, left)
-
-
-@pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.py")))
-def test_gallery(name, tmp_path):
-    assert f"``python examples/elastic/{name}.py " in (GALLERY / f"{name}.py").read_text()
-    picture = ss.plot.save(gallery(name).draw(), tmp_path / "picture.png")
-    assert picture.stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
