@@ -17,7 +17,7 @@ import pytest
 from stickslip import cli, fitting, quick_fit
 from stickslip import simulate as simulated
 from stickslip.errors import InputError
-from stickslip.explorer import documents, fronts, simulate, traces
+from stickslip.explorer import documents, fronts, simulate, stability, traces
 from stickslip.io import rig_files as rigs
 from stickslip.model import Rig
 from stickslip.paper import cases
@@ -103,7 +103,7 @@ def test_the_way_back_from_natural_units_leads_to_the_same_bench():
         assert back[table][key] == document[table][key]
 
 
-@pytest.mark.parametrize("parameter", documents.QUANTITIES)
+@pytest.mark.parametrize("parameter", documents.NAMES)
 @pytest.mark.parametrize("document", [small(), documents.of(rigs.example("pmma_slider"))], ids=["natural", "SI"])
 def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     if parameter == "ageing":  # in the unit of time of the document; other thresholds have none to turn
@@ -115,6 +115,18 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     before = documents.values_of(rig)
     after = documents.values_of(documents.rig_of(documents.turned(document, {parameter: 1.5 * before[parameter]})))
     assert after == pytest.approx(before | {parameter: 1.5 * before[parameter]}, rel=1e-3)
+
+
+@pytest.mark.parametrize("document", [small(), documents.of(rigs.example("pmma_slider"))], ids=["natural", "SI"])
+def test_the_rig_stands_on_the_map_where_its_fields_say(document):
+    values = documents.values_of(documents.rig_of(document))
+    for over in (["stiffness", "velocity"], ["mass", "damping"], ["std", "delay"]):
+        (told,) = stability.chart({"document": document, "over": over, "around": 3.0}, silent)
+        assert told["here"] == pytest.approx([values[name] for name in over])
+    ends = {"x": told["x"]["ends"], "y": told["y"]["ends"]}
+    column = next(stability.band({"document": document, "over": over, **ends}, silent))
+    assert (column["columns"], column["of"]) == (1, 9)
+    assert ends["x"][0] < column["column"] < ends["x"][1]
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
@@ -419,34 +431,20 @@ def ask(server, method, path, body=None, **headers):
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3)
     try:
         connection.putrequest(method, path, skip_host="Host" in headers)
+        if body is not None and "Content_Length" not in headers:
+            headers["Content_Length"] = str(len(body))
         for name, value in headers.items():
             connection.putheader(name.replace("_", "-"), value)
-        if body is not None and "Content_Length" not in headers:
-            connection.putheader("Content-Length", str(len(body)))
         connection.endheaders(body)
         answer = connection.getresponse()
-        return answer.status, dict(answer.getheaders()), answer.read()
+        return answer.status, dict(answer.getheaders()), answer.read() if answer.status != 101 else b""
     finally:
         connection.close()
 
 
 def websocket_status(server, **headers):
-    lines = {
-        "Host": f"127.0.0.1:{server.port}",
-        "Connection": "Upgrade",
-        "Upgrade": "websocket",
-        "Sec_WebSocket_Version": "13",
-        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
-    } | headers
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3)
-    try:
-        connection.putrequest("GET", "/session", skip_host=True)
-        for name, value in lines.items():
-            connection.putheader(name.replace("_", "-"), value)
-        connection.endheaders()
-        return connection.getresponse().status
-    finally:
-        connection.close()
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Version": "13"}
+    return ask(server, "GET", "/session", Sec_WebSocket_Key="dGhlIHNhbXBsZSBub25jZQ==", **upgrade, **headers)[0]
 
 
 def test_binds_to_loopback_only(server):

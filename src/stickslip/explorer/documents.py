@@ -17,10 +17,10 @@ from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, Drive, ElasticBody, constant, parameter_named
+from stickslip.model import Contacts, Drive, ElasticBody, constant
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
-from stickslip.model.units import Quantity, Scales, quantity
+from stickslip.model.units import Scales
 from stickslip.paper import cases
 from stickslip.paper.cases import PaperCase
 from stickslip.simulation import estimate
@@ -50,10 +50,8 @@ the narrowest distribution and goes as far as the widest."""
 LARGEST_REQUEST = 1_000_000
 """Bytes of a message from the page, and of a document."""
 
-QUANTITIES: Mapping[str, Quantity] = {
-    parameter.name: "length" if parameter.unit == "1" else quantity(parameter.unit) for parameter in PARAMETERS
-}
-"""Parameters of the theory of stability, and what they are."""
+NAMES = tuple(parameter.name for parameter in PARAMETERS)
+"""Parameters of the theory of stability: the axes of the map."""
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 """Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""
@@ -104,22 +102,12 @@ def seconds_of(request: Mapping[str, Any]) -> float:
 
 
 def values_of(rig: Rig) -> dict[str, float]:
-    """Where each parameter of the map stands, in the unit of its axis."""
-    if rig.natural.velocity <= 0:
-        return {}
-    setting = rig.natural
+    """Where each parameter of the map stands, in the unit of its axis: the rig's own."""
     found = {}
-    for parameter in PARAMETERS:
+    for name in NAMES if rig.natural.velocity > 0 else ():
         with suppress(InputError):  # the rig has no such parameter
-            value = parameter.get(setting)
-            if math.isfinite(value):
-                found[parameter.name] = value * unit_of(rig, parameter.name)
-    return found
-
-
-def unit_of(rig: Rig, parameter: str) -> float:
-    """Size of a parameter's natural unit on the axes of the map."""
-    return 1.0 if rig.scales is None else rig.scales.unit(QUANTITIES[parameter])
+            found[name] = rig.value(name)
+    return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
 def of(rig: Rig) -> Document:
@@ -279,13 +267,13 @@ def turned(document: Document, values: Mapping[str, Any]) -> Document:
     """Return a document with some parameters varied, in the basic units of its own system (N/m, m/s, kg; natural)."""
     rig = rig_of(document)
     for name, value in values.items():
-        if name not in QUANTITIES:
-            raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(QUANTITIES)}")
+        if name not in NAMES:
+            raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}")
         if name == "velocity" and "pieces" in document["drive"]:
             raise InputError(
                 "drive.pieces: this drive is a ramp; its velocity is not one number to turn", "drive.pieces"
             )
-        rig = parameter_named(name).set(rig, number(name, value, above=0) / unit_of(rig, name))
+        rig = rig.replace(**{name: number(name, value, above=0)})
     # A parameter is turned at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
     return _like(document, rig, damping_ratio=ratio)

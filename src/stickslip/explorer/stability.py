@@ -13,7 +13,6 @@ from stickslip.errors import InputError, UndecidedError, number, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
 from stickslip.model.rig import Rig
-from stickslip.stability import PARAMETERS
 
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _POINTS = 72  # of the map along each parameter, twice over
@@ -78,30 +77,21 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
     over = _over(request)
-    across, up = (next(parameter for parameter in PARAMETERS if parameter.name == name) for name in over)
     (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
-    scale = {name: documents.unit_of(rig, name) for name in over}
-    setting = rig.natural
-    for parameter, key, ends in ((across, "x", (left, right)), (up, "y", (low, high))):
-        here = parameter.get(setting) * scale[parameter.name]
+    for name, key, ends in ((over[0], "x", (left, right)), (over[1], "y", (low, high))):
+        here = rig.value(name)
         if not here / _FARTHEST <= ends[0] <= ends[1] <= here * _FARTHEST:
             raise InputError(f"map: {key} = {list(ends)}: must lie within a factor of {_FARTHEST:g} of {here:.4g}")
     # From the middle outwards: the rig stands there.
     places = np.geomspace(left, right, _COLUMNS)
     order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
     for done, i in enumerate(order, start=1):
-        turned = across.set(setting, places[i] / scale[across.name])
         bands: list[list[float]] = []
         note = ""
         try:
-            found = cycles.bistable_range(
-                turned,
-                up,
-                between=(low / scale[up.name], high / scale[up.name]),
-                step=0.2,
-                tolerance=0.02,
-            )
-            bands = [[b.low.value * scale[up.name], b.high.value * scale[up.name]] for b in found.bands]
+            turned = rig.replace(**{over[0]: float(places[i])})
+            found = cycles.bistable_range(turned, over[1], between=(low, high), step=0.2, tolerance=0.02)
+            bands = [[band.low.value, band.high.value] for band in found.bands]
         except (InputError, UndecidedError) as error:
             note = str(error)
         watch(done / _COLUMNS)
@@ -109,8 +99,7 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def _over(request: Plain) -> tuple[str, str]:
-    over = request.get("over")
-    known = [parameter.name for parameter in PARAMETERS]
+    over, known = request.get("over"), documents.NAMES
     if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
         raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
     return (str(over[0]), str(over[1]))

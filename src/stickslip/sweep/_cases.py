@@ -209,15 +209,13 @@ class Job:
     version: str = field(default_factory=package_version)
 
 
-def run_batch(
-    job: Job | bytes, batch: Sequence[Values], seconds: float, stopped: Callable[[], bool] | None = None
-) -> tuple[list[str], float]:
+def run_batch(job: Job | bytes, batch: Sequence[Values], seconds: float) -> tuple[list[str], float]:
     """Run cases until all are done or the time is up; at least one."""
     begin = time.perf_counter()
     work = _load(job) if isinstance(job, bytes) else job
     found: list[str] = []
     for values in batch:
-        if found and (time.perf_counter() - begin > seconds or (stopped is not None and stopped())):
+        if found and time.perf_counter() - begin > seconds:
             break
         found.append(run_case(work, values))
     return found, time.perf_counter() - begin

@@ -12,10 +12,11 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Self
 
 from stickslip.errors import InputError, whole
 from stickslip.sweep._cases import Job, Values, name_of, run_batch
@@ -63,13 +64,11 @@ Workers = Threads | Processes | Executor
 
 
 class Pool:
-    """An executor that is running, with what the sweep must know of it. Made by `open_pool`."""
+    """An executor that is running, with what the sweep must know of it."""
 
     def __init__(self, given: Workers, job: Job) -> None:
         self.given = given
-        self._stop = threading.Event()
-        self._in_process = isinstance(given, (Threads, ThreadPoolExecutor))
-        self._job = job if self._in_process else _pickled(job, given)
+        self._job = job if isinstance(given, (Threads, ThreadPoolExecutor)) else _pickled(job, given)
         self._executor = self._start()
         self._seen, self._ask_at = _MANY, 0.0
 
@@ -95,20 +94,21 @@ class Pool:
 
     def submit(self, batch: Sequence[Values], seconds: float) -> Batch:
         """Hand in a batch of cases."""
-        stopped = (self._stop.is_set,) if self._in_process else ()
-        return self._executor.submit(run_batch, self._job, batch, seconds, *stopped)
+        return self._executor.submit(run_batch, self._job, batch, seconds)
 
     def rebuild(self) -> None:
         """Replace a pool that has lost a worker."""
         self._executor.shutdown(wait=False, cancel_futures=True)
         self._executor = self._start()
 
-    def close(self, *, in_haste: bool) -> None:
-        """End the pool if it is ours; in haste, running cases are given up where that is possible."""
-        self._stop.set()
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """End the pool if it is ours; after an error, running cases are given up where that is possible."""
         if not self.is_ours:
             return
-        if in_haste:
+        if error is not None:
             for process in list((getattr(self._executor, "_processes", None) or {}).values()):
                 process.terminate()
         self._executor.shutdown(wait=True, cancel_futures=True)
@@ -136,18 +136,6 @@ class Pool:
             "executor = Processes(...): no worker process starts; a script that starts processes keeps its "
             'own start behind `if __name__ == "__main__":`'
         )
-
-
-@contextmanager
-def open_pool(given: Workers, job: Job) -> Iterator[Pool]:
-    """Start a pool and end it, also after an error."""
-    pool = Pool(given, job)
-    try:
-        yield pool
-    except BaseException:
-        pool.close(in_haste=True)
-        raise
-    pool.close(in_haste=False)
 
 
 def check_executor(given: Workers | None) -> Workers:

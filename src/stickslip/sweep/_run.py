@@ -25,7 +25,7 @@ from stickslip.sweep._cases import (
     name_of,
     package_version,
 )
-from stickslip.sweep._executors import Batch, Pool, Workers, check_executor, open_pool
+from stickslip.sweep._executors import Batch, Pool, Workers, check_executor
 from stickslip.sweep._table import Table
 
 SECONDS = 0.5
@@ -207,7 +207,7 @@ class Runner:
                 self._todo.append(i)
         if self._todo and self._pool is None:
             self.table.claim()
-            self._pool = self._held.enter_context(open_pool(self._executor, self._job))
+            self._pool = self._held.enter_context(Pool(self._executor, self._job))
         self._tell()
         if self._pool is None or not self._todo:
             return
