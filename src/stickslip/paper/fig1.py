@@ -198,8 +198,7 @@ def _delta_start(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 3.6)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     ax = figure.subplots()
     X, f_s = data["displacement"], plot.unit_text("f_s")
     for (initial, threshold), colour in zip(_SETTLED, plot.PALETTE, strict=False):
@@ -212,7 +211,6 @@ def _drawing(data: xr.Dataset) -> Picture:
     panel(ax, "", X, data["friction_force"], xlim=(0, DISTANCE), ylim=(0, 0.85))
     ax.legend(loc="upper right", ncols=2, columnspacing=1.6)
     _sketch(ax.inset_axes((0.47, 0.02, 0.5, 0.27)))
-    return figure
 
 
 def _sketch(ax: Axes) -> None:
@@ -246,6 +244,7 @@ def _spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], colo
 FIGURE = Figure(
     name="fig1",
     title="Force on a rigid slider",
+    height=3.6,
     caption="Friction force on a rigid slider against its displacement, for three widths of the initial forces and "
     "two of the thresholds: the master equation (lines) and contacts (dots). From a narrow start the force "
     "rises, overshoots and decreases; it tends to the kinetic friction.",

@@ -89,8 +89,7 @@ def _squares(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 3.0)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     direct, scaled = figure.subplots(1, 2)
     rates = data["rate"].to_numpy()
     fine = np.linspace(0.6, 2.15, 100)
@@ -110,12 +109,12 @@ def _drawing(data: xr.Dataset) -> Picture:
     panel(direct, "(a)", data["rate"], velocity, "upper left", xlim=(0.6, 2.15), ylim=(0.0, None))
     words = r"$v/\beta^2$ ($x_\mathrm{s}$)"
     panel(scaled, r"(b) in units of $\beta^2$", data["rate"], words, xlim=(0.6, 2.15), ylim=(0.0, 1.5))
-    return figure
 
 
 FIGURE = Figure(
     name="fig10",
     title="Critical velocities against the rate of ageing",
+    height=3.0,
     caption="Velocities at which stick-slip begins and ends on a ramp, against the rate of ageing, with fits to its "
     "square, and the linear stability limit of smooth sliding.",
     data=_data,

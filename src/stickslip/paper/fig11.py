@@ -131,8 +131,7 @@ def _crossing(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 5.2)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     places = figure.add_gridspec(2, 2)
     friction, curves, stiffness = (figure.add_subplot(places[at]) for at in ((0, slice(None)), (1, 0), (1, 1)))
     low, high = data["unstable"].to_numpy().tolist()
@@ -160,12 +159,12 @@ def _drawing(data: xr.Dataset) -> Picture:
     stiffness.text(v2 - 0.02, 2.6, "$v_2$", ha="right")
     limits = {"xlim": (0.0, 1.2), "ylim": (0.0, 1.08 * float(data["K_eff"].max()))}
     panel(stiffness, "(c) steepest fall in (b)", data["velocity"], data["K_eff"], **limits)
-    return figure
 
 
 FIGURE = Figure(
     name="fig11",
     title="Friction and effective stiffness of ageing contacts",
+    height=5.2,
     caption="Friction on a ramp of the velocity (a); force on newborn contacts pulled at constant velocity, renewal "
     "equation and contacts (b); its steepest decrease, the effective stiffness, against the velocity (c). "
     "Red: where it equals the stiffness of the spring.",

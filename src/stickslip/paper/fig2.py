@@ -131,9 +131,8 @@ def _rests_in_a_well(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     K, critical = float(data.attrs["stiffness"]), float(data["K_critical"])
-    figure = plot.new_figure(plot.PAGE, 3.3)
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     _draw_forces(left, data.sel(displacement=slice(0.0, 1.6)), K)
     _draw_potential(left.inset_axes((0.66, 0.64, 0.34, 0.36)), data)
@@ -153,7 +152,6 @@ def _drawing(data: xr.Dataset) -> Picture:
     panel(
         right, r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$", X, K_eff, xlim=(0, 1.6), ylim=(-1.2, 5.6)
     )
-    return figure
 
 
 def _draw_point(ax: Axes, name: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
@@ -201,6 +199,7 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
 FIGURE = Figure(
     name="fig2",
     title="Elastic instability",
+    height=3.3,
     caption="A slider on a spring, quasi-statically: forces, effective potential, Eq. (5), and effective "
     "stiffness, Eq. (7). The slider jumps where the friction force decreases more steeply than the spring can follow.",
     data=_data,

@@ -163,8 +163,7 @@ def _avoided(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 3.6)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     axes = figure.subplots(1, 2, sharey=True)
     std = data["threshold_std"]
     titles = ("(a) broken contacts re-attach at once", "(b) broken contacts never re-attach")
@@ -187,12 +186,12 @@ def _drawing(data: xr.Dataset) -> Picture:
     above = {"loc": "upper right", "title_fontsize": 8}
     axes[1].legend(handles[:count], names[:count], title=initial, ncols=2, **above)
     axes[0].legend(handles[count:], names[count:], **above)
-    return figure
 
 
 FIGURE = Figure(
     name="fig3",
     title="Critical stiffness",
+    height=3.6,
     caption="Critical stiffness, Eq. (8), against the standard deviation of the thresholds, for several of the initial "
     "forces: (a) broken contacts re-attach at once, (b) they never do. Dotted: the estimate of Eq. (9). "
     "Cross: the value that the paper prints.",

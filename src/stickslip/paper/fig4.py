@@ -192,8 +192,7 @@ def _strictly_periodic(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 7.2)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.0, 2.0), squeeze=False)[:, 0]
     left, right = upper.subplots(1, 2, sharey=True)
     second = _draw_without_delay(left, data.sel(stiffness=STIFFNESSES[0], shown_delay=0.0))
@@ -213,7 +212,6 @@ def _drawing(data: xr.Dataset) -> Picture:
         plot.letter(panels[0, j], f"({'bc'[j]}) $K$ = {stiffness:g} $k$")
         plot.dress(panels[-1, j].xaxis, data["time"])
     lower.supylabel(plot.label(data["spring_force"]), fontsize=9)
-    return figure
 
 
 def _draw_without_delay(ax: Axes, run: xr.Dataset) -> Axes:
@@ -230,6 +228,7 @@ def _draw_without_delay(ax: Axes, run: xr.Dataset) -> Axes:
 FIGURE = Figure(
     name="fig4",
     title="Spring force with and without delay",
+    height=7.2,
     caption="Spring force against displacement without delay (a, with the velocity of the slider dotted), and against "
     "time on a soft (b) and a stiff spring (c) for several delays. Each panel names the regime after the "
     "transient.",

@@ -110,8 +110,7 @@ def _slip_by_eq_12(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 5.4)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     (forces, position), (velocity, ratio) = figure.subplots(2, 2)
     run = data.sel(solver="master equation").sel(time=slice(0.9, 1.5))
     t, t_star, X_star = run["time"], float(data["t_star"]), float(data["X_star"])
@@ -155,12 +154,12 @@ def _drawing(data: xr.Dataset) -> Picture:
     x, y = r"$\Omega\,\Delta t$ since the instability", "slip, in terms of Eq. (12)"
     panel(ratio, "(d)", x, y, xlim=(0, 6), ylim=(-0.3, 4))
     plot.legend_above(ratio)
-    return figure
 
 
 FIGURE = Figure(
     name="fig5",
     title="At and after the elastic instability",
+    height=5.4,
     caption="The first slip, with contacts that never re-attach, by contacts and by the master equation, and the "
     "displacement after the instability beside Eq. (12).",
     data=_data,

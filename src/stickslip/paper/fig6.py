@@ -150,8 +150,7 @@ def _powers(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 5.4)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     (by_mass, by_velocity), (collapse, by_ratio) = figure.subplots(2, 2)
     A1, A2 = data["fit"].sel(curve="mass").to_numpy()
     mass, velocity, ratio = (data[name].to_numpy() for name in ("mass", "velocity", "ratio"))
@@ -183,7 +182,6 @@ def _drawing(data: xr.Dataset) -> Picture:
     _draw_delays(by_ratio, ratio, data["sustained_by_ratio"], data["linear_by_ratio"], "o-")
     title, words = r"(d) $v_d$ = 1, $M$ = 10$^{-4}$", r"damping $\eta/\Omega$"
     panel(by_ratio, title, words, delay, "lower right", xscale="log", ylim=(0, 0.2))
-    return figure
 
 
 def _draw_delays(ax: Axes, x: Array, sustained: xr.DataArray, linear: xr.DataArray, style: str = "o") -> None:
@@ -204,6 +202,7 @@ def _draw_fit(ax: Axes, x: Array, M_v2: Array, y: Array, label: str | None) -> N
 FIGURE = Figure(
     name="fig6",
     title="Critical delay",
+    height=5.4,
     caption="Critical delay against the mass of the slider (a), the velocity of the drive (b) and the damping (d). "
     "Circles: stick-slip persists from a narrow start (nonlinear). Squares: smooth sliding is unstable "
     "(linear). Blue lines are fits, dotted outside the range fitted; in (c) the two fits are one curve of M "

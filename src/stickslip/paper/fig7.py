@@ -169,8 +169,7 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 7.4)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     places = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 1.0))
     ax, fixed = figure.add_subplot(places[0, :]), data.sel(sweep="fixed").drop_vars("sweep")
     low = -0.35  # the inertia of the slider pulls the force below 0 after a slip
@@ -188,7 +187,6 @@ def _drawing(data: xr.Dataset) -> Picture:
         draw_ramp(figure.add_subplot(places[1, j]), sweep, title, low, 1.05, left=j == 0, right=j == 1)
     _draw_hysteresis(figure.add_subplot(places[2, 0]), data)
     _draw_windows(figure.add_subplot(places[2, 1]), data)
-    return figure
 
 
 def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
@@ -228,6 +226,7 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
 FIGURE = Figure(
     name="fig7",
     title="Velocity up and down, with a fixed delay and with random ones",
+    height=7.4,
     caption="The velocity of the drive (red) goes up and down. (a) Fixed delay, with the computed limits v1 and v1'. "
     "(b), (c) Random delays; negative draws are clipped to zero. (d) Peak to peak of the force on both ramps "
     "of (a) and on the computed cycle; grey: smooth sliding and stick-slip are both stable. (e) Velocities at "

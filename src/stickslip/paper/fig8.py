@@ -156,8 +156,7 @@ def _window(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 5.6)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     places = figure.add_gridspec(3, 2, width_ratios=(1.25, 1.0), hspace=0.02)
     for row, (start, title) in enumerate(
         zip(_STARTS, ("(a) from relaxed contacts", "(b) from smooth sliding"), strict=True)
@@ -193,12 +192,12 @@ def _drawing(data: xr.Dataset) -> Picture:
         ax.plot([], [], mark, color=plot.GREY, markersize=4, label=solver)
     words, title = plot.label(data["rate"], units="time units$^{-1/2}$"), "(d) oscillation of the force"
     panel(ax, title, words, data["amplitude"], "upper right", ylim=(0.0, 1.6), xlim=(0.5, None))
-    return figure
 
 
 FIGURE = Figure(
     name="fig8",
     title="Stick-slip against the rate of ageing",
+    height=5.6,
     caption="Spring force of ageing contacts at four rates of ageing, from relaxed contacts (a) and from smooth "
     "sliding (b); thresholds of contacts aged at rest beside Eq. (17) (c); peak to peak of the force against "
     "the rate of ageing (d). Grey: smooth sliding is linearly unstable.",

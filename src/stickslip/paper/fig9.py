@@ -82,8 +82,7 @@ def _four_transitions(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(data: xr.Dataset) -> Picture:
-    figure = plot.new_figure(plot.PAGE, 5.4)
+def _drawing(figure: Picture, data: xr.Dataset) -> None:
     grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
     sweep = figure.add_subplot(grid[0, :])
     draw_ramp(sweep, data, r"(a) up and down, $\beta$ = 1.5", -0.6, 1.3)
@@ -106,12 +105,12 @@ def _drawing(data: xr.Dataset) -> Picture:
     oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
     words = "peak to peak of $F_d$ ($f_\\mathrm{s}$)"
     panel(oscillation, "(d) hysteresis", data["v"], words, "best", xlim=(0.0, 4.0), ylim=(0.0, None))
-    return figure
 
 
 FIGURE = Figure(
     name="fig9",
     title="Velocity up and down over ageing contacts",
+    height=5.4,
     caption="The velocity of the drive (red) goes up and down over ageing contacts (a); the onset of stick-slip (b) "
     "and its end on the way up (c), enlarged; peak to peak of the force on both ramps, with the level that "
     "defines v2 and v2' (d).",

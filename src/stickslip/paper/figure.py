@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stickslip.answers import plain
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
-from stickslip.plot import house_style
+from stickslip.plot import PAGE, house_style, new_figure
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -190,11 +190,13 @@ class Figure:
     title : str
     caption : str
         What the panels show.
+    height : float
+        Of the picture, in inches; it is a page wide.
     data : callable
         Computes everything that picture and claims need, as one labelled Dataset, from a progress and whether to be
         quick.
     drawing : callable
-        Draws the data.
+        Draws the data in an empty picture.
     claims : tuple of callable
         Each weighs the data against one claim of the paper.
     """
@@ -202,8 +204,9 @@ class Figure:
     name: str
     title: str
     caption: str
+    height: float
     data: Callable[[Progress, bool], xr.Dataset]
-    drawing: Callable[[xr.Dataset], matplotlib.figure.Figure]
+    drawing: Callable[[matplotlib.figure.Figure, xr.Dataset], None]
     claims: tuple[Callable[[xr.Dataset], Claim], ...]
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
@@ -229,7 +232,9 @@ class Figure:
         """Draw the data that `compute` gave; `stickslip.plot.save` writes the picture."""
         self._check(data)
         with house_style():
-            return self.drawing(data)
+            picture = new_figure(PAGE, self.height)
+            self.drawing(picture, data)
+        return picture
 
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
         """Weigh the data that `compute` gave against the claims of the paper."""
