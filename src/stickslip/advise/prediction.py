@@ -20,6 +20,7 @@ from stickslip.advise.runs import (
     cost_of,
     cycle_of,
     length_of,
+    outlasting,
     rms_over_mean,
     steady_state,
     until_judged,
@@ -104,17 +105,19 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         bands = speeds.bands_by_theory(VELOCITY, at_speed(setting, low), low, high)
     report(0.2)
     recording, seen = _watch(rig, lambda share: report(0.2 + 0.8 * share))
-    noise, stays = None, True
-    if modes == 0 and not without and seen.kind != "smooth sliding" and isinstance(recording.rig.method, Contacts):
+    noise, stays, method = None, True, recording.rig.method
+    if modes == 0 and not without and seen.kind != "smooth sliding" and isinstance(method, Contacts):
+        budget = Budget(_FOR_A_VERDICT)
         try:
-            state = steady_state(recording, seen, Budget(_FOR_A_VERDICT))
+            recording, seen = outlasting(recording, seen, budget)
+            state = "stays" if seen.kind == "smooth sliding" else steady_state(recording, seen, budget)
         except Spent:  # linear theory alone has the word
             state = "stays"
         stays = state != "leaves"
         if state == "noise":
             noise = rms_over_mean(recording, seen.window[0])
             reason = (
-                f"the force fluctuates by {100 * noise:.2g} % rms, noise of {recording.rig.method.count} contacts: as "
+                f"the force fluctuates by {100 * noise:.2g} % rms, noise of {method.count} contacts: as "
                 "much from sliding as from rest, and more with a quarter as many"
             )
             seen = replace(seen, kind="smooth sliding", reason=reason)

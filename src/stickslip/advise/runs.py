@@ -164,13 +164,13 @@ def judge(
     Spent
         If the budget does not allow for a first run. What cannot be told with what is left is undecided.
     """
-    distance = length_of(setting) if distance is None else distance
-    run, seen = _judged(replace(at_speed(setting, setting.velocity, distance), method=method, start=start), budget)
+    case = replace(at_speed(setting, setting.velocity, distance), method=method, start=start)
+    budget.pay(cost_of(case))
+    run, seen = until_judged(case, budget)
     if seen.kind not in OSCILLATES or not linear.is_stable(setting):
         return seen
     try:
-        if (longer := until_decayed(setting)) > distance:
-            run, seen = _judged(replace(run.rig, drive=constant(setting.velocity, longer / setting.velocity)), budget)
+        run, seen = outlasting(run, seen, budget)
         if seen.kind != "sustained oscillation" or not isinstance(method, Contacts):
             return seen
         if steady_state(run, seen, budget) == "noise":
@@ -180,9 +180,15 @@ def judge(
     return seen
 
 
-def _judged(rig: Rig, budget: Budget) -> tuple[Recording, Regime]:
-    budget.pay(cost_of(rig))
-    return until_judged(rig, budget)
+def outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
+    """A run of an oscillation about stable smooth sliding, made longer until the slowest mode has had time to decay."""
+    setting = run.rig.natural
+    needed = until_decayed(setting) / setting.velocity
+    if run.rig.drive.duration >= needed:
+        return run, seen
+    case = replace(run.rig, drive=_longer(run.rig.drive, needed))
+    budget.pay(cost_of(case))
+    return until_judged(case, budget)
 
 
 def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise", "leaves", "stays"]:
