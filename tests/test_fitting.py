@@ -2,6 +2,7 @@
 
 import json
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -200,20 +201,15 @@ def test_contacts_all_alike_without_scatter_give_equal_slips():
 
 
 def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
-    prior = Prior(contacts=(5.0, 12.0))
-    steps = []
+    prior, steps = Prior(contacts=(5.0, 12.0)), []
     first = table(prior=prior, draws=700, slips=40, progress=steps.append)
     assert steps[-1] == 1.0
     place = folder_of(prior, 40, 0)
-    whole = (place / "1.npz").read_bytes()
-    (place / "1.npz").write_bytes(whole[:100])  # damaged
+    (place / "1.npz").write_bytes((place / "1.npz").read_bytes()[:100])  # damaged
     (place / "2.npz").unlink()
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(1) as pool:
-        steps.clear()
         again = table(prior=prior, draws=700, slips=40, executor=pool, progress=steps.append)
-    assert len(steps) == 2
+    assert len(steps) == 3 + 2
     np.testing.assert_array_equal(first.peaks, again.peaks)
     assert len(table(prior=prior, draws=500, slips=40)) == 500
     assert folder_of(prior, 41, 0) != place
@@ -246,31 +242,22 @@ def test_series_that_would_be_refused_are_not_compared():
     assert seen.valid.tolist() == [False, True]
 
 
-NEAR_A_HALF = 0.02
-
-
-def near_a_half(values):
-    """How likely the sliding friction is, known to be a half."""
-    return np.exp(-0.5 * ((values[..., 2] - 0.5) / NEAR_A_HALF) ** 2)
-
-
-@pytest.fixture(scope="module")
-def compared():
-    """A table of simulations, and a series to find in it."""
-    peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
-    ideal = Observation(slips=40, slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
-    observed = ideal.see(np.array([60]), peaks[None], troughs[None], seed=1).statistics[0]
-    return table(prior=NARROW, draws=2500, slips=60), ideal, observed
-
-
 @pytest.mark.parametrize("rounds", [0, 1])
-def test_what_is_known_holds_for_the_draws_of_every_round(compared, rounds):
-    made, _, _ = compared
-    sample = infer(*compared, likelihood=near_a_half, rounds=rounds, nearest=60)
+def test_what_is_known_holds_for_the_draws_of_every_round(rounds):
+    made, error = table(prior=NARROW, draws=1500, slips=60), 0.02
+    ideal = Observation(slips=25, slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
+    peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
+    observed = ideal.see(np.array([60]), peaks[None], troughs[None], seed=1).statistics[0]
+
+    def likelihood(values):
+        """The sliding friction is known to be a half."""
+        return np.exp(-0.5 * ((values[..., 2] - 0.5) / error) ** 2)
+
+    sample = infer(made, ideal, observed, likelihood=likelihood, rounds=rounds, nearest=40)
     values = made.prior.values(sample.parts)[:, 2]
     assert sample.weights.sum() == pytest.approx(1.0)
     # Twice its error: the regression moves them by what their statistics say.
-    assert math.sqrt(float(sample.weights @ (values - 0.5) ** 2)) < 2.0 * NEAR_A_HALF
+    assert math.sqrt(float(sample.weights @ (values - 0.5) ** 2)) < 2.0 * error
 
 
 def test_block_bootstrap_errors_are_those_of_repeated_series():
@@ -302,13 +289,16 @@ def test_a_fit_is_plain_data(found):
 def test_quantities_go_as_far_as_what_is_known(found):
     bare = replace(found, known=fitting.fits.Known())
     assert [one.key for one in bare.quantities] == ["contact_strength", "static_friction", "sliding_friction"]
-    for name, need in (("breaking_displacement", "stiffness"), ("frequency", "mass"), ("friction_coefficient", "load")):
-        with pytest.raises(InputError, match=need):
-            bare[name]
-    with pytest.raises(InputError, match="several speeds"):
-        found["delay"]
-    with pytest.raises(InputError, match="needs the stiffness"):
-        bare.rig()
+    for ask, why in (
+        (lambda: bare["breaking_displacement"], "stiffness"),
+        (lambda: bare["frequency"], "mass"),
+        (lambda: bare["friction_coefficient"], "load"),
+        (lambda: found["delay"], "several speeds"),
+        (bare.rig, "needs the stiffness"),
+        (lambda: found.rig(mass="1000 kg"), "no rig is written: runs of .* draws all miss"),  # slower than the slips
+    ):
+        with pytest.raises(InputError, match=why):
+            ask()
 
 
 @pytest.mark.slow
@@ -350,20 +340,19 @@ def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_pa
         fitting.over_draws(ss.example("brake_pad"))
 
 
-def test_the_rig_that_is_written_makes_its_trace(found):
+def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
     """With other contacts than it was chosen by: within the errors of the two means, 99 %, and a tenth for choosing."""
     rig = found.rig()
     assert "its own run drops" in rig.source
+    residual = rig.interface.newborn.mean
+    assert rig.interface.sliding_force == pytest.approx(residual, rel=1e-12)
+    i = int(np.argmin(np.abs(found.values[:, 2] / residual - 1.0) + np.abs(found.strength / rig.unit("f_s") - 1.0)))
+    assert found.values[i, 2] == pytest.approx(residual, rel=1e-3)
+    assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)  # of a spring of 100 N/m
     made = remade(rig.replace(method=ss.Contacts(rig.method.count, seed=2)), found.events, found.known)
     for one, other in ((made.drops, found.events.drops), (np.diff(made.time[made.peak_at]), found.events.recurrence)):
         error = 2.6 * one.std() / math.sqrt(one.size)
         assert one.mean() == pytest.approx(np.mean(other), abs=error + 0.1 * np.mean(other))
-
-
-def test_no_rig_is_written_whose_run_is_not_the_trace(found):
-    """A slider of a ton is slower than the slips."""
-    with pytest.raises(InputError, match=r"no rig is written: runs of .* draws all miss"):
-        found.rig(mass="1000 kg")
 
 
 def test_what_was_given_has_the_error_that_it_was_given_with(found):
@@ -386,15 +375,6 @@ def test_the_unit_of_time_changes_no_rig(found):
     assert one.natural.slider == other.natural.slider
 
 
-def test_the_rig_holds_what_was_fitted(found):
-    rig = found.rig()
-    residual = rig.interface.newborn.mean
-    assert residual == pytest.approx(float(np.median(found.values[:, 2])), abs=0.3)
-    assert rig.interface.sliding_force == pytest.approx(residual, rel=1e-12)
-    i = int(np.argmin(np.abs(found.values[:, 2] / residual - 1.0) + np.abs(found.strength / rig.unit("f_s") - 1.0)))
-    assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)  # of a spring of 100 N/m
-
-
 def test_fitted_entries_that_cannot_be(tmp_path):
     text = (Path(ss.__file__).parent / "examples" / "brake_pad.toml").read_text()
     for entry, why in (
@@ -415,28 +395,25 @@ def test_fitted_entries_that_cannot_be(tmp_path):
 def test_speeds_add_the_delay_and_holds_ageing():
     half, speeds = 0.01, np.geomspace(1e-4, 1.0, 9)
     forces = 4.0 + 6.0 / (1.0 + speeds / half)
-    assert half_speed_of(speeds, forces)[0] == pytest.approx(half, rel=0.01)
-    holds = [(t, 10.0 + 0.3 * np.log10(t)) for t in (1.0, 10.0, 100.0, 1000.0)]
     found = ss.fit(
         bench(noise=0.002),
         prior=NARROW,
         draws=1500,
         known={"stiffness": 100.0},
         speeds=tuple(zip(speeds.tolist(), forces.tolist(), strict=True)),
-        holds=tuple(holds),
+        holds=tuple((t, 10.0 + 0.3 * np.log10(t)) for t in (1.0, 10.0, 100.0, 1000.0)),
     )
     margin = found.draws("delay") * half
     assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
-    noisy = np.random.default_rng(0).normal(forces, 0.2)
-    close, error = half_speed_of(speeds, noisy)[:2]
-    assert abs(math.log(close / half)) < 3.0 * error < 1.0
+    assert found.delays.half_speed == pytest.approx(half, rel=1e-6)
     assert found.strengthening.per_decade == pytest.approx(0.03, abs=1e-6)
     assert "changes by 3 ± " in str(found.strengthening)
     assert "contacts age" in str(found)
-    with pytest.raises(InputError, match="does not fall"):
-        half_speed_of(speeds, forces[::-1])
-    with pytest.raises(InputError, match="at least 4"):
-        half_speed_of(speeds[:2], forces[:2])
+    close, error = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))[:2]
+    assert abs(math.log(close / half)) < 3.0 * error < 1.0
+    for at, measured, why in ((speeds, forces[::-1], "does not fall"), (speeds[:2], forces[:2], "at least 4")):
+        with pytest.raises(InputError, match=why):
+            half_speed_of(at, measured)
 
 
 def test_pictures(found):
@@ -447,29 +424,20 @@ def test_pictures(found):
 
 def test_the_quick_recipe_inverts_the_closed_forms():
     truth = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.5))
-    strength, x_s, K = 100.0, 1e-4, 5e5
-    static = strength * ss.static_friction(truth)[0]
-    kinetic = strength * ss.kinetic_friction(replace(truth, delay=ss.Delay(0.0)), velocity=1.0)
-    speed = 1e-3
-    rate = K * speed / (1.0 + K * x_s / strength)
-    half = x_s / (0.5 * x_s / speed)  # the margin over the delay
-    rig = ss.quick_fit(
-        static_friction=static,
-        kinetic_friction=kinetic,
-        stiffness=K,
-        speed=speed,
-        mass="0.1 kg",
-        loading_rate=rate,
-        half_speed=half,
-    )
+    strength, x_s, K, speed = 100.0, 1e-4, 5e5, 1e-3
+    readings = {
+        "static_friction": strength * ss.static_friction(truth)[0],
+        "kinetic_friction": strength * ss.kinetic_friction(replace(truth, delay=ss.Delay(0.0)), velocity=1.0),
+        "loading_rate": K * speed / (1.0 + K * x_s / strength),
+        "half_speed": x_s / (0.5 * x_s / speed),  # the margin over the delay
+    } | {"stiffness": K, "speed": speed, "mass": "0.1 kg"}
+    rig = ss.quick_fit(**readings)
     assert rig.unit("f_s") == pytest.approx(strength, rel=2e-3)
     assert rig.unit("x_s") == pytest.approx(x_s, rel=5e-3)
     assert rig.interface.thresholds.std == pytest.approx(0.2, abs=2e-3)
     assert rig.interface.delay.time == pytest.approx(0.5, rel=5e-3)
     with pytest.raises(InputError, match="must be at least 1 % more"):
-        ss.quick_fit(
-            static_friction=static, kinetic_friction=kinetic, stiffness=K, speed=speed, mass=0.1, loading_rate=K * speed
-        )
+        ss.quick_fit(**readings | {"loading_rate": K * speed})
 
 
 def test_the_command_refuses_in_one_line(tmp_path, capsys):

@@ -62,7 +62,7 @@ class Interval:
     title: str
     unit: str
     low: float  #: quantile of 5 %
-    median: float
+    median: float  #: quantile of 50 %
     high: float  #: quantile of 95 %
 
     #: By the width: below .5 identified, below .7 weak; weak at best where it is of decades and its ends differ by more
@@ -105,7 +105,7 @@ class Fit(Answer):
     """The interface behind a trace: draws of its parameters. It prints as its short text."""
 
     events: Events  #: the slips that were fitted
-    prior: Prior
+    prior: Prior  #: what was held possible
     values: Array  #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each simulated again
     strength: Array  #: total contact strength of each draw, in the unit of the force
     predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
@@ -235,13 +235,12 @@ class Fit(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fit as plain numbers, texts and lists."""
+        kept = ("low", "median", "high", "unit", "verdict", "width")
 
         def intervals(found: tuple[Interval, ...]) -> dict[str, Any]:
-            kept = ("low", "median", "high", "unit", "verdict", "width")
-            return {
-                one.key: {name: value for name in kept if (value := getattr(one, name)) is not None} for one in found
-            }
+            return {one.key: {k: value for k in kept if (value := getattr(one, k)) is not None} for one in found}
 
+        as_they_are = ("edge", "adjusted", "invalid", "simulations", "p_values", "notes")
         found: dict[str, Any] = plain(
             {
                 "slips": len(self.events),
@@ -249,17 +248,12 @@ class Fit(Answer):
                 "parameters": intervals(self.parameters),
                 "quantities": intervals(self.quantities),
                 "known": self.known.to_dict(),
-                "edge": self.edge,
-                "adjusted": self.adjusted,
                 "effective_draws": self.effective,
-                "invalid": self.invalid,
-                "simulations": self.simulations,
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
-                "p_values": self.p_values,
-                "notes": self.notes,
-                "delay": None if self.delays is None else self.delays.to_dict(),
+                "delay": self.delays and self.delays.to_dict(),
                 "ageing": self.strengthening,
             }
+            | {name: getattr(self, name) for name in as_they_are}
         )
         return found
 

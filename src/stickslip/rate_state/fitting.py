@@ -78,10 +78,11 @@ def least_squares(
     low: Array,
     high: Array,
     *,
+    tried: Sequence[Array] = (),
     tolerance: float = 1e-10,
     most: int = 200,
 ) -> Fit:
-    """Fit a model from several starts, by logarithms of the values whose range lies above 0.
+    """Fit a model from several starts and the best of what is `tried`, by logarithms where a range lies above 0.
 
     A model may be NaN, or raise `UndecidedError`, where it has no curve.
     """
@@ -101,6 +102,7 @@ def least_squares(
         return np.clip(np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=1e3), -1e3, 1e3)
 
     least, largest = places(low), places(high)
+    best_tried = sorted(tried, key=lambda one: float(np.sum(residual(places(one)) ** 2)))[:1]
     fits = (
         optimize.least_squares(
             residual,
@@ -111,7 +113,7 @@ def least_squares(
             ftol=tolerance,
             max_nfev=most,
         )
-        for start in starts
+        for start in (*starts, *best_tried)
     )
     best = min(fits, key=lambda one: one.cost)
     square, value = 2.0 * best.cost, values(best.x)

@@ -17,27 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Healing(Answer):
-    """Peaks after holds and their growth, in the units of the run.
+    """Peaks after holds and their growth, in the units of the run."""
 
-    Attributes
-    ----------
-    hold : tuple of float
-        Times of rest, rising.
-    relaxation, peak, slip_to_peak : tuple of float
-        As `slide_hold_slide` gives them, one for each hold.
-    per_decade : tuple of float
-        Growth of the peak for each factor of ten in the hold, from one hold to the next.
-    by_rate_and_state : float
-        What rate and state says of long holds: ``b ln 10``.
-    time_unit, force_unit, length_unit : str
-    """
-
-    hold: tuple[float, ...]
-    relaxation: tuple[float, ...]
+    hold: tuple[float, ...]  #: times of rest, rising
+    relaxation: tuple[float, ...]  #: as `slide_hold_slide` gives them, one for each hold
     peak: tuple[float, ...]
     slip_to_peak: tuple[float, ...]
-    per_decade: tuple[float, ...]
-    by_rate_and_state: float
+    per_decade: tuple[float, ...]  #: growth of the peak for each factor of ten in the hold, from one hold to the next
+    by_rate_and_state: float  #: what rate and state says of long holds: ``b ln 10``
     time_unit: str
     force_unit: str
     length_unit: str

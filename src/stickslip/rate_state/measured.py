@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -66,21 +66,13 @@ class FittedStep(WithErrors, ABC):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StepFit(FittedStep):
-    """Rate-and-state parameters of a step. `Estimate` is a number with its standard ``error``.
+    """Rate-and-state parameters of a step. `Estimate` is a number with its standard ``error``."""
 
-    Attributes
-    ----------
-    law : {"ageing", "slip"}
-    a, b, distance : Estimate
-    a_minus_b : Estimate
-        Its error is that of the difference: a and b err together.
-    """
-
-    law: Law
-    a: Estimate
-    b: Estimate
-    distance: Estimate
-    a_minus_b: Estimate
+    law: Law  #: "ageing" or "slip"
+    a: Estimate  #: direct effect
+    b: Estimate  #: evolution effect
+    distance: Estimate  #: ``D``, over which the state evolves
+    a_minus_b: Estimate  #: its error is that of the difference: a and b err together
 
     @property
     def parameters(self) -> RateAndState:
@@ -109,25 +101,13 @@ class StepFit(FittedStep):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactsFit(FittedStep):
-    """A step read as contacts with Bell activation and logarithmic ageing.
+    """A step read as contacts with Bell activation and logarithmic ageing."""
 
-    Attributes
-    ----------
-    thresholds : Distribution
-        Of mean 1, in units of `breaking_displacement`.
-    width, ageing : Estimate
-        Activation width ``A`` and slope of ageing ``c``, over the mean threshold.
-    breaking_displacement : Estimate
-        Mean ``x_s``, in the unit of displacement.
-    linear : bool
-        Whether by the linear response alone.
-    """
-
-    thresholds: Distribution
-    width: Estimate
-    ageing: Estimate
-    breaking_displacement: Estimate
-    linear: bool
+    thresholds: Distribution  #: of mean 1, in units of `breaking_displacement`
+    width: Estimate  #: activation width ``A``, over the mean threshold
+    ageing: Estimate  #: slope ``c``, over the mean threshold
+    breaking_displacement: Estimate  #: mean ``x_s``, in the unit of displacement
+    linear: bool  #: whether by the linear response alone
 
     @property
     def interface(self) -> Interface:
@@ -135,8 +115,8 @@ class ContactsFit(FittedStep):
         return _contacts(self.thresholds, self.width, self.ageing)
 
     def _rise(self, x: Array) -> Array:
-        found = _StepOfContacts(self.thresholds, self.level, self.after / self.before, self.linear)
-        return found.rise(np.array([self.width, self.ageing, self.breaking_displacement, self.stiffness]), x)
+        rise = _rise_of_contacts(self.thresholds, self.level, self.after / self.before, linear=self.linear)
+        return rise(np.array([self.width, self.ageing, self.breaking_displacement, self.stiffness]), x)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
@@ -210,17 +190,14 @@ def fit_rate_and_state(
     if stiffness is not None:
         stiffness = number("stiffness", stiffness, above=0, hint="friction per displacement")
     found, failed = _fits(step, laws, stiffness, trend=trend)
-    if found:
-        return min(found, key=lambda one: one.rms)
-    x = step.displacement
-    turned = x if step.measured else np.where(x < 0, step.ratio, 1.0 / step.ratio) * x
-    swapped = replace(step, displacement=turned, before=step.after, after=step.before)
-    if _fits(swapped, laws, stiffness, trend=trend)[0]:
+    if not found and _fits(step.swapped(), laws, stiffness, trend=trend)[0]:
         failed[0] += (
             f"; a step from {step.after:g} to {step.before:g} does fit: "
             "are the velocities before and after it (--from and --to) swapped?"
         )
-    raise UndecidedError(failed[0])
+    if not found:
+        raise UndecidedError(failed[0])
+    return min(found, key=lambda one: one.rms)
 
 
 def _fits(step: Step, laws: Sequence[Law], stiffness: float | None, *, trend: bool) -> tuple[list[StepFit], list[str]]:
@@ -261,27 +238,20 @@ class _Curve(NamedTuple):
     needed: dict[str, str]
     """The first values, without which nothing is known, by name, with their units."""
 
-    def beside_a_line(self, step: Step, value: Array, *, trend: bool) -> tuple[Array, float, float]:
-        """Friction, level and slope where the last value is how late the step came."""
-        rise = self.rise(value[:-1], step.since(float(value[-1])))
-        level, slope = step.line(rise, trend=trend)
-        return rise + level + slope * step.displacement, level, slope
-
 
 def _fitted(
-    step: Step, curve: _Curve, starts: Sequence[Array], *, trend: bool, tolerance: float = 1e-10, most: int = 200
+    step: Step, curve: _Curve, starts: Sequence[Array], *, trend: bool, **how: Any
 ) -> tuple[list[Estimate], Array, dict[str, Any]]:
     """Fit a curve and when the step came: estimates, their covariance, and what `FittedStep` has."""
     low, high = np.append(curve.low, -step.near), np.append(curve.high, step.near)
-    fit = least_squares(
-        lambda value: curve.beside_a_line(step, value, trend=trend)[0],
-        step.friction,
-        starts,
-        low,
-        high,
-        tolerance=tolerance,
-        most=most,
-    )
+
+    def beside_a_line(value: Array) -> tuple[Array, float, float]:
+        """Friction, level and slope where the last value is how late the step came."""
+        rise = curve.rise(value[:-1], step.since(float(value[-1])))
+        level, slope = step.line(rise, trend=trend)
+        return rise + level + slope * step.displacement, level, slope
+
+    fit = least_squares(lambda value: beside_a_line(value)[0], step.friction, starts, low, high, **how)
     covariance = fit.covariance * _inflation(step.friction - fit.curve, low.size) ** 2
     found = [*map(Estimate, fit.value, np.sqrt(np.diag(covariance)))]
     late = found[-1]
@@ -300,22 +270,17 @@ def _fitted(
             "before it; correct the time of the step"
         )
     velocity = step.before if step.measured and late > 0 else step.after
-    _, level, slope = curve.beside_a_line(step, fit.value, trend=trend)
-    kept = {name: getattr(step, name) for name in ("before", "after", "length_unit", "time_unit", "friction_unit")}
-    return (
-        found,
-        covariance,
-        {
-            "at": Estimate(step.at + late / velocity, late.error / velocity),
-            "level": level,
-            "trend": slope,
-            "rms": fit.rms,
-            "misfit": fit.rms / float(np.ptp(step.friction)),
-            "late": float(late),
-            "stretch": step.stretch,
-            **kept,
-        },
-    )
+    _, level, slope = beside_a_line(fit.value)
+    common = {
+        "at": Estimate(step.at + late / velocity, late.error / velocity),
+        "level": level,
+        "trend": slope,
+        "rms": fit.rms,
+        "misfit": fit.rms / float(np.ptp(step.friction)),
+        "late": float(late),
+    }
+    kept = ("before", "after", "stretch", "length_unit", "time_unit", "friction_unit")
+    return found, covariance, common | {name: getattr(step, name) for name in kept}
 
 
 def _inflation(residual: Array, parameters: int) -> float:
@@ -365,15 +330,9 @@ def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> S
     count, unit = 3 if known else 4, step.friction_unit
     curve = _Curve(rise, low[:count], high[:count], {"a": unit, "b": unit, "D": step.length_unit})
 
-    def left(one: Array) -> float:
-        try:
-            return float(np.sum((step.friction - curve.beside_a_line(step, one, trend=trend)[0]) ** 2))
-        except UndecidedError:
-            return math.inf
-
-    best = min((start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)), key=left)
-    starts = [start(0.0), start(0.0, 1.5, 0.5), start(0.0, 1.2, 2.0), best]
-    found, covariance, common = _fitted(step, curve, starts, trend=trend)
+    tried = [start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)]
+    starts = [start(0.0), start(0.0, 1.5, 0.5), start(0.0, 1.2, 2.0)]
+    found, covariance, common = _fitted(step, curve, starts, trend=trend, tried=tried)
     apart = math.sqrt(max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0))
     return StepFit(
         law=law,
@@ -400,27 +359,28 @@ def _contacts(thresholds: Distribution, width: float, ageing: float) -> Interfac
     )
 
 
-class _StepOfContacts(NamedTuple):
-    """A step of contacts of given thresholds; the level before it says how large a unit of force is."""
+def _rise_of_contacts(
+    thresholds: Distribution, level: float, ratio: float, *, linear: bool
+) -> Callable[[Array, Array], Array]:
+    """Friction after a step over that before it, by width, ageing, breaking displacement and stiffness.
 
-    thresholds: Distribution
-    level: float
-    ratio: float
-    linear: bool
+    The level before it says how large a unit of force is.
+    """
 
-    def rise(self, value: Array, since: Array) -> Array:
-        """Friction after the step over that before it, by width, ageing, breaking displacement and stiffness."""
+    def rise(value: Array, since: Array) -> Array:
         width, ageing, x_s, stiffness = value.tolist()
-        interface = _contacts(self.thresholds, width, ageing)
-        unit = self.level / kinetic_friction(interface, 1.0)
+        interface = _contacts(thresholds, width, ageing)
+        unit = level / kinetic_friction(interface, 1.0)
         x, spring, found = since[since > 0] / x_s, stiffness * x_s / unit, np.zeros_like(since)
-        if self.linear:
-            force = math.log(self.ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
+        if linear:
+            force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
         else:
             reach = float(since.max()) / x_s + 1.0
-            force = np.interp(x, *finite_step(interface, 1.0, self.ratio, reach, stiffness=spring, fineness=1.0))
+            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, fineness=1.0))
         found[since > 0] = force
         return unit * found
+
+    return rise
 
 
 def fit_contacts(
@@ -465,11 +425,11 @@ def fit_contacts(
     a, D, spring = rough.a / step.level() * 0.5, float(rough.distance), float(rough.stiffness)
     low, high = np.array([0.1 * a, 1e-3 * a, 0.2 * D, 0.1 * spring]), np.array([10 * a, 30 * a, 20 * D, 10 * spring])
 
+    needed = {"A": "", "c": "", "the breaking displacement": step.length_unit}
+
     def fitted(starts: Sequence[Array], most: int, *, linear: bool) -> tuple[list[Estimate], Array, dict[str, Any]]:
-        contacts = _StepOfContacts(thresholds, step.level(), step.ratio, linear)
-        needed = {"A": "", "c": "", "the breaking displacement": step.length_unit}
-        curve = _Curve(contacts.rise, low, high, needed)
-        return _fitted(step, curve, starts, trend=trend, tolerance=1e-4, most=most)
+        rise = _rise_of_contacts(thresholds, step.level(), step.ratio, linear=linear)
+        return _fitted(step, _Curve(rise, low, high, needed), starts, trend=trend, tolerance=1e-4, most=most)
 
     starts = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
     found, _, common = fitted(starts, 50, linear=True)

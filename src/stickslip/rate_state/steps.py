@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -19,29 +19,15 @@ _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A velocity step as it is fitted: friction over the displacement of the load point, 0 at the step.
+    """A velocity step as it is fitted: friction over the displacement of the load point, 0 at the step."""
 
-    Attributes
-    ----------
-    displacement, friction : ndarray, shape (n,)
-        In bins, rising.
-    before, after : float
-        Velocities of the load point.
-    at : float
-        Time at which it was said to come.
-    measured : bool
-        Whether the displacement was measured; else it is the velocities times the time since the step.
-    length_unit, time_unit, friction_unit : str
-        Of the data; empty where it has none.
-    """
-
-    displacement: Array
+    displacement: Array  #: in bins, rising
     friction: Array
-    before: float
-    after: float
-    at: float = 0.0
-    measured: bool = True
-    length_unit: str = ""
+    before: float  #: velocity of the load point before the step
+    after: float  #: and after it
+    at: float = 0.0  #: time at which it was said to come
+    measured: bool = True  #: whether the displacement was measured; else it is the velocities times the time
+    length_unit: str = ""  #: of the data; empty where it has none
     time_unit: str = ""
     friction_unit: str = ""
 
@@ -68,6 +54,12 @@ class Step:
         """Friction before the step, if that came so much later."""
         before = self.friction[self.since(late) <= 0]
         return float(np.median(before) if before.size else self.friction[0])
+
+    def swapped(self) -> Step:
+        """The same friction, if the velocities were given in the wrong order."""
+        x, stretch = self.displacement, self.stretch
+        turned = np.where(x < 0, stretch, 1.0 / stretch) * x
+        return replace(self, displacement=turned, before=self.after, after=self.before)
 
     def line(self, rise: Array, *, trend: bool) -> tuple[float, float]:
         """Level and slope that fit best beside what the friction rises by; a level alone without a trend."""

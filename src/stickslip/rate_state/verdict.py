@@ -44,61 +44,37 @@ _LEAST, _MOST = 1e-7, 1e3
 class RateAndStateFit(WithErrors):
     """Rate-and-state parameters of an interface, and what they are worth.
 
-    Per contact and in natural units; `in_units` gives those of a rig.
-
-    Attributes
-    ----------
-    law : {"ageing", "slip"}
-        The law whose distance changes less between a step up and a step down.
-    a, b, distance : Estimate
-        Of the step that was asked for, or of a small one where `step` is None. Their standard ``error`` says how well
-        the step fixes the parameters, not how well the law describes it.
-    misfit : float
-        Of a small step: rms over the range of the force.
-    step_misfit : float or None
-        The same for the step that was asked for.
-    drift : (float, float, float)
-        Relative change of a, b and D, of small steps, over the decade of velocity about this one.
-    asymmetry : float or None
-        ``D`` of the step up over that of the step down, for the law.
-    healing : float or None
-        Growth of the peaks after holds per e-fold of the hold time, for long holds: the slope of ageing. None where
-        thresholds do not grow with the logarithm of age.
-    velocity : float
-        Of smooth sliding before the step.
-    step : float or None
-        Ratio of the velocities.
-    kinetic_friction, contact_stiffness : float
-        Force in smooth sliding, and stiffness of the attached contacts.
-    critical_stiffness, exact_critical_stiffness : float
-        Stiffness of the driving spring below which smooth sliding of a slider without mass is unstable: by rate and
-        state (in series with the contacts), and by the contacts themselves.
-    holds : bool
-        Whether the interface is rate-and-state-like.
-    reason : str
-        What fails, or what was tested.
-    scales : Scales or None
-        Of the rig in whose units, N and m, the numbers are; None in natural units.
+    Per contact and in natural units; `in_units` gives those of a rig. `Estimate` is a number with its standard
+    ``error``, which says how well the step fixes the parameters, not how well the law describes it.
     """
 
-    law: Law
-    a: Annotated[Estimate, Number("f_s")]
-    b: Annotated[Estimate, Number("f_s")]
-    distance: Annotated[Estimate, Number("x_s")]
-    misfit: float
-    step_misfit: float | None
-    drift: tuple[float, float, float]
-    asymmetry: float | None
+    law: Law  #: "ageing" or "slip", whose distance changes less between a step up and a step down
+    a: Annotated[Estimate, Number("f_s")]  #: of the step that was asked for, or of a small one where `step` is None
+    b: Annotated[Estimate, Number("f_s")]  #: evolution effect; ``a`` is the direct one
+    distance: Annotated[Estimate, Number("x_s")]  #: ``D``, over which the state evolves
+    misfit: float  #: of a small step: rms over the range of the force
+    step_misfit: float | None  #: the same for the step that was asked for
+    drift: tuple[float, float, float]  #: relative change of a, b, D, of small steps, over the decade of velocity
+    asymmetry: float | None  #: ``D`` of the step up over that of the step down, for the law
+
+    #: Growth of the peaks after holds per e-fold of the hold time, for long holds: the slope of ageing. None where
+    #: thresholds do not grow with the logarithm of age.
     healing: Annotated[float | None, Number("f_s")]
-    velocity: Annotated[float, Number("x_s/time")]
-    step: float | None
-    kinetic_friction: Annotated[float, Number("f_s")]
-    contact_stiffness: Annotated[float, Number("k")]
+
+    velocity: Annotated[float, Number("x_s/time")]  #: of smooth sliding before the step
+    step: float | None  #: ratio of the velocities
+    kinetic_friction: Annotated[float, Number("f_s")]  #: force in smooth sliding
+    contact_stiffness: Annotated[float, Number("k")]  #: of the attached contacts
+
+    #: Stiffness of the driving spring below which smooth sliding of a slider without mass is unstable: by rate and
+    #: state, in series with the contacts.
     critical_stiffness: Annotated[float, Number("k")]
-    exact_critical_stiffness: Annotated[float, Number("k")]
-    holds: bool
-    reason: str
-    scales: Scales | None = None
+
+    exact_critical_stiffness: Annotated[float, Number("k")]  #: the same by the contacts themselves
+
+    holds: bool  #: whether the interface is rate-and-state-like
+    reason: str  #: what fails, or what was tested
+    scales: Scales | None = None  #: of the rig in whose units, N and m, the numbers are; None in natural units
 
     def in_units(self, rig: Rig) -> RateAndStateFit:
         """Return parameters found in natural units in those of a rig: forces of all its contacts, in N."""
