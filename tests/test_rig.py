@@ -386,7 +386,7 @@ def test_what_could_be_built_is_read_written_and_refused():
     assert read.operation.range_of("mass") is None
     assert ss.read_rig(rigs.to_document(read)) == read
     for feasible, place in [
-        ({"stifness": ["1 MN/m", "2 MN/m"]}, "feasible = 'stifness'"),
+        ({"stifness": ["1 MN/m", "2 MN/m"]}, "feasible.stifness: unknown key; did you mean 'stiffness'"),
         ({"mass": "5 kg"}, "feasible.mass = '5 kg'"),
         ({"mass": ["5 kg", "1 kg"]}, "feasible.mass"),
         ({"mass": ["5 N", "6 kg"]}, r"feasible.mass\[0\] = '5 N'"),

@@ -6,12 +6,12 @@ import math
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal
 
 from stickslip.errors import InputError, extreme, number, shown
-from stickslip.model.quantities import read_quantity
-from stickslip.model.units import si_unit
+from stickslip.model.quantities import dimensions, read_quantity
+from stickslip.model.units import UNITS, si_unit
 
 Sign = Literal["above 0", "at least 0", ""]
 
@@ -21,62 +21,31 @@ DECADES = 15
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a file.
+    """One key of a file: its meaning for the reference page, and an example as it stands in an SI file.
 
-    Parameters
-    ----------
-    meaning : str
-        What it is, for the reference page.
-    example : object
-        A value as it stands in an SI file; its type is the type of the key, a mapping stands for a table.
-    unit : str
-        Natural unit of a quantity, ``"x_s/time"``; without one the value is a pure number, a text, a list.
-    sign : str
-        ``"above 0"``, ``"at least 0"`` or any.
-    choices : tuple of str
-        All that may be written, if that is known.
-    words : tuple of str
-        What may stand there in place of a number.
-    or_table, or_list : bool
-        Whether a table or a list may stand there, too.
-    default : object
-        What is taken if the key is left out; None if nothing is.
-    required : bool
-        Whether it must be given.
-    otherwise : str
-        In words, what is taken if a key without a `default` is left out.
-    measure : str
-        For a property of the bench that has a default: how to measure it.
-    longest : int
-        Characters of a text.
-    si : str
-        For a quantity that no scale of the rig measures: its SI unit, in files of natural units, too.
+    The type of the example is the type of the key: a mapping stands for a table, a list for a list of its first item.
     """
 
     meaning: str
     example: Any
     _: KW_ONLY
-    unit: str = ""
+    unit: str = ""  # natural unit of a quantity; without one the value is a pure number, a text, a list
+    si: str = ""  # SI unit of a quantity that no scale of the rig measures, in files of natural units, too
     sign: Sign = ""
-    choices: tuple[str, ...] = ()
-    words: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()  # all that may be written, if that is known
+    words: tuple[str, ...] = ()  # what may stand there in place of a number
     or_table: bool = False
     or_list: bool = False
     default: Any = None
     required: bool = False
-    otherwise: str = ""
-    measure: str = ""
-    longest: int = 2_000
-    si: str = ""
+    otherwise: str = ""  # in words, what is taken if a key without a default is left out
+    measure: str = ""  # how to measure a property of the bench that has a default
+    longest: int = 2_000  # characters of a text
 
     @property
     def is_table(self) -> bool:
         """Whether its value is a table, or a list of tables."""
-        return isinstance(self.example, Mapping) or (isinstance(self.example, list) and not self._of_numbers)
-
-    @property
-    def _of_numbers(self) -> bool:
-        return isinstance(self.example, list) and all(isinstance(item, (int, float)) for item in self.example)
+        return isinstance(self.example[0] if isinstance(self.example, list) else self.example, Mapping)
 
     def is_left(self, value: object) -> bool:
         """Whether a value is read elsewhere: a table, or a word in place of a number."""
@@ -88,41 +57,40 @@ class Key:
 
         Raises `InputError` if it cannot be.
         """
-        if self.unit or self.si:
+        if isinstance(self.example, list) and isinstance(value, list):
+            one = replace(self, example=self.example[0])
+            return tuple(one.read(item, f"{place}[{i}]", natural=natural) for i, item in enumerate(value))
+        if (self.unit or self.si) and not isinstance(self.example, list):
             try:
                 unit = self.si or si_unit(self.unit)
                 return quantity_of(value, unit, str(self.example), self.sign, natural=natural and not self.si)
             except InputError as error:
                 raise InputError(f"{place} = {shown(value)}: {error}", place) from None
-        if self._of_numbers and isinstance(value, list):
-            return tuple(_pure(item, f"{place}[{i}]", "") for i, item in enumerate(value))
         if isinstance(self.example, float):
             return _pure(value, place, self.sign)
-        kind, wrong = self._plain()
-        fits = value in self.choices if self.choices else type(value) is kind
-        if fits and not (isinstance(value, str) and len(value) > self.longest):
-            return value
-        raise InputError(f"{place} = {shown(value)}: must be {wrong}", place)
-
-    def _plain(self) -> tuple[type, str]:
-        """The type of a value that is neither a quantity nor a float, and what it must be, in words."""
         if self.choices:
-            return str, " or ".join([*map(repr, self.choices), *["a table"] * self.or_table])
-        words = {
-            str: f"text in quotes, of at most {self.longest} characters",
-            bool: "true or false",
-            int: "a whole number",
-        }
-        return next(
-            ((kind, said) for kind, said in words.items() if type(self.example) is kind), (list, "a list of numbers")
-        )
+            fits, wrong = value in self.choices, " or ".join([*map(repr, self.choices), *["a table"] * self.or_table])
+        else:
+            fits = type(value) is type(self.example) and not (isinstance(value, str) and len(value) > self.longest)
+            wrong = {
+                str: f"text in quotes, of at most {self.longest} characters",
+                bool: "true or false",
+                int: "a whole number",
+            }.get(type(self.example), f"a list, such as {toml(self.example)}")
+        if not fits:
+            raise InputError(f"{place} = {shown(value)}: must be {wrong}", place)
+        return value
+
+
+def quantity(meaning: str, example: str, sign: Sign = "above 0", **rest: Any) -> Key:
+    """The key of a quantity that is no field of a record; the example says in which unit it is measured."""
+    size = dimensions(example.partition(" ")[2])
+    unit = next(unit for unit, (*_, si) in UNITS.items() if unit != "1" and dimensions(si) == size)
+    return Key(meaning, example, unit=unit, sign=sign, **rest)
 
 
 def quantity_of(value: object, unit: str, example: str, sign: Sign = "above 0", *, natural: bool = False) -> float:
-    """Read a quantity: text with a unit in SI files, a plain number in natural ones.
-
-    Raises `InputError` if it is anything else; the message does not name the place.
-    """
+    """Read a quantity: text with a unit in SI files, a plain number in natural ones; errors do not name the place."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         if not natural:
             raise InputError(f"has no unit; write it as a string, such as {example!r}")
@@ -155,25 +123,13 @@ Way = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Either:
-    """Keys of a table that exclude each other: one way is taken, with all of its keys.
+    """Keys of a table that exclude each other: one way is taken, with all of its keys."""
 
-    Parameters
-    ----------
-    ways : tuple of tuples of str
-        The first is asked for where none is given.
-    needed : bool
-        Whether one of them must be given.
-    natural : int
-        Which way is asked for in a file of natural units.
-    because : str
-        Why not both, if that is not plain.
-    """
-
-    ways: tuple[Way, ...]
+    ways: tuple[Way, ...]  # the first is asked for where none is given
     _: KW_ONLY
     needed: bool = True
-    natural: int = 0
-    because: str = ""
+    natural: int = 0  # which way is asked for in a file of natural units
+    because: str = ""  # why not both, if that is not plain
 
     def given(self, content: Mapping[str, Any]) -> list[Way]:
         """The ways of which a table has some key."""

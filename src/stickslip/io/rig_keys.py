@@ -12,8 +12,8 @@ from dataclasses import MISSING, dataclass, fields, replace
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
-from stickslip.errors import InputError, shown
-from stickslip.io.keys import Either, Key, Sign
+from stickslip.errors import InputError
+from stickslip.io.keys import Either, Key, Sign, quantity
 from stickslip.model import Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -23,7 +23,7 @@ from stickslip.model.distributions import DISTRIBUTIONS, Empirical
 from stickslip.model.drive import Piece
 from stickslip.model.methods import METHODS
 from stickslip.model.records import declared
-from stickslip.model.units import UNITS
+from stickslip.model.units import si_unit
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Keys of records
@@ -34,23 +34,30 @@ Said = Key | tuple[str, Any] | tuple[str, Any, str]
 
 
 def _key(record: type, name: str, meaning: str, example: Any, otherwise: str = "") -> Key:
-    """The key of a field of a record."""
+    """The key of a field of a record: unit, bounds, choices and default are those of the field."""
     kind, mark = declared(record)[name]
     given = next(field.default for field in fields(record) if field.name == name)
     endless = given in (float("inf"), float("-inf"))
     default = None if given is MISSING or endless else given
     if record in DISTRIBUTIONS.values() and default is None and not endless:
         default = _USUAL.get(name)
-    required = default is None and given is MISSING and not otherwise
     if endless:
         otherwise = "none are"
     sign: Sign = "" if mark is None else "above 0" if mark.above == 0 else "at least 0" if mark.at_least == 0 else ""
-    if mark is not None and mark.unit != "1":
-        example = example if isinstance(example, (str, list)) else "2 ms"
-        return Key(meaning, example, unit=mark.unit, sign=sign, default=default, required=required, otherwise=otherwise)
+    unit = "" if mark is None or mark.unit == "1" else mark.unit
+    if unit and not isinstance(example, (str, list)):
+        example = "2 ms" if unit == "time" else f"2 {si_unit(unit)}"
     kinds = (kind, *get_args(kind))
-    choices = next((get_args(each) for each in kinds if get_origin(each) is Literal), ())
-    return Key(meaning, example, sign=sign, choices=choices, default=default, required=required, otherwise=otherwise)
+    return Key(
+        meaning,
+        example,
+        unit=unit,
+        sign=sign,
+        choices=next((get_args(each) for each in kinds if get_origin(each) is Literal), ()),
+        default=default,
+        required=default is None and given is MISSING and not otherwise,
+        otherwise=otherwise,
+    )
 
 
 def _table(record: type, rules: tuple[Either, ...] = (), **said: Said) -> dict[str, Key]:
@@ -74,24 +81,18 @@ NO_DELAY = (
 # Tables of a file
 # ---------------------------------------------------------------------------------------------------------------------
 
+_NO_SLIDER = "In place of `slider`: a {} of blocks, {}each on contacts of its own."
+_NATURAL = (
+    "The system of units. `natural`: plain numbers; the mean threshold force, stiffness and breaking displacement of a "
+    "contact are 1, and mass and stiffness are per contact."
+)
+
 TOP: Mapping[str, Key] = {
     "name": Key("What to call the rig.", "Brake pad", default="rig", longest=200),
-    "units": Key(
-        "The system of units. `natural`: plain numbers; the mean threshold force, stiffness and breaking displacement "
-        "of a contact are 1, and mass and stiffness are per contact.",
-        "SI",
-        choices=("SI", "natural"),
-        default="SI",
-    ),
+    "units": Key(_NATURAL, "SI", choices=("SI", "natural"), default="SI"),
     "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, otherwise="`chain` or `sheet`"),
-    "chain": Key(
-        "In place of `slider`: a bar of blocks, each on contacts of its own.", {"blocks": 57}, otherwise="`slider`"
-    ),
-    "sheet": Key(
-        "In place of `slider`: a plate of blocks, seen from above, each on contacts of its own.",
-        {"along": 60, "across": 20},
-        otherwise="`slider`",
-    ),
+    "chain": Key(_NO_SLIDER.format("bar", ""), {"blocks": 57}, otherwise="`slider`"),
+    "sheet": Key(_NO_SLIDER.format("plate", "seen from above, "), {"along": 60, "across": 20}, otherwise="`slider`"),
     "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
     "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
     "simulation": Key("How the rig is simulated.", {"contacts": 2000}, otherwise="all its defaults"),
@@ -126,29 +127,34 @@ SHAPE = ("spacing", "width", "height")
 
 COEFFICIENTS = ("mu_s", "mu_k")
 
+
+def _either(one: str, *others: str, needed: bool = False, because: str = "", natural: int = 0) -> Either:
+    return Either(((one,), others), needed=needed, because=because, natural=natural)
+
+
 RULES: Mapping[str, tuple[Either, ...]] = {
-    "slider": (Either((("damping_ratio",), ("damping",))),),
+    "slider": (_either("damping_ratio", "damping", needed=True),),
     **{
-        body: tuple(Either(((m,), (direct,)), needed=direct != "leaf", natural=1) for direct, m in material.items())
+        body: tuple(_either(m, direct, needed=direct != "leaf", natural=1) for direct, m in material.items())
         for body, material in MATERIAL.items()
     },
     "interface": (
-        Either((("thresholds",), COEFFICIENTS), because="they say how wide the thresholds are"),
-        Either((("delay",), ("v_half",)), needed=False),
-        Either((("newborn",), COEFFICIENTS), needed=False, because="these are read as of unstretched newborns"),
-        Either((("areas",), COEFFICIENTS), needed=False, because="these are read as of equal contacts"),
-        Either((("areas",), ("v_half",)), needed=False, because="it is read as of equal contacts"),
+        _either("thresholds", *COEFFICIENTS, needed=True, because="they say how wide the thresholds are"),
+        _either("delay", "v_half"),
+        _either("newborn", *COEFFICIENTS, because="these are read as of unstretched newborns"),
+        _either("areas", *COEFFICIENTS, because="these are read as of equal contacts"),
+        _either("areas", "v_half", because="it is read as of equal contacts"),
     ),
     "drive": (
-        Either((("velocity",), ("pieces",))),
-        Either((("distance",), ("duration",)), needed=False),
-        Either((("distance",), ("pieces",)), needed=False, because="pieces have durations of their own"),
-        Either((("duration",), ("pieces",)), needed=False, because="pieces have durations of their own"),
+        _either("velocity", "pieces", needed=True),
+        _either("distance", "duration"),
+        _either("distance", "pieces", because="pieces have durations of their own"),
+        _either("duration", "pieces", because="pieces have durations of their own"),
     ),
 }
 """Keys of a table that exclude each other."""
 
-STRENGTH = Either((("contact_strength",), ("normal_load", *COEFFICIENTS)))
+STRENGTH = _either("contact_strength", "normal_load", *COEFFICIENTS, needed=True)
 """The scale of force, in an SI file."""
 
 SLIDER = _table(
@@ -165,31 +171,26 @@ SLIDER = _table(
     ),
 )
 
-_LENGTH: Mapping[str, Any] = {"unit": "x_s", "sign": "above 0", "otherwise": "`coupling`"}
-_MODULUS: Mapping[str, Any] = {"unit": "f_s/x_s^2", "sign": "above 0"}
+_COUPLING = "Young's modulus `E`: neighbours along the drive are coupled by springs of `E B H/dx`."
+_TOP = (
+    "Shear modulus `G` of a bar that is held and moved along its top: the drive pulls each block by a spring of `{}`."
+)
+_ROWS = "Shear modulus `G`: neighbouring rows are coupled by springs of `G H dx/B` from block to block."
 _SECTION: Mapping[str, Said] = {
     "spacing": ("Length `dx` of a block along the drive.", "2.5 mm", "`coupling`"),
-    "width": Key("Width `B` of the bar, or of a row of the sheet.", "5 mm", **_LENGTH),
-    "height": Key("Height `H` of the bar, or thickness of the sheet.", "77.5 mm", **_LENGTH),
-    "youngs_modulus": Key(
-        "Young's modulus `E`: neighbours along the drive are coupled by springs of `E B H/dx`.", "3 GPa", **_MODULUS
-    ),
-    "density": Key(
-        "Density `rho`: a block has the mass `rho B H dx`.", "1180 kg/m^3", unit="f_s time^2/x_s^4", sign="above 0"
-    ),
+    "width": quantity("Width `B` of the bar, or of a row of the sheet.", "5 mm", otherwise="`coupling`"),
+    "height": quantity("Height `H` of the bar, or thickness of the sheet.", "77.5 mm", otherwise="`coupling`"),
+    "youngs_modulus": quantity(_COUPLING, "3 GPa"),
+    "density": quantity("Density `rho`: a block has the mass `rho B H dx`.", "1180 kg/m^3"),
 }
+_DASHPOT = "Dashpot between neighbours along the drive; between rows in proportion to their stiffness."
 _SPRINGS: Mapping[str, Said] = {
     "coupling": ("In place of `youngs_modulus`: stiffness between neighbours along the drive.", "540 MN/m"),
     "mass": ("In place of `density`: mass of a block.", "1.1 g"),
     "leaf": ("Stiffness of a spring from each block to the drive.", "0.2 MN/m"),
     "side": ("Stiffness of a spring from the first block (of a sheet, of every row) to the drive.", "4 MN/m"),
-    "damping": Key(
-        "Damping `eta` of each block against the ground.", "100 1/s", unit="1/time", sign="at least 0", default=0.0
-    ),
-    "viscosity": (
-        "Dashpot between neighbours along the drive; between rows in proportion to their stiffness.",
-        "10 kg/s",
-    ),
+    "damping": quantity("Damping `eta` of each block against the ground.", "100 1/s", "at least 0", default=0.0),
+    "viscosity": (_DASHPOT, "10 kg/s"),
     "ends": ("Whether opposite ends are coupled.", "free"),
 }
 
@@ -198,12 +199,7 @@ CHAIN = _table(
     RULES["chain"],
     blocks=("Number of blocks that the bar is cut into.", 57),
     **_SECTION,
-    shear_modulus=Key(
-        "Shear modulus `G` of a bar that is held and moved along its top: the drive pulls each block by a spring of "
-        "`G B dx/H`.",
-        "1.1 GPa",
-        **_MODULUS,
-    ),
+    shear_modulus=quantity(_TOP.format("G B dx/H"), "1.1 GPa"),
     **_SPRINGS,
 )
 
@@ -213,11 +209,7 @@ SHEET = _table(
     along=("Number of blocks along the drive.", 60),
     across=("Number of rows beside each other.", 20),
     **_SECTION,
-    shear_modulus=Key(
-        "Shear modulus `G`: neighbouring rows are coupled by springs of `G H dx/B` from block to block.",
-        "1.1 GPa",
-        **_MODULUS,
-    ),
+    shear_modulus=quantity(_ROWS, "1.1 GPa"),
     shear=("In place of `shear_modulus`: stiffness between neighbouring rows, from block to block.", "200 MN/m"),
     **_SPRINGS,
 )
@@ -225,19 +217,12 @@ SHEET = _table(
 INTERFACE = _table(
     Interface,
     (STRENGTH, *RULES["interface"]),
-    contact_strength=Key(
+    contact_strength=quantity(
         "Sum of the threshold forces of all contacts, `N f_s`. The static friction is smaller, as contacts do not "
         "break all at once.",
         "768 N",
-        unit="f_s",
-        sign="above 0",
     ),
-    normal_load=Key(
-        "With `mu_s` and `mu_k`: the force that presses the slider on.",
-        "1920 N",
-        unit="f_s",
-        sign="above 0",
-    ),
+    normal_load=quantity("With `mu_s` and `mu_k`: the force that presses the slider on.", "1920 N"),
     mu_s=Key(
         "With `normal_load` and `mu_k`: coefficient of static friction, the largest force of a slow pull over the "
         "load.",
@@ -250,12 +235,10 @@ INTERFACE = _table(
         0.2,
         sign="above 0",
     ),
-    breaking_displacement=Key(
+    breaking_displacement=quantity(
         "Mean displacement `x_s` at which a contact breaks; close to static friction over the slope of the force at "
         "the start of a slow pull.",
         "2 um",
-        unit="x_s",
-        sign="above 0",
     ),
     thresholds=Key(
         "Distribution of the displacements at which contacts break, in units of `breaking_displacement`.",
@@ -268,23 +251,20 @@ INTERFACE = _table(
         default={"distribution": "gaussian", "mean": 0.0, "std": 0.01},
         measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
     ),
-    delay=Key(
+    delay=quantity(
         "Time until a broken contact is attached again: a time, a table for a random one, "
         '`"on arrest"` for contacts that wait until the slider stops, or `"never"`.',
         "2 ms",
-        unit="time",
-        sign="at least 0",
+        "at least 0",
         words=("never", "on arrest"),
         or_table=True,
         default=0.0,
         measure=NO_DELAY,
     ),
-    v_half=Key(
+    v_half=quantity(
         "In place of `delay`: the speed at which the kinetic friction has halved; the delay is the mean breaking "
         "displacement over it.",
         "1 mm/s",
-        unit="x_s/time",
-        sign="above 0",
     ),
     sliding_force=(
         "Force of all contacts together, were they all detached and sliding; `contact_strength` is their strength "
@@ -315,13 +295,8 @@ INTERFACE = _table(
     ),
     temperature=Key(
         "How contacts break before their threshold.",
-        {
-            "kind": "bell",
-            "temperature": "293 K",
-            "activation_volume": "0.5 nm^3",
-            "shear_strength": "1 GPa",
-            "attempts": "1e12 1/s",
-        },
+        {"kind": "bell"}
+        | {"temperature": "293 K", "activation_volume": "0.5 nm^3", "shear_strength": "1 GPa", "attempts": "1e12 1/s"},
         otherwise="they do not",
     ),
 )
@@ -330,25 +305,21 @@ SCALES = ("contact_strength", "normal_load", *COEFFICIENTS, "breaking_displaceme
 """Keys that are 1 in natural units, or make up what is."""
 
 DRIVE: Mapping[str, Key] = {
-    "velocity": Key(
+    "velocity": quantity(
         "Constant velocity of the drive; a list of all speeds at which the rig works, the one to simulate first; or a "
         'table `{ from = "1 mm/s", to = "50 mm/s" }` of their range, of which the middle is simulated.',
         "0.4 mm/s",
-        unit="x_s/time",
+        "",
         or_list=True,
         or_table=True,
         otherwise="`pieces`",
     ),
-    "distance": Key(
+    "distance": quantity(
         "How far the drive goes at this velocity.",
         "4 mm",
-        unit="x_s",
-        sign="above 0",
         otherwise="120 breaking displacements, by when most transients are over",
     ),
-    "duration": Key(
-        "In place of `distance`: for how long.", "10 s", unit="time", sign="above 0", otherwise="`distance`"
-    ),
+    "duration": quantity("In place of `distance`: for how long.", "10 s", otherwise="`distance`"),
     "pieces": Key(
         "In place of `velocity`: velocities that change linearly in time, piece after piece.",
         [{"start": "10 mm/s", "end": "1 m/s", "duration": "0.5 s"}],
@@ -391,11 +362,9 @@ SIMULATION: Mapping[str, Key] = {
         or_table=True,
         default="from rest",
     ),
-    "interval": Key(
+    "interval": quantity(
         "Time between the samples of a run.",
         "0.5 ms",
-        unit="time",
-        sign="above 0",
         otherwise="a fraction of the run that resolves the slider's oscillation",
     ),
 }
@@ -455,10 +424,7 @@ _FIELDS: Mapping[str, tuple[str, Any]] = {
     "lower": ("Values below this one are cut off.", 0.0),
     "edges": ("In place of `samples`: rising edges of the bins of a histogram.", [0.5, 1.0, 1.5]),
     "weights": ("With `edges`: the weight of each bin.", [1.0, 2.0]),
-    "thresholds": (
-        "Thresholds of the contacts that slide.",
-        {"distribution": "gaussian", "std": 0.1},
-    ),
+    "thresholds": ("Thresholds of the contacts that slide.", {"distribution": "gaussian", "std": 0.1}),
     "time": ("Time in which the thresholds age.", "1 s"),
     "newborn": ("Threshold of a newborn contact, relative to the mean of `thresholds`.", 0.0),
     "width": ("Displacement over which the rate of breaking grows by a factor e.", "16 nm"),
@@ -507,6 +473,8 @@ def _histogram(samples: tuple[float, ...]) -> tuple[Any, ...]:
     return made.edges, made.weights
 
 
+_VOLUME = "Area that a contact gives way at a time, times how far: some molecules."
+
 INSTEAD: Mapping[type, Instead] = {
     Empirical: Instead(
         {"samples": Key("Measured values, from which a histogram is made.", [0.9, 1.0, 1.3])},
@@ -516,12 +484,7 @@ INSTEAD: Mapping[type, Instead] = {
     Bell: Instead(
         {
             "temperature": Key("Temperature of the interface.", "293 K", si="K", sign="above 0"),
-            "activation_volume": Key(
-                "Area that a contact gives way at a time, times how far: some molecules.",
-                "0.5 nm^3",
-                si="m^3",
-                sign="above 0",
-            ),
+            "activation_volume": Key(_VOLUME, "0.5 nm^3", si="m^3", sign="above 0"),
             "shear_strength": Key("Shear strength of the contacts themselves.", "1 GPa", si="Pa", sign="above 0"),
         },
         ("width",),
@@ -564,25 +527,7 @@ def _documented(record: type, name: str, kind: Any) -> tuple[str, Any]:
 
 def by_time(record: type) -> bool:
     """Whether a model of ageing has a rate, which a file gives as a time."""
-    return record in AGEING_MODELS.values() and "rate" in declared(record)
-
-
-def _power(record: type) -> float:
-    """The power of time that the rate of a model of ageing is."""
-    mark = declared(record)["rate"][1]
-    return UNITS[mark.unit][2] if mark else -1
-
-
-def time_of(record: Any) -> float:
-    """Time of a model of ageing that has a rate."""
-    power = _power(type(record))
-    return 1.0 / float(record.rate) if power == -1 else float(record.rate) ** (1.0 / power)
-
-
-def rate_of(record: type, time: float) -> float:
-    """Rate of a model of ageing that takes this time: ``time**-0.5`` for `Langevin`, else ``1/time``."""
-    power = _power(record)
-    return 1.0 / time if power == -1 else time**power
+    return "rate" in declared(record) and hasattr(record, "with_time")
 
 
 def fields_of_method(kind: type) -> dict[str, str]:
@@ -627,10 +572,7 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
     return keys_of(kind).get(below[0]) if kind else None
 
 
-def check_path(path: str, table_of: str = "assumed") -> None:
-    """Raise `InputError` unless a path such as ``"interface.delay"`` names a key of a rig file."""
+def is_path(path: str) -> bool:
+    """Whether a path such as ``"interface.delay"`` names a key of a rig file."""
     table, _, rest = path.partition(".")
-    if path not in ("name", "units") and rest.partition(".")[0] not in tables().get(table, {}):
-        raise InputError(
-            f"{table_of}.{shown(path)}: names no key of a rig file; write it as 'interface.delay'", f"{table_of}.{path}"
-        )
+    return path in ("name", "units") or rest.partition(".")[0] in tables().get(table, {})

@@ -20,7 +20,7 @@ from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.methods import METHODS, Start
 from stickslip.model.newborn import half_distance
 from stickslip.model.operation import Operation
-from stickslip.model.parameters import parameter_named
+from stickslip.model.parameters import BY_NAME
 from stickslip.model.records import declared
 from stickslip.model.rig import Assumption, Fitted, Rig
 from stickslip.model.units import Scales, si_unit
@@ -142,22 +142,21 @@ class _Reader:
         return [self.file.table(piece, rig_keys.PIECE, f"{place}[{i}]") for i, piece in enumerate(content)]
 
     def _speeds(self, content: Any, place: str) -> Values:
-        """The velocity of the drive, all speeds at which the rig works, and their range, in the units of the file."""
-        if not isinstance(content, (list, Mapping)):
-            return {"velocity": content, "speeds": (), "between": None}
-        named = {f"[{i}]": value for i, value in enumerate(content)} if isinstance(content, list) else {}
-        ends = {} if named or isinstance(content, list) else {f".{name}": content.get(name) for name in ("from", "to")}
-        key = replace(TABLES["drive"]["velocity"], sign="above 0")
-        try:
-            speeds = [key.read(value, place + at, natural=self.file.natural) for at, value in (named or ends).items()]
-        except InputError as error:
-            self.file.mistakes.append(error)
-            raise MistakesError from None
-        if not speeds or (ends and (speeds[0] >= speeds[1] or set(content) != {"from", "to"})):
+        """Of a list or a range of speeds, one that is simulated, and all of them, in the units of the file."""
+        key = replace(rig_keys.DRIVE["velocity"], sign="above 0", or_list=False, or_table=False, required=True)
+        if isinstance(content, list) and content:
+            each = replace(key, example=[key.example])
+            speeds = self.file.make("drive", lambda: each.read(content, place, natural=self.file.natural))
+            return {"velocity": speeds[0], "speeds": speeds}
+        if isinstance(content, Mapping):
+            before = len(self.file.mistakes)
+            ends = self.file.table(content, {"from": key, "to": key}, place)
+            self.file.stop(before)
+            if ends["from"] < ends["to"]:
+                return {"velocity": math.sqrt(ends["from"] * ends["to"]), "between": tuple(ends.values())}
+        if isinstance(content, (list, Mapping)):
             self.file.refuse(place, content, f"must be speeds, as in {_SPEEDS}")
-        if ends:
-            return {"velocity": math.sqrt(speeds[0] * speeds[1]), "speeds": (), "between": tuple(speeds)}
-        return {"velocity": speeds[0], "speeds": tuple(speeds), "between": None}
+        return {}
 
     # -------------------------------------------------- scales
 
@@ -215,9 +214,10 @@ class _Reader:
         }
         file.stop(before)
         values = self._in_natural(values, keys) if any(key.unit for key in keys.values()) else values
-        names: dict[str, str] = {}
         if rig_keys.by_time(kind):
-            values["rate"], names = rig_keys.rate_of(kind, values.pop("time")), {"rate": "time"}
+            time = values.pop("time")
+            return file.make(place, lambda: kind(rate=1.0, **values).with_time(time), {"rate": "time"})
+        names: dict[str, str] = {}
         if instead is not None and set(instead.keys) <= set(values):
             made = file.make(place, partial(instead.made, *(values.pop(name) for name in instead.keys)))
             values |= dict(zip(instead.fields, made, strict=True))
@@ -289,7 +289,7 @@ class _Reader:
 
     def _operation(self, drive: Values, feasible: list[tuple[str, float, float]]) -> Operation:
         speeds, between = (
-            tuple(self._natural(speed, "x_s/time") for speed in drive.get(name) or ()) for name in ("speeds", "between")
+            tuple(self._natural(speed, "x_s/time") for speed in drive.get(name, ())) for name in ("speeds", "between")
         )
         return self.file.make(
             "drive", lambda: Operation(speeds=speeds, between=between or None, feasible=tuple(feasible))
@@ -317,38 +317,41 @@ class _Reader:
         if not prestress:
             return FromSliding() if simulation["start"] == "sliding" else FromRest()
         values = self._in_natural(prestress, START)
+        if isinstance(values["stretching"], list):
+            values["stretching"] = self._profile(values["stretching"], body.size)
+        return self.file.make(_START, lambda: Prestressed(**values))
 
-        def made() -> Prestressed:
-            if isinstance(values["stretching"], list):
-                values["stretching"] = _profile(values["stretching"], body.size)
-            return Prestressed(**values)
-
-        return self.file.make(_START, made)
+    def _profile(self, content: list[Any], size: int) -> tuple[float, ...]:
+        """The stretching of each block, from a list of numbers or of runs of blocks alike."""
+        runs, place, key = [], f"{_START}.stretching", START["stretching"]
+        for i, item in enumerate(content):
+            run = item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item}
+            runs.append(
+                self.file.table(run, {"blocks": Key("", 20, required=True), "stretching": key}, f"{place}[{i}]")
+            )
+            if runs[-1].get("blocks", 1) < 1:
+                self.file.wrong(f"{place}[{i}].blocks", "must be at least 1")
+        self.file.stop()
+        if (total := sum(run["blocks"] for run in runs)) != size:
+            self.file.wrong(place, f"is of {total} blocks, but there are {size}; give one number, or one for each")
+            self.file.stop()
+        return tuple(run["stretching"] for run in runs for _ in range(run["blocks"]))
 
     # -------------------------------------------------- what is said of the rig
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
         """The ranges within which parameters could be set, in natural units."""
+        keys = {}
+        for name, parameter in BY_NAME.items():
+            unit = "" if parameter.unit == "1" else parameter.unit
+            keys[name] = Key("", [f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0")
         found: list[tuple[str, float, float]] = []
-        if not isinstance(content, Mapping):
-            self.file.wrong("feasible", 'must be a table, as in [feasible] stiffness = ["1 MN/m", "10 MN/m"]')
-            return found
-        for name, given in content.items():
-            place = f"feasible.{name}"
-            try:
-                parameter = parameter_named(str(name), place="feasible")
-                if not isinstance(given, list) or len(given) != 2:
-                    raise InputError(f"{place} = {shown(given)}: must be two values, lowest and highest", place)
-                unit = "" if parameter.unit == "1" else parameter.unit
-                key = Key("", f"2 {si_unit(unit)}" if unit else 1.0, unit=unit, sign="above 0")
-                ends = [key.read(item, f"{place}[{i}]", natural=self.file.natural) for i, item in enumerate(given)]
-                if ends[0] > ends[1]:
-                    raise InputError(f"{place} = {shown(given)}: the lowest value comes first", place)
-                if self.scales is not None:
-                    low, high = (self._natural(end, unit) for end in ends)
-                    found.append((parameter.name, low, high))
-            except InputError as error:
-                self.file.mistakes.append(error)
+        for name, ends in self.file.table(content, keys, "feasible").items():
+            if len(ends) != 2 or ends[0] > ends[1]:
+                self.file.wrong(f"feasible.{name}", "must be two values, the lowest first")
+            elif self.scales is not None:
+                low, high = (self._natural(end, keys[name].unit) for end in ends)
+                found.append((name, low, high))
         return found
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
@@ -389,16 +392,14 @@ class _Reader:
     def _paths(self, content: object, table: str) -> Iterator[tuple[str, Any]]:
         """The entries of a table that are about keys of the file."""
         if not isinstance(content, Mapping):
-            self.file.mistakes.append(
-                InputError(f"{table} = {shown(content)}: must be a table, as in [{table}]", table)
-            )
+            self.file.table(content, {}, table)
             return
         for path, entry in content.items():
-            try:
-                rig_keys.check_path(path, table)
+            if rig_keys.is_path(path):
                 yield path, entry
-            except InputError as error:
-                self.file.mistakes.append(error)
+            else:
+                what = f"{table}.{shown(path)}: names no key of a rig file; write it as 'interface.delay'"
+                self.file.mistakes.append(InputError(what, f"{table}.{path}"))
 
     def _value_at(self, path: str) -> str:
         """What stands at a path of the file; empty if nothing does."""
@@ -408,27 +409,6 @@ class _Reader:
                 return ""
             node = node[part]
         return _plainly(node)
-
-
-def _profile(content: list[Any], size: int) -> tuple[float, ...]:
-    """The stretching of each block, from a list of numbers or of runs of blocks alike."""
-    found: list[float] = []
-    total, place = 0, "Prestressed.stretching"
-    for i, item in enumerate(content):
-        blocks, value = 1, item
-        if isinstance(item, Mapping):
-            blocks, value = item.get("blocks", 0), item.get("stretching")
-            if set(item) != {"blocks", "stretching"} or type(blocks) is not int or blocks < 1:
-                example = toml({"blocks": 20, "stretching": 0.7})
-                what = f"{place}[{i}] = {shown(item)}: must be a number, or blocks alike: {example}"
-                raise InputError(what, f"{place}[{i}]")
-        total += blocks
-        if total <= size:
-            found += [START["stretching"].read(value, f"{place}[{i}]", natural=True)] * blocks
-    if total != size:
-        what = f"{place}: is of {total} blocks, but there are {size}; give one number, or one for each"
-        raise InputError(what, place)
-    return tuple(found)
 
 
 def _plainly(value: Any) -> str:

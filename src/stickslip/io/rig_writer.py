@@ -69,7 +69,7 @@ class RigWriter:
         for name, key in keys.items():
             value, same = getattr(record, name, None), None
             if name == "time" and rig_keys.by_time(type(record)):
-                value, same = rig_keys.time_of(record), self._same_rate(record)
+                same = self._same_rate(record)
             if value is None or value == -math.inf or (not defaults and value == key.default):
                 continue
             if isinstance(value, Distribution):
@@ -89,7 +89,7 @@ class RigWriter:
         return {word: name} | self._values(record, keys_of(type(record)))
 
     def _same_rate(self, record: Any) -> Same:
-        return lambda time: rig_keys.rate_of(type(record), time / self.scales.unit("time")) == record.rate
+        return lambda time: record.with_time(time / self.scales.unit("time")) == record
 
     def _body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider

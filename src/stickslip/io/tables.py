@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -19,10 +20,7 @@ LARGEST_FILE = 1_000_000
 
 
 def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
-    """Read the content of a TOML file; errors say what it should be, ``"rig file"``, and name an example.
-
-    Raises `InputError` if the file is missing, empty, binary or no TOML.
-    """
+    """Read the content of a TOML file; errors say what it should be, ``"rig file"``, and name an example."""
     content = files.read(path, kind, largest=LARGEST_FILE)
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
@@ -66,12 +64,7 @@ _MOST_EACH = 40
 class Tables:
     """Reads the tables of a file one after the other, and notes every mistake on the way.
 
-    Parameters
-    ----------
-    natural : bool
-        Whether quantities are plain numbers in natural units.
-    renamed : mapping of str to str
-        Keys that were, by their paths, and what to write now.
+    With `natural`, quantities are plain numbers; `renamed` says of keys that were, by their paths, what to write now.
     """
 
     def __init__(self, *, natural: bool = False, renamed: Mapping[str, str] | None = None) -> None:
@@ -99,9 +92,9 @@ class Tables:
             self.mistakes.append(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
             return {}
         path = f"{place}." if place else ""
-        for name in content:
-            if name not in keys:
-                self.wrong(path + str(name)[:60], self._unknown(path, str(name), keys))
+        for i, name in enumerate(str(name) for name in content if name not in keys):
+            what = f"unknown key; {unknown(name, keys)}" if i < _MOST_EACH else "unknown key"  # a word takes its time
+            self.wrong(path + name[:60], self._renamed.get(path + name, what))
         found: dict[str, Any] = {}
         for name, key in keys.items():
             if name in content:
@@ -155,10 +148,8 @@ class Tables:
 
     def part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
         """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
-        try:
+        with suppress(MistakesError):
             return None if content is None else read(content, place)
-        except MistakesError:
-            return None
 
     def stop(self, before: int = 0) -> None:
         """Read no further if there was a mistake, besides the first so many."""
@@ -177,11 +168,6 @@ class Tables:
         key = self.mistakes[0].place if len(self.mistakes) == 1 else ""
         each = tuple(self.mistakes) if len(self.mistakes) <= _MOST_EACH else ()
         return InputError(f"{place}: {together(lines)}", key, each)
-
-    def _unknown(self, path: str, name: str, keys: Mapping[str, Key]) -> str:
-        if renamed := self._renamed.get(path + name):
-            return renamed
-        return f"unknown key; {unknown(name, keys)}"
 
 
 def unknown(name: str, known: Iterable[str]) -> str:

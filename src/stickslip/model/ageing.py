@@ -83,6 +83,15 @@ class ExponentialGrowth(AgeingModel):
     rate: Annotated[float, Number("1/time", above=0)]
     newborn: Annotated[float, Number(at_least=0)] = 0.0
 
+    @property
+    def time(self) -> float:
+        """Time ``1/rate`` in which what lacks to the full thresholds falls to 1/e."""
+        return 1.0 / self.rate
+
+    def with_time(self, value: float) -> ExponentialGrowth:
+        """Return the ageing with another time."""
+        return replace(self, rate=1.0 / value)
+
 
 @register("logarithmic")
 @dataclass(frozen=True, kw_only=True)
