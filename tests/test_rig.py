@@ -289,6 +289,9 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
     with pytest.raises(ss.InputError) as caught:  # a file of hundreds is no rig file
         rigs.from_document(document | {f"mistaken_{i}": 1 for i in range(41)}, "rig.toml")
     assert caught.value.mistakes == (caught.value,)
+    for thousands in ({"drive": {"pieces": [{}] * 20_000}}, {"assumed": {f"slider.a{i}": "b" for i in range(20_000)}}):
+        with pytest.raises(ss.InputError, match=r" more|duration = "):
+            rigs.from_document(document | thousands)
 
 
 @pytest.mark.parametrize(("mu_s", "mu_k"), [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34)])

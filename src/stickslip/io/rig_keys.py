@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
+from functools import cache
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
@@ -493,7 +494,8 @@ INSTEAD: Mapping[type, Instead] = {
 }
 
 
-def keys_of(record: type) -> dict[str, Key]:
+@cache
+def keys_of(record: type) -> Mapping[str, Key]:
     """Keys of the table that makes a record that a table names.
 
     Raises `InputError` if a delay of the user's own has a number without a unit: a file could not say what it means.

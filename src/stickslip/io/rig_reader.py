@@ -202,7 +202,7 @@ class _Reader:
         """The record that a table names, in natural units."""
         file, name = self.file, place.rpartition(".")[2]
         word, kinds = rig_keys.KINDS[name]
-        kind = file.kind(content, place, word, kinds, _EXAMPLES.get(name, INTERFACE[name].example))
+        kind: Any = file.kind(content, place, word, kinds, _EXAMPLES.get(name, INTERFACE[name].example))
         keys, before = keys_of(kind), len(file.mistakes)
         written = {name: value for name, value in content.items() if name != word}
         values, instead = file.table(written, keys, place), rig_keys.INSTEAD.get(kind)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
 from itertools import groupby
 from typing import Any
 
@@ -11,10 +12,9 @@ from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import keys_of
-from stickslip.model import Delay, ElasticBody, FromRest, FromSliding, Gaussian, Piece, Prestressed, Slider
+from stickslip.model import Delay, ElasticBody, FromRest, FromSliding, Prestressed, Slider
 from stickslip.model.body import BODIES
 from stickslip.model.delays import OnArrest
-from stickslip.model.distributions import Distribution
 from stickslip.model.drive import USUAL_DISTANCE
 from stickslip.model.methods import METHODS
 from stickslip.model.parameters import parameter_named
@@ -37,6 +37,7 @@ class RigWriter:
     def document(self, damping_ratio: bool | None) -> Document:
         """The content of the file."""
         rig = self.rig
+        top = {"name": rig.name, "units": "natural" if self.natural else "", "source": rig.source}
         feasible = {
             name: [self._quantity(end, parameter_named(name).unit) for end in ends]
             for name, *ends in rig.operation.feasible
@@ -50,9 +51,7 @@ class RigWriter:
             },
         }
         return (
-            {"name": rig.name}
-            | ({"units": "natural"} if self.natural else {})
-            | ({"source": rig.source} if rig.source else {})
+            {key: text for key, text in top.items() if text or key == "name"}
             | self._body(damping_ratio)
             | {"interface": self._interface(), "drive": self._drive(), "simulation": self._simulation()}
             | {name: table for name, table in optional.items() if table}
@@ -66,30 +65,37 @@ class RigWriter:
     def _values(self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True) -> Document:
         """The fields of a record that its table has keys for; those that have their default may be left out."""
         found: Document = {}
+        usual = {field.name: field.default for field in fields(record)}
         for name, key in keys.items():
             value, same = getattr(record, name, None), None
+            if value is None or value == -math.inf or (not defaults and value in (key.default, usual[name])):
+                continue
             if name == "time" and rig_keys.by_time(type(record)):
                 same = self._same_rate(record)
-            if value is None or value == -math.inf or (not defaults and value == key.default):
-                continue
-            if isinstance(value, Distribution):
-                found[name] = self._named("thresholds", value)
+            if is_dataclass(value):
+                found[name] = self._named(name, value)
             elif isinstance(value, tuple):
                 found[name] = [self._number(item) for item in value]
             else:
                 found[name] = self._quantity(value, key.unit, same) if key.unit else self._number(value)
         return found
 
-    def _named(self, key: str, record: Any) -> Document:
-        """A record that a table names."""
-        word, kinds = rig_keys.KINDS[key]
-        name = next((name for name, kind in kinds.items() if type(record) is kind), None)
-        if name is None:
-            raise self._refuse(f"{shown(record)}, which has no name among {', '.join(kinds)},")
-        return {word: name} | self._values(record, keys_of(type(record)))
-
     def _same_rate(self, record: Any) -> Same:
         return lambda time: record.with_time(time / self.scales.unit("time")) == record
+
+    def _named(self, key: str, record: Any) -> Any:
+        """A record that a table names, or the word or the time that says it."""
+        if isinstance(record, Delay):
+            return "never" if math.isinf(record.time) else self._quantity(record.time, "time")
+        if isinstance(record, OnArrest):
+            return "on arrest"
+        word, kinds = rig_keys.KINDS[key]
+        its_kind: Any = type(record)
+        name = next((name for name, kind in kinds.items() if its_kind is kind), None)
+        if name is None:
+            raise self._refuse(f"{shown(record)}, which has no name among {', '.join(kinds)},")
+        named = {} if (key, name) == ("delay", "random") else {word: name}  # as without
+        return named | self._values(record, keys_of(its_kind))
 
     def _body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider
@@ -115,70 +121,35 @@ class RigWriter:
         if not self.natural:
             found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == scales.stretching)
-        found["thresholds"] = self._named("thresholds", interface.thresholds)
         # A default that was taken is left out, so that it is taken, and told of, again.
-        if self.digits is not None or interface.initial != Gaussian(mean=0.0, std=0.01):
-            found["initial"] = self._named("initial", interface.initial)
-        if self.digits is not None or interface.delay != Delay(0.0):
-            found["delay"] = self._delay()
+        found |= self._values(interface, rig_keys.INTERFACE, defaults=False)
+        if self.digits is not None:
+            found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}
         if force := interface.sliding_force:
             found["sliding_force"] = self._quantity(
                 blocks * force, "f_s", lambda si: si / blocks / scales.force == force
             )
-        if interface.track_scatter:
-            found["track_scatter"] = self._number(interface.track_scatter)
-        if interface.areas is not None:
-            found["areas"] = interface.areas
-        for name in ("newborn", "ageing", "temperature"):
-            if (record := getattr(interface, name)) is not None:
-                found[name] = self._named(name, record)
         return found
-
-    def _delay(self) -> Any:
-        delay = self.rig.interface.delay
-        if isinstance(delay, Delay):
-            return "never" if math.isinf(delay.time) else self._quantity(delay.time, "time")
-        if isinstance(delay, OnArrest):
-            return "on arrest"
-        found = self._named("delay", delay)
-        return {key: value for key, value in found.items() if (key, value) != ("model", "random")}  # as without
 
     # -------------------------------------------------- drive and simulation
 
     def _drive(self) -> Document:
-        pieces: tuple[Piece, ...] = self.rig.drive.pieces
+        pieces, operation = self.rig.drive.pieces, self.rig.operation
         if any(piece.until is not None for piece in pieces):
             raise self._refuse("a drive with conditions")
         if len(pieces) > 1 or pieces[0].start != pieces[0].end:
-            ends = [{end: self._velocity(getattr(piece, end)) for end in ("start", "end")} for piece in pieces]
-            lasts = [{"duration": self._quantity(piece.duration, "time")} for piece in pieces]
-            return {"pieces": [end | last for end, last in zip(ends, lasts, strict=True)]}
+            return {"pieces": [self._values(piece, rig_keys.PIECE) for piece in pieces]}
         velocity, duration = pieces[0].start, pieces[0].duration
-        found = {"velocity": self._speeds(velocity)}
+        speeds = [self._quantity(speed, "x_s/time") for speed in operation.between or operation.speeds or (velocity,)]
+        if operation.between is not None:
+            found: Document = {"velocity": dict(zip(("from", "to"), speeds, strict=True))}
+        else:
+            found = {"velocity": speeds if operation.speeds else speeds[0]}
         if self.digits is None and velocity and duration == USUAL_DISTANCE / abs(velocity):
             return found  # a default, too
-        size = self.scales.unit("x_s")
-        distance = velocity and self._quantity(
-            abs(velocity) * duration, "x_s", lambda si: si / size / abs(velocity) == duration, or_none=True
-        )
+        size, way = self.scales.unit("x_s"), abs(velocity) * duration
+        distance = velocity and self._exact(way, "x_s", [lambda si: si / size / abs(velocity) == duration])
         return found | ({"distance": distance} if distance else {"duration": self._quantity(duration, "time")})
-
-    def _speeds(self, velocity: float) -> Any:
-        operation = self.rig.operation
-        if operation.between is not None:
-            return {name: self._velocity(end) for name, end in zip(("from", "to"), operation.between, strict=True)}
-        return [self._velocity(speed) for speed in operation.speeds] or self._velocity(velocity)
-
-    def _velocity(self, value: float) -> Any:
-        """A velocity; the fastest one of a drive is also what the unit of time comes from."""
-        size, x_s, time = self.scales.unit("x_s/time"), self.scales.stretching, self.scales.time
-        if not self.natural:
-            both = self._quantity(
-                value, "x_s/time", lambda si: si / size == value and (not si or x_s / abs(si) == time), or_none=True
-            )
-            if both is not None:
-                return both
-        return self._quantity(value, "x_s/time")
 
     def _simulation(self) -> Document:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
@@ -210,32 +181,34 @@ class RigWriter:
             return float(f"{value:.{self.digits}g}")
         return value
 
-    def _quantity(self, value: float, unit: str, same: Same | None = None, *, or_none: bool = False) -> Any:
-        """A natural value as it stands in a file: the shortest text that reads back as the same.
+    def _quantity(self, value: float, unit: str, same: Same | None = None) -> Any:
+        """A natural value as it stands in a file, in the shortest text that reads back as the same, or the nearest."""
+        scales, size = self.scales, self.scales.unit(unit)
+        fits: list[Same] = [same or (lambda si: si / size == value)]
+        if unit == "x_s/time":  # the fastest velocity of a drive is also what the unit of time comes from
+            fits.insert(0, lambda si: si / size == value and (not si or scales.stretching / abs(si) == scales.time))
+        exact = self._exact(value, unit, fits)
+        if exact is not None:
+            return exact
+        return value if self.natural else f"{value * size!r} {si_unit(unit)}"
 
-        Where none reads back as the same it is the nearest that there is, or None with `or_none`.
-        """
-        size = self.scales.unit(unit)
-        fits = same or (lambda si: si / size == value)
+    def _exact(self, value: float, unit: str, fits: list[Same]) -> Any:
+        """The shortest text of which the first condition, or a later one, is true; None if there is none."""
         if self.natural or unit == "1":
             if self.digits is not None:
                 return self._number(value)
-            return next(filter(fits, _roundings(value)), None if or_none else value)
-        name = si_unit(unit)
+            return next((way for same in fits for way in _ways(value) if same(way)), None)
+        size, name = self.scales.unit(unit), si_unit(unit)
         if self.digits is not None:
             return engineering(value * size, name, self.digits)
-        texts = (text for text in _texts(value * size, name) if fits(read_quantity(text, name, text)))
-        return next(texts, None if or_none else f"{value * size!r} {name}")
+        texts = [(text, read_quantity(text, name, text)) for text in _ways(value * size, name)]
+        return next((text for same in fits for text, si in texts if same(si)), None)
 
 
-def _roundings(value: float) -> list[float]:
-    """A number with few digits, with more, and its neighbours."""
-    near = [math.nextafter(value, way) for way in (math.inf, -math.inf)]
-    return [*(float(f"{value:.{digits}g}") for digits in (4, 8, 12, 15)), value, *near]
-
-
-def _texts(value: float, unit: str) -> list[str]:
-    """A quantity in words of few digits, of more, and of all; then its neighbours."""
+def _ways(value: float, unit: str = "") -> list[Any]:
+    """A number, with its unit if there is one, of few digits, of more, and of all; then its neighbours."""
     low, high = (math.nextafter(value, way) for way in (-math.inf, math.inf))
-    exact = [value, low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf)]
-    return [engineering(value, unit, digits) for digits in range(4, 17)] + [f"{one!r} {unit}" for one in exact]
+    near = [value, low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf)] if value else []
+    if not unit:
+        return [*(float(f"{value:.{digits}g}") for digits in range(4, 17)), *near]
+    return [*(engineering(value, unit, digits) for digits in range(4, 17)), *(f"{one!r} {unit}" for one in near)]

@@ -58,7 +58,9 @@ class MissingError(InputError):
 
 
 _MOST_EACH = 40
-"""Mistakes that are told each at its key, too: a form has no more; a file of thousands is no rig file."""
+"""Mistakes that are told each at its key, too: a form has no more."""
+_MOST_READ = 1_000
+"""Mistakes after which a file is read no further."""
 
 
 class Tables:
@@ -88,6 +90,8 @@ class Tables:
 
     def table(self, content: object, keys: Mapping[str, Key], place: str = "") -> dict[str, Any]:
         """Values of a table, quantities in SI units or natural ones; tables in it as they stand."""
+        if len(self.mistakes) > _MOST_READ:
+            raise MistakesError
         if not isinstance(content, Mapping):
             self.mistakes.append(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
             return {}
