@@ -58,8 +58,7 @@ def _name_of(kind: type) -> str:
 def encode(value: object) -> Plain:
     """Turn a record, or a tuple, mapping or plain value of records, into what JSON can hold.
 
-    A record becomes a mapping with its class name under ``"class"``, which can be the name of no field and of no
-    argument; infinities become strings.
+    A record becomes a mapping with its class name under ``"class"``; infinities become strings.
     """
     if is_dataclass(value) and not isinstance(value, type):
         content = {
@@ -114,10 +113,7 @@ def provenance(call: str, arguments: Mapping[str, object]) -> str:
 
 
 def read_provenance(data: xr.Dataset) -> dict[str, Any]:
-    """Return the provenance of a result as plain data.
-
-    Raises `InputError` if the Dataset has none, or one that cannot be read.
-    """
+    """Return the provenance of a result as plain data."""
     text = getattr(data, "attrs", {}).get("provenance")
     if not isinstance(text, str):
         raise InputError("this file has no provenance: it is not a run made by stickslip; analyse it with `measure`")
@@ -125,8 +121,8 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
         content = json.loads(text)
         content["call"], content["arguments"]
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise InputError("the provenance in this file is damaged; make the run again") from None
-    if not isinstance(content["call"], str) or not isinstance(content["arguments"], dict):
+        content = None
+    if content is None or not (isinstance(content["call"], str) and isinstance(content["arguments"], dict)):
         raise InputError("the provenance in this file is damaged; make the run again")
     return dict(content)
 

@@ -29,38 +29,18 @@ from stickslip.model.rig import Rig
 
 Document = dict[str, Any]
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Files
-# ---------------------------------------------------------------------------------------------------------------------
-
-
 EXAMPLES = Path(__file__).parents[1] / "examples"
 """Folder of the rigs that come with the package."""
 
 
 def example_names() -> tuple[str, ...]:
-    """Return the names of the rigs that come with the package.
-
-    Examples
-    --------
-    >>> "brake_pad" in example_names()
-    True
-    """
-    # A sweep is no rig: it names one.
-    return tuple(
-        sorted(
-            f.stem
-            for f in EXAMPLES.glob("*.toml")
-            if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", *BODIES))
-        )
-    )
+    """Return the names of the rigs that come with the package; a sweep is no rig: it names one."""
+    texts = {file.stem: file.read_text(encoding="utf-8") for file in sorted(EXAMPLES.glob("*.toml"))}
+    return tuple(name for name, text in texts.items() if any(f"[{body}]" in text for body in ("slider", *BODIES)))
 
 
 def example_file(name: str) -> Path:
-    """Return the file of a rig or sweep that comes with the package, such as ``"pmma_slider"``.
-
-    Raises `InputError` if there is none of that name.
-    """
+    """Return the file of a rig or sweep that comes with the package, such as ``"pmma_slider"``."""
     instance("example: name", name, str, "the name of an example")
     known = sorted(f.stem for f in EXAMPLES.glob("*.toml"))
     if name not in known:
@@ -112,19 +92,9 @@ def content_of(path: Path) -> Document:
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
-    """Make a rig of the content of a file.
+    """Make a rig of the content of a file; `place` begins the message of an error.
 
-    Parameters
-    ----------
-    document : mapping
-        What the file holds.
-    place : str
-        Begins the message of an error.
-
-    Raises
-    ------
-    InputError
-        Naming every mistake: key, value, remedy. Its `mistakes` are told apart, each with its key as `place`.
+    The error names every mistake: key, value, remedy; its `mistakes` are told apart, each with its key as `place`.
     """
     return rig_from(document, place)
 
@@ -161,19 +131,8 @@ def _wrapped(found: re.Match[str]) -> str:
 
 
 def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:
-    """Return what a rig file holds, from the records.
+    """Return what a rig file holds, from the records, in so many digits, or in as few as read back the same.
 
-    Parameters
-    ----------
-    rig : Rig
-    digits : int, optional
-        Significant digits of every number; by default as few as read back the same.
-    damping_ratio : bool, optional
-        Whether the damping is given by its ratio; by default if that is a number of few digits.
-
-    Raises
-    ------
-    InputError
-        If the rig has a part that no file can hold.
+    The damping is given by its ratio if `damping_ratio` says so, by default if that is a number of few digits.
     """
     return RigWriter(rig, digits).document(damping_ratio)

@@ -13,7 +13,7 @@ from stickslip.io import rig_keys
 from stickslip.io.keys import Key, toml
 from stickslip.io.rig_keys import COEFFICIENTS, INTERFACE, MATERIAL, SHAPE, START, TABLES, keys_of
 from stickslip.io.tables import MistakesError, Tables
-from stickslip.model import Delay, ElasticBody, FromRest, FromSliding, Interface, Method, Output, Prestressed, Slider
+from stickslip.model import Delay, FromRest, FromSliding, Interface, Method, Output, Prestressed, Slider
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
@@ -69,7 +69,7 @@ class _Reader:
         prestress = self._prestress(simulation)
         file.stop()
 
-        body = self._slider(slider) if self.body == "slider" else self._elastic(slider, self._in_natural)
+        body = self._body(slider, self._in_natural)
         return Rig(
             interface=self._interface(interface, parts),
             slider=body,
@@ -174,7 +174,7 @@ class _Reader:
                 "interface.mu_s", lambda: thresholds_of(*coefficients, parts["initial"])
             )
             interface["contact_strength"] = strength * interface["normal_load"]
-        blocks = 1 if self.body == "slider" else self._elastic(slider, lambda values, _: values).size
+        blocks = 1 if self.body == "slider" else self._body(slider, lambda values, _: values).size
         for name in ("contact_strength", "sliding_force"):
             interface[name] /= blocks
         velocities = [piece[end] for piece in drive["pieces"] or () for end in ("start", "end")] or [drive["velocity"]]
@@ -248,15 +248,8 @@ class _Reader:
 
         return replace(made, delay=self.file.make("interface.v_half", delay))
 
-    def _slider(self, slider: Values) -> Slider:
-        values = self._in_natural(slider, TABLES["slider"])
-        if (ratio := values.pop("damping_ratio", None)) is not None:
-            held = self.file.make("slider", lambda: Slider(**values, damping=0.0))
-            values["damping"] = 2.0 * ratio * held.frequency
-        return self.file.make("slider", lambda: Slider(**values))
-
-    def _elastic(self, values: Values, convert: Callable[[Values, Mapping[str, Key]], Values]) -> ElasticBody:
-        """An elastic body: properties of the material become springs and masses of blocks."""
+    def _body(self, values: Values, convert: Callable[[Values, Mapping[str, Key]], Values]) -> Any:
+        """What slides: properties of the material become springs and masses of blocks."""
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
         # A spring from a block to the top is as long as the bar is high, one from row to row as a row is wide.
         shape = {
@@ -268,12 +261,12 @@ class _Reader:
         # Products in the units of the file: what follows from the material can be written into it again, bit for bit.
         material = {direct: name for direct, name in MATERIAL.get(self.body, {}).items() if name in values}
         values = values | {direct: values[name] * shape[direct] for direct, name in material.items()}
-        kind: Any = BODIES[self.body]
+        kind: Any = BODIES.get(self.body, Slider)
         made = convert(values, rig_keys.tables()[self.body])
-        body: ElasticBody = self.file.make(
-            self.body, lambda: kind(**{name: made[name] for name in declared(kind) if name in made})
-        )
-        return body
+        if "damping_ratio" in made:
+            held = self.file.make("slider", lambda: Slider(stiffness=made["stiffness"], mass=made["mass"], damping=0.0))
+            made["damping"] = 2.0 * made["damping_ratio"] * held.frequency
+        return self.file.make(self.body, lambda: kind(**{name: made[name] for name in declared(kind) if name in made}))
 
     def _drive(self, drive: Values) -> Drive:
         if drive["pieces"]:
