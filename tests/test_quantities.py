@@ -35,11 +35,6 @@ def outcome(read):
         return str(error)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What is read
-# ---------------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
     [
@@ -59,7 +54,6 @@ def outcome(read):
         ("4 MN·m⁻¹", "N/m", 4e6),
         ("4 kg/s²", "N/m", 4.0),
         ("4 kg*m/(s^2*m)", "N/m", 4.0),
-        ("1 1/(m*s²)", "Pa", None),
         ("3 t", "kg", 3e3),
         ("5 daN", "N", 50.0),
         ("1 kgf", "N", 9.80665),
@@ -68,19 +62,14 @@ def outcome(read):
         ("36 km/h", "m/s", 10.0),
         ("30 mm/yr", "m/s", 0.03 / (365.25 * 86400)),
         ("0 N", "N", 0.0),
+        ("2 um", "mm", 0.002),
+        ("1 h", "min", 60.0),
+        ("3 kN/m", "N/mm", 3.0),
     ],
 )
 def test_what_is_well_written_is_read(text, unit, value):
-    if value is None:
-        assert "not in a unit of" in refusal(text, unit)
-        return
     # Exact sizes, rounded once; the right-hand sides are rounded once or twice.
     assert read_quantity(text, unit, "") == pytest.approx(value, rel=3e-16, abs=0)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# What is refused, with the way to write it
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -103,6 +92,7 @@ def test_what_is_well_written_is_read(text, unit, value):
         ("3 kt", "knots or kilotonnes"),
         ("3 Hz", "write '1/s'"),
         ("4 N", "not in a unit of"),
+        ("1 1/(m*s²)", "not in a unit of"),
         ("nan N/m", "finite"),
         ("-inf N/m", "finite"),
         ("1e999 N/m", "finite"),
@@ -113,106 +103,16 @@ def test_a_refusal_says_what_would_be_right(text, words):
     assert words in refusal(text)
 
 
-JUNK = [
-    *(
-        "\u221e N/m",
-        "~2 N/m",
-        "$2 N/m",
-        "2 N/m;",
-        "2(1) N/m",
-        "4 N/m\0",
-        "2\u20133 N/m",
-        "4 MN/m 2",
-        "[1,2] N/m",
-        "1..2 N/m",
-    ),
-    *(
-        "N/m",
-        "pi N/m",
-        "m",
-        "",
-        " ",
-        "-",
-        ".",
-        "e",
-        "1 pi",
-        "2 c",
-        "1 k",
-        "1 hbar",
-        "1 m_e",
-        "1 R",
-        "1 G",
-        "4 gal",
-        "4 hp",
-    ),
-    *(
-        "9**9**9**9 N/m",
-        "4 N^9^9/m",
-        "4 N/m^99",
-        "4 N/m^0",
-        "4 N/m^1.5",
-        "4 N²²/m",
-        "4 N/m⁴",
-        "4² N/m",
-        "\uff14 N/m",
-        "4^2 N/m",
-    ),
-    *(
-        "0x10 N/m",
-        "1e N/m",
-        "1e1e1 N/m",
-        "--4 N/m",
-        "- 4 N/m",
-        "4 N/m\n",
-        "4\tN/m",
-        "4 N/m # stiff",
-        "4 N//m",
-        "4 N/",
-        "4 *N/m",
-    ),
-    *(
-        "4 N/(m",
-        "4 ((N))/m",
-        "4 N/()",
-        "(4 N/m)",
-        "4*N/m",
-        "4 N+2 N",
-        "4 N/m, 5 N/m",
-        "1/2 N/m",
-        "4 2/s",
-        "4 %",
-        "4 N per m",
-    ),
-    *(
-        "4 degC",
-        "4 rad/s",
-        "4 NN/m",
-        "4 kmin",
-        "4 dd",
-        "4 mPas",
-        "4 das",
-        "4 ma",
-        "4 mn/m",
-        "4 N/M",
-        "4 KN/m",
-        "4 Kg",
-        "4 Sec",
-    ),
-    *(
-        "4 Newton",
-        "4 Ns/m",
-        "4 Nm",
-        "4 __class__",
-        "4 N.m",
-        "4 sqrt(N)",
-        "True",
-        "1j N",
-        "4 N/m\u200b",
-        "4 N/\u043c",
-        "4e3\u00b2 N/m",
-    ),
-    *("9" * 65, "4 N" + "N" * 100_000, "4." + "0" * 100_000 + " N/m", "(" * 64, "4 " + "N*" * 31),
-]
+WRONG = (
+    "\u221e N/m|~2 N/m|$2 N/m|2 N/m;|2(1) N/m|4 N/m\u0000|2\u20133 N/m|4 MN/m 2|[1,2] N/m|1..2 N/m|N/m|pi N/m|"
+    "m|| |-|.|e|1 pi|2 c|1 k|1 hbar|1 m_e|1 R|1 G|4 gal|4 hp|9**9**9**9 N/m|4 N^9^9/m|4 N/m^99|4 N/m^0|"
+    "4 N/m^1.5|4 N\u00b2\u00b2/m|4 N/m\u2074|4\u00b2 N/m|\uff14 N/m|4^2 N/m|0x10 N/m|1e N/m|1e1e1 N/m|--4 N/m|"
+    "- 4 N/m|4 N/m\u000a|4\u0009N/m|4 N/m # stiff|4 N//m|4 N/|4 *N/m|4 N/(m|4 ((N))/m|4 N/()|(4 N/m)|4*N/m|"
+    "4 N+2 N|4 N/m, 5 N/m|1/2 N/m|4 2/s|4 %|4 N per m|4 degC|4 rad/s|4 NN/m|4 kmin|4 dd|4 mPas|4 das|4 ma|"
+    "4 mn/m|4 N/M|4 KN/m|4 Kg|4 Sec|4 Newton|4 Ns/m|4 Nm|4 __class__|4 N.m|4 sqrt(N)|True|1j N|4 N/m\u200b|"
+    "4 N/\u043c|4e3\u00b2 N/m"
+)
+JUNK = [*WRONG.split("|"), "9" * 65, "4 N" + "N" * 100_000, "4." + "0" * 100_000 + " N/m", "(" * 64, "4 " + "N*" * 31]
 
 
 @pytest.mark.parametrize("text", JUNK, ids=lambda text: ascii(text[:20]))
@@ -232,10 +132,6 @@ def test_what_is_no_text_is_no_quantity(value):
         rigs.from_document(document)
     assert len(str(caught.value)) < 250
 
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Properties
-# ---------------------------------------------------------------------------------------------------------------------
 
 SIZES = {
     "m": (Fraction(1), (1, 0, 0)),
@@ -317,13 +213,9 @@ def test_what_is_accepted_is_the_number_times_the_unit(case):
 
 
 @settings(max_examples=200)
-@given(
-    st.floats(min_value=1e-290, max_value=1e290),
-    st.sampled_from([("N", "N"), ("kg", "kg"), ("m/s", "m/s"), ("1/s", "1/s"), ("N/m", "kg/s^2")]),
-)
-def test_a_value_written_in_full_is_read_back_the_same(value, units):
-    written, wanted = units
-    assert read_quantity(f"{value!r} {written}", wanted, "") == value
+@given(st.floats(min_value=1e-290, max_value=1e290), st.sampled_from(["N", "kg", "m/s", "1/s", "N/m"]))
+def test_a_value_written_in_full_is_read_back_the_same(value, unit):
+    assert read_quantity(f"{value!r} {unit}", unit, "") == value
     assert read_number(repr(-value)) == -value
 
 
@@ -362,11 +254,3 @@ def test_what_is_no_plain_number(text):
     with pytest.raises(InputError) as caught:
         read_number(text)
     assert len(str(caught.value)) < 150
-
-
-@pytest.mark.parametrize(
-    ("text", "unit", "value"),
-    [("2 um", "mm", 0.002), ("1 h", "min", 60.0), ("3 kN/m", "N/mm", 3.0), ("250 g", "kg", 0.25), ("1 m", "km", 1e-3)],
-)
-def test_a_quantity_comes_in_the_unit_that_is_wanted(text, unit, value):
-    assert read_quantity(text, unit, "1 m") == value
