@@ -10,7 +10,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal
 
 from stickslip.errors import InputError, extreme, number, shown
-from stickslip.model.quantities import dimensions, read_quantity
+from stickslip.model.quantities import read_quantity, unit_size
 from stickslip.model.units import UNITS, si_unit
 
 Sign = Literal["above 0", "at least 0", ""]
@@ -84,9 +84,14 @@ class Key:
 
 def quantity(meaning: str, example: str, sign: Sign = "above 0", **rest: Any) -> Key:
     """The key of a quantity that is no field of a record; the example says in which unit it is measured."""
-    size = dimensions(example.partition(" ")[2])
-    unit = next(unit for unit, (*_, si) in UNITS.items() if unit != "1" and dimensions(si) == size)
+    measured = _exponents(example.partition(" ")[2])
+    unit = next(unit for unit, (*_, si) in UNITS.items() if _exponents(si) == measured)
     return Key(meaning, example, unit=unit, sign=sign, **rest)
+
+
+def _exponents(unit: str) -> dict[str, int]:
+    size = unit_size(unit)
+    return size[1] if size else {"": 1}
 
 
 def quantity_of(value: object, unit: str, example: str, sign: Sign = "above 0", *, natural: bool = False) -> float:
