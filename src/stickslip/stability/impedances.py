@@ -7,16 +7,16 @@ contact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError
 from stickslip.model import ElasticBody, Slider
+from stickslip.model.records import Number, Record
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -42,7 +42,7 @@ Body = Slider | Impedance
 
 
 @dataclass(frozen=True, kw_only=True)
-class RadiationDamping:
+class RadiationDamping(Record):
     """A spring, a mass and an elastic half-space that carries waves away: ``Z = K + M s^2 + r s``.
 
     Parameters
@@ -57,14 +57,9 @@ class RadiationDamping:
         ``M/N``; zero for a quasi-dynamic fault.
     """
 
-    stiffness: float
-    radiation: float
-    mass: float = 0.0
-
-    def __post_init__(self) -> None:
-        number("RadiationDamping.stiffness", self.stiffness, above=0, hint="K/N")
-        number("RadiationDamping.radiation", self.radiation, at_least=0, hint="A mu/(2 c_s)")
-        number("RadiationDamping.mass", self.mass, at_least=0, hint="M/N")
+    stiffness: Annotated[float, Number(above=0, hint="K/N")]
+    radiation: Annotated[float, Number(at_least=0, hint="A mu/(2 c_s)")]
+    mass: Annotated[float, Number(at_least=0, hint="M/N")] = 0.0
 
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
@@ -72,7 +67,7 @@ class RadiationDamping:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Modes:
+class Modes(Record):
     """An elastic slider given by its modes, as a finite-element model or a modal test lists them.
 
     The modes carry the same force and their displacements add, so receptances add:
@@ -89,25 +84,16 @@ class Modes:
         A driving spring ``K/N`` that pulls at the interface, beside the modes.
     """
 
-    masses: tuple[float, ...]
-    stiffnesses: tuple[float, ...]
-    dampings: tuple[float, ...]
-    stiffness: float = 0.0
+    masses: Annotated[tuple[float, ...], Number(above=0, hint="numbers, one for each mode")]
+    stiffnesses: Annotated[tuple[float, ...], Number(at_least=0, hint="numbers, one for each mode")]
+    dampings: Annotated[tuple[float, ...], Number(above=0, hint="numbers, one for each mode")]
+    stiffness: Annotated[float, Number(at_least=0, hint="K/N")] = 0.0
 
     def __post_init__(self) -> None:
-        number("Modes.stiffness", self.stiffness, at_least=0, hint="K/N")
-        for field, above, at_least in (
-            ("masses", 0.0, None),
-            ("stiffnesses", None, 0.0),
-            ("dampings", 0.0, None),
-        ):
-            values: Sequence[float] = getattr(self, field)
-            if len(values) != len(self.masses) or len(values) == 0:
-                raise InputError(f"Modes.{field}: {len(values)} values: must be as many as masses, at least one")
-            checked = (
-                number(f"Modes.{field}[{i}]", value, above=above, at_least=at_least) for i, value in enumerate(values)
-            )
-            object.__setattr__(self, field, tuple(checked))
+        super().__post_init__()
+        for field in ("masses", "stiffnesses", "dampings"):
+            if not len(self.masses) == (count := len(getattr(self, field))) > 0:
+                raise InputError(f"Modes.{field}: {count} values: must be as many as masses, at least one")
         if self.stiffness == 0 and min(self.stiffnesses) == 0:
             raise InputError(
                 "Modes.stiffness = 0: nothing holds the slider, one of its modes has no stiffness; "
@@ -117,20 +103,14 @@ class Modes:
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
         s = np.asarray(s, dtype=complex)
-        own = [m * s * (s + eta) + k for m, eta, k in zip(self.masses, self.dampings, self.stiffnesses, strict=True)]
+        each = (self.masses, self.dampings, self.stiffnesses)
+        m, eta, k = (np.reshape(values, (-1, *[1] * s.ndim)) for values in each)
+        scale = np.maximum(np.maximum(m, k), 1e-300)
         # 1/G as a product over sums of products: finite where a mode alone would be.
-        scaled = [z / max(m, k, 1e-300) for z, m, k in zip(own, self.masses, self.stiffnesses, strict=True)]
-        total = np.zeros_like(s)
-        for i in range(len(own)):
-            rest = np.ones_like(s) / max(self.masses[i], self.stiffnesses[i], 1e-300)
-            for j, factor in enumerate(scaled):
-                rest = rest * (1.0 if j == i else factor)
-            total = total + rest
-        product = np.ones_like(s)
-        for factor in scaled:
-            product = product * factor
+        scaled = (m * s * (s + eta) + k) / scale
+        others = [np.prod(np.delete(scaled, i, axis=0), axis=0) / scale[i] for i in range(len(scale))]
         with np.errstate(divide="ignore", invalid="ignore"):
-            return self.stiffness + product / total
+            return np.asarray(self.stiffness + np.prod(scaled, axis=0) / np.sum(others, axis=0))
 
 
 def impedance(body: Body) -> Impedance:
