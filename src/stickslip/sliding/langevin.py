@@ -218,21 +218,14 @@ def _place(u: float, delta: float) -> float:
 @lru_cache(maxsize=256)
 def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float]:
     """Transforms of a life over the logarithm of its phase, and its mean length, between the rows of the table."""
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import CubicSpline, KroghInterpolator
 
     place = _place(u, delta)
-    first = math.floor(place) - _STENCIL // 2 + 1
-    offset = place - first - np.arange(_STENCIL)
-    parts, rest = np.zeros((4, _phases(delta).size), dtype=complex), 0.0
-    for k in range(_STENCIL):
-        others = np.delete(offset, k)
-        weight = float(np.prod(others / (others - offset[k])))
-        if weight != 0.0:
-            row, held = _row(delta, newborn, first + k)
-            # At the same phase of a life neighbouring speeds are alike.
-            parts += weight * row
-            rest += weight * held
-    return CubicSpline(np.log(_phases(delta)), parts, axis=1), rest
+    numbers = math.floor(place) - _STENCIL // 2 + 1 + np.arange(_STENCIL)
+    rows, rests = zip(*(_row(delta, newborn, number) for number in numbers.tolist()), strict=True)
+    # At the same phase of a life neighbouring speeds are alike.
+    parts, rest = (KroghInterpolator(numbers, np.array(each))(place) for each in (rows, rests))
+    return CubicSpline(np.log(_phases(delta)), parts, axis=1), float(rest)
 
 
 @lru_cache(maxsize=2048)
