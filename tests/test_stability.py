@@ -280,7 +280,7 @@ def test_unstable_without_oscillation():
 def test_very_close_pairs_of_neutral_frequencies_are_seen():
     # At high speed a mode is unstable only within 1e-4 of a multiple of 2 pi/tau.
     for v in (313.2, 313.45, 314.0, 400.0):
-        (neutral,) = neutral_frequencies(respond(INTERFACE), impedance(SLIDER), [v])
+        (neutral,) = neutral_frequencies(respond(INTERFACE), [(SLIDER, v)])
         assert neutral.unstable() == count_unstable(rig(v)) == 4
 
 

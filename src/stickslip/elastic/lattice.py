@@ -110,10 +110,6 @@ def continuum_prestress(speed: float, groups: Groups) -> float:
     """
     kappa, leaf, alpha, zeta = groups
     bend = 1.0 / speed**2
-    if zeta == 0:
-        sharp = 4.0 * (bend - 1.0)
-        ahead, behind = (alpha + math.sqrt(alpha**2 + held * sharp) for held in (leaf + kappa, leaf))
-        return behind / ahead if ahead > 0 else 1.0
     roots = (np.roots([-zeta * bend, 1.0 - bend, alpha, held]) for held in (leaf, leaf + kappa))
     behind, ahead = (float(np.max(root.real[np.abs(root.imag) <= 1e-9 * np.abs(root)], initial=0.0)) for root in roots)
-    return behind / ahead
+    return behind / ahead if ahead > 0 else 1.0

@@ -231,7 +231,7 @@ def critical_spring(rig: Rig) -> float:
     # The softer the springs considered, the longer the scan of a rig without losses: stop at the first that suffices.
     for softest in (1e-1, 1e-3, 1e-6):
         try:
-            (neutral,) = neutral_frequencies(respond(natural.interface), z, [speed], softest=softest)
+            (neutral,) = neutral_frequencies(respond(natural.interface), [(z, speed)], softest=softest)
         except UndecidedError as error:
             raise UndecidedError(f"no critical spring above {softest:g} could be decided: {error}") from error
         spring = base + float(np.max(neutral.extra, initial=-math.inf))
@@ -262,12 +262,12 @@ class Point(NamedTuple):
 def neutral_along(
     parameter: Parameter, rig: Rig, values: Sequence[float], *, softest: float | None = None
 ) -> list[Neutral]:
-    """Neutral frequencies at each value of the parameter; values that share interface and rig are computed together."""
+    """Neutral frequencies at each value of the parameter; values that share the interface are computed together."""
     there = [parameter.set(rig, value) for value in values]
     found: list[Neutral] = []
-    for (interface, body), group in groupby(there, key=lambda here: (here.interface, here.slider)):
-        speeds = [here.velocity for here in group]
-        found += neutral_frequencies(respond(interface), impedance(body), speeds, softest=softest)
+    for interface, group in groupby(there, key=lambda here: here.interface):
+        rigs = [(impedance(here.slider), here.velocity) for here in group]
+        found += neutral_frequencies(respond(interface), rigs, softest=softest)
     return found
 
 

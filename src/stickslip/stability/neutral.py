@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
-from stickslip.sliding.response import Array, Response
+from stickslip.sliding.response import Array, ComplexArray, Response
 from stickslip.stability.impedances import Impedance
-from stickslip.stability.scan import Scan, loss, scan
+from stickslip.stability.scan import Scan, loss, loss_of, scan
 
 
 class Neutral(NamedTuple):
@@ -38,37 +38,43 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 
 
 def neutral_frequencies(
-    response: Response, body: Impedance, velocities: Sequence[float], *, softest: float | None = None
+    response: Response, rigs: Sequence[tuple[Impedance, float]], *, softest: float | None = None
 ) -> list[Neutral]:
-    """Return per velocity all zeros of ``Im(Z + kappa)`` on the axis that bear on the body, or on all stiffer ones too.
+    """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on each body at its velocity, or on stiffer ones too.
 
     With `softest` given the answer holds for every rig that has the same losses and masses and a total static
     stiffness of at least `softest`, else for the rig itself only.
     """
     if response.inert:
-        return [NOTHING for _ in velocities]
-    scans = [scan(response, body, velocity, softest) for velocity in velocities]
-    brackets = [_brackets(response, body, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
-    # All velocities at once: a call costs the same for one frequency and for a hundred.
+        return [NOTHING for _ in rigs]
+    scans = [scan(response, body, velocity, softest) for body, velocity in rigs]
+    brackets = [_brackets(response, *rig, seen) for rig, seen in zip(rigs, scans, strict=True)]
+    # All rigs at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
-    speed = np.repeat(np.asarray(velocities, dtype=float), counts)
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
     omega = extra = left
     if left.size:
+        alike = {id(body): k for k, (body, _) in enumerate(rigs)}
+        bodies, speed = (np.repeat(each, counts) for each in zip(*((alike[id(z)], v) for z, v in rigs), strict=True))
 
-        def lost(w: Array, v: Array) -> Array:
-            return loss(response, body, v, w)
+        def impedances(w: Array, bodies: Array) -> ComplexArray:
+            z = np.empty(w.shape, dtype=complex)
+            for k in np.unique(bodies):
+                z[bodies == k] = rigs[int(k)][0](1j * w[bodies == k])
+            return z
 
-        zeros = elementwise.find_root(lost, (left, right), args=(speed,)).x
+        def lost(w: Array, bodies: Array, speed: Array) -> Array:
+            return loss_of(impedances(w, bodies), *response.axis_parts(speed, w))
+
+        zeros = elementwise.find_root(lost, (left, right), args=(bodies, speed)).x
         omega = np.where(np.isnan(zeros), left, zeros)  # a bracket of which an end is 0 but for rounding
-        s = 1j * omega
-        extra = -(body(s) + response.stiffness(speed, s)).real
+        extra = -(impedances(omega, bodies) + response.stiffness(speed, 1j * omega)).real
     answers = []
     ends = np.cumsum([0, *counts])
     for k, (seen, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
         w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
         # Where a scan was cut off for |kappa| < |Z| just past half a turn, the turn is never completed.
-        if softest is None and seen.omega.size and _past_half_a_turn(response, body, velocities[k], seen):
+        if softest is None and seen.omega.size and _past_half_a_turn(response, *rigs[k], seen):
             w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))

@@ -29,7 +29,7 @@ def count(response: Response, body: Impedance, velocity: float) -> int:
 
     Raises `UndecidedError` if a mode is neutral to within the accuracy of the response.
     """
-    (neutral,) = neutral_frequencies(response, body, [velocity])
+    (neutral,) = neutral_frequencies(response, [(body, velocity)])
     accuracy = response.precision.accuracy
     near = np.flatnonzero(np.abs(neutral.extra) < accuracy)
     if near.size:
@@ -46,7 +46,7 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
 
     Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be told.
     """
-    (neutral,) = neutral_frequencies(response, body, [velocity])
+    (neutral,) = neutral_frequencies(response, [(body, velocity)])
     growing, limit = neutral.unstable(), response.leftmost(velocity)
     starts, roots = _first_starts(response, body, velocity, neutral), np.empty(0, dtype=complex)
     for step in _lines(response, growing, limit):

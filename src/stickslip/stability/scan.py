@@ -23,10 +23,11 @@ class Scan(NamedTuple):
 def loss(response: Response, body: Impedance, velocity: float | Array, omega: Array) -> Array:
     """``Im(Z + kappa) |denominator|^2`` on the axis: the zeros of ``Im(Z + kappa)``, without its sharp peaks."""
     numerator, denominator = response.axis_parts(velocity, omega)
-    return _loss(body(1j * omega), numerator, denominator)
+    return loss_of(body(1j * omega), numerator, denominator)
 
 
-def _loss(z: ComplexArray, numerator: ComplexArray, denominator: ComplexArray) -> Array:
+def loss_of(z: ComplexArray, numerator: ComplexArray, denominator: ComplexArray) -> Array:
+    """`loss` from the impedance and the parts of the response."""
     return np.asarray(z.imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag)
 
 
@@ -40,7 +41,7 @@ def scan(response: Response, body: Impedance, velocity: float, softest: float | 
         return Scan(np.empty(0), np.empty(0))
     omega, (numerator, denominator) = response.sampled(velocity, top)
     z = body(1j * omega)
-    value = _loss(z, numerator, denominator)
+    value = loss_of(z, numerator, denominator)
     more = np.empty(0) if is_plain(body) else features(body, omega)
     own = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
     if math.isinf(top) and own > 0.3 * omega[-1]:  # the rig has frequencies above those of the contacts
