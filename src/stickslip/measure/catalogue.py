@@ -32,7 +32,8 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
 
     Peaks and troughs alternate such that every drop and every rise between them is at least `minimum_drop`.
     Drops that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
-    where only the force is known, the force came back much faster than it usually rises) by less than the drop
+    where only the force is known, the force came back much faster than it usually rises, and as quickly as it
+    dropped) by less than the drop
     itself, within the cycle. In stick-slip, where the velocity is known, drops slower than 3.5 times the drive are
     left out. A drop cut off by the start or the end of the data is left out and counted in the
     attribute ``cut``. The strokes of a test that goes to and fro are read apart.

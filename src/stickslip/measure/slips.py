@@ -19,7 +19,10 @@ SLIP_VELOCITY = 3.5
 """Times the drive that a slip reaches: between 2, of a sine that just comes to rest, and 2 pi, of a slider that is held
 and makes up for it by half a sine in a quarter of the cycle (their geometric mean)."""
 LARGEST_REBOUND = 0.98  # of a drop: ringing decays
-RINGING = 2.0  # times as fast as the loading: the slider's swing back makes more of a rise than the drive
+RINGING = (
+    2.0  # times as fast as the loading: the slider's swing back makes more of a rise than the drive; and times the
+)
+# time of the drop: between 1, of a swing back, and 3, of a slider that slips for a quarter of the time
 EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
 FEWEST_IN_A_DROP = FEWEST_CYCLES  # samples, for the shape and the velocity of a slip to be seen
 CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
@@ -235,7 +238,9 @@ def pick(
 
     A rise is ringing where it is smaller than the drop before, and the slider's swing back makes more of it than the
     way of the drive: where the motion is known, by `back`, the way of the slider against the drive's direction less
-    that of the drive; else where it is twice as fast as the force usually rises.
+    that of the drive; else where it is twice as fast as the force usually rises, and takes at most twice
+    the time of the drop before it, as far as that is resolved: a swing back takes as long as a swing, however the
+    loading quickens.
     """
     peaks, troughs = turning_points(force, drop, rise)
     if peaks.size < 2:
@@ -243,6 +248,8 @@ def pick(
     rises, took = force[peaks[1:]] - force[troughs[:-1]], t[peaks[1:]] - t[troughs[:-1]]
     if back is None:
         swings = rises > RINGING * weighted_median(rises / took, took) * took
+        resolved = FEWEST_IN_A_DROP * (t[-1] - t[0]) / (t.size - 1)
+        swings &= took <= RINGING * np.maximum(t[troughs[:-1]] - t[peaks[:-1]], resolved)
     else:
         swings = back[peaks[1:]] >= back[troughs[:-1]]
     joined = [[int(peaks[0]), int(troughs[0])]]
