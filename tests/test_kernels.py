@@ -11,10 +11,10 @@ from scipy.optimize import approx_fprime
 
 from stickslip.kernels import expansions, hazard, network, rules, tournament, turning_points
 from stickslip.kernels import flight as flights
-from stickslip.kernels.drift_diffusion import bernoulli
 from stickslip.kernels.drive import Quadratic, drive_at
 from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth, ageing_time, grown, threshold_at
 from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
+from stickslip.kernels.langevin import bernoulli
 from stickslip.kernels.oscillator import Load, Motion, Slider, travel
 
 # ---------------------------------------------------------------- the smallest of many

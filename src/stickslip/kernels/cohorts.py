@@ -327,32 +327,17 @@ def merged(cohorts: Array, used: int, table: Table, width: float) -> Array:
 
 
 def gauss_rule(x: Array, weight: Array, count: int = Q) -> tuple[Array, Array]:
-    """Nodes and weights with the moments of many masses: the three-term recursion of Lanczos, and its eigenvalues."""
+    """Nodes and weights with the moments of many masses: of the matrix of ``x`` in polynomials orthogonal on them."""
     total = weight.sum()
     positive = np.maximum(weight, 0.0)
     if total <= 0.0 or positive.sum() <= 0.0:
         return np.full(count, x.mean()), np.full(count, total / count)
-    share = positive / positive.sum()
-    centre, half = share @ x, max(0.5 * float(np.ptp(x)), 1e-300)
+    part = positive / positive.sum()
+    centre, half = part @ x, max(0.5 * float(np.ptp(x)), 1e-300)
     t = (x - centre) / half
-    vectors = [np.sqrt(share)]
-    diagonal, beside = [], []
-    for _ in range(count):
-        v = t * vectors[-1]
-        diagonal.append(float(vectors[-1] @ v))
-        for _ in range(2):
-            for u in vectors:
-                v = v - (u @ v) * u
-        size = float(np.sqrt(v @ v))
-        if size < 1e-10 or len(vectors) == count:
-            break
-        beside.append(size)
-        vectors.append(v / size)
-    matrix = np.diag(diagonal) + np.diag(beside[: len(diagonal) - 1], 1) + np.diag(beside[: len(diagonal) - 1], -1)
-    place, vector = np.linalg.eigh(matrix)
-    nodes, masses = np.full(count, centre), np.zeros(count)
-    nodes[: place.size], masses[: place.size] = centre + half * place, total * vector[0] ** 2
-    return nodes, masses
+    basis = np.linalg.qr(np.sqrt(part)[:, None] * np.vander(t, count, increasing=True))[0]
+    place, vector = np.linalg.eigh(basis.T @ (t[:, None] * basis))
+    return centre + half * place, total * vector[0] ** 2
 
 
 def spread_out(cohorts: Array, spacing: float) -> tuple[Array, Array, Array]:

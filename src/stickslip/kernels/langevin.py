@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
-from .drift_diffusion import bernoulli
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +97,16 @@ def longest_age(life: Life) -> float:
 def age_nodes(life: Life, steps: int) -> Floats:
     """Nodes of the age in units of 1/rate^2, from 0 to where next to nobody survives."""
     return graded_nodes(longest_age(life), steps, 2.0 / steps)
+
+
+@jit
+def bernoulli(z: float) -> float:
+    """Bernoulli function ``z / (exp(z) - 1)``: exponentially fitted fluxes of drift and diffusion between cells."""
+    if abs(z) < 1e-3:
+        return 1.0 - 0.5 * z + z * z / 12.0
+    if z > 700.0:
+        return 0.0
+    return z / float(np.expm1(z))
 
 
 @jit

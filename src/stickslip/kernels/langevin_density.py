@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
-from .drift_diffusion import bernoulli
-from .langevin import Langevin
+from .langevin import Langevin, bernoulli
 from .oscillator import Load
 from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
 

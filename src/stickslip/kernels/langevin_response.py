@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ._jit import jit
 from .langevin import Life, longest_age
-from .langevin_survival import NODE, P, gauss, panel_ages, panel_edges, survive
+from .langevin_survival import NODE, P, panel_ages, panel_edges, survive
+from .rules import gauss
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from ._jit import jit
 from .hazard import NONE, Hazard, log_rate, rate
 from .langevin import Langevin, Life, age_nodes, between_nodes, life_at, margin_nodes, margin_rates
-from .langevin_survival import P, gauss, interpolate, panel_edges, survive
+from .langevin_survival import P, interpolate, panel_edges, survive
+from .rules import gauss
 
 Floats = NDArray[np.float64]
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ._jit import jit
 from .langevin import Life, longest_age
+from .rules import gauss, lobatto
 
 Floats = NDArray[np.float64]
 
@@ -28,19 +29,7 @@ P = 10
 """Order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of the panel before."""
 
 
-def _lobatto() -> Floats:
-    """Ends of an interval, and where the Legendre polynomial of order `P` is steepest or lowest."""
-    inner = np.polynomial.legendre.Legendre.basis(P).deriv().roots()
-    return np.asarray(0.5 * (1.0 + np.concatenate([[-1.0], np.sort(inner.real), [1.0]])))
-
-
-def gauss(count: int) -> tuple[Floats, Floats]:
-    """Nodes and weights of Gauss on [0, 1]."""
-    x, weight = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (1.0 + x), 0.5 * weight
-
-
-NODE = _lobatto()
+NODE = lobatto(P)
 _BARYCENTRIC = np.array([1.0 / np.prod(node - np.delete(NODE, j)) for j, node in enumerate(NODE)])
 _GAUSS, _WEIGHT = gauss(12)
 _HEIGHT = 1.0 / math.sqrt(2.0 * math.pi)

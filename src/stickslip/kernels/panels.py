@@ -23,25 +23,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from . import panel_state
 from ._jit import bare, jit
 from .cohorts import COHORT_ROWS, MASS, PLACE, REACH, WHOLE, Reading, divide, divide_passed, kink_at, merged
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STOPPED, UNSOLVED, Stop, drive_at, holds
 from .finite_population import attach_all, deviate, joined, settle
 from .oscillator import is_rigid
-from .panel_state import (
-    AT_NODE,
-    BETWEEN,
-    EVENT,
-    FLUCTUATION,
-    MOTION,
-    NOT_CONVERGED,
-    SAMPLED_ROWS,
-    SHORTER,
-    SPARE,
-    Case,
-    State,
-    Work,
-)
+from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, State, Work
 from .panel_step import element_at, heading, only_lose, reach, try_step
 from .reattachment import forget, mark_rough, next_front
 from .records import Record, blank
@@ -185,12 +173,12 @@ def _spring(row: Record, case: Case) -> None:
 def _between(work: Work, u: float) -> Record:
     """Values of all polynomials, of which the coefficients are known, at ``0 <= u <= 1``."""
     values, coefficients = work.values, work.coefficients
-    for row in range(SAMPLED_ROWS):
-        values[BETWEEN, row] = coefficients[P, row]
+    for row in range(panel_state.SAMPLED_ROWS):
+        values[panel_state.BETWEEN, row] = coefficients[P, row]
     for a in range(P - 1, -1, -1):
-        for row in range(SAMPLED_ROWS):
-            values[BETWEEN, row] = values[BETWEEN, row] * u + coefficients[a, row]
-    return work.nodes[BETWEEN]
+        for row in range(panel_state.SAMPLED_ROWS):
+            values[panel_state.BETWEEN, row] = values[panel_state.BETWEEN, row] * u + coefficients[a, row]
+    return work.nodes[panel_state.BETWEEN]
 
 
 @bare
@@ -311,7 +299,7 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
         trouble = try_step(state, work, case, dt, smallest)
         if trouble > 1.0 and dt > smallest:
             state.used.rejected += 1
-            planned = dt * (SHORTER if trouble == NOT_CONVERGED else max(0.9 * trouble ** (-1.0 / P), 0.2))
+            planned = dt * (panel_state.SHORTER if trouble == NOT_CONVERGED else max(0.9 * trouble ** (-1.0 / P), 0.2))
             event = SMOOTH
             continue
         if trouble == NOT_CONVERGED:
@@ -324,7 +312,7 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
         u, event = _first_event(state, work, case)
         if event == SMOOTH and stretched and _misled(state, work, case) > case.accuracy.tolerance and dt > smallest:
             state.used.rejected += 1
-            planned = dt * SHORTER
+            planned = dt * panel_state.SHORTER
             continue
         if event == SMOOTH:
             if dt == planned or trouble > 0.3:
@@ -393,7 +381,7 @@ def _sample_all(state: State, work: Work, case: Case, wanted: Wanted, dt: float,
     times, rows = wanted.times, wanted.rows
     if used.sampled < times.size and times[used.sampled] < end:
         for a in range(P + 1):
-            for row in range(SAMPLED_ROWS):
+            for row in range(panel_state.SAMPLED_ROWS):
                 c = 0.0
                 for b in range(P + 1):
                     c += MONOMIAL[a, b] * work.values[b, row]
@@ -427,7 +415,7 @@ def _run(state: State, work: Work, case: Case, wanted: Wanted) -> int:
     motion, nodes, used, stop, until = state.motion, work.nodes, state.used, wanted.stop, wanted.until
     smallest = 1e-12 * max(1.0, abs(until))
     counted = case.finite.contacts > 0.0
-    spare = SPARE + case.newborn.stretching.size
+    spare = panel_state.SPARE + case.newborn.stretching.size
     room = state.cohorts.shape[1] - case.newborn.stretching.size
     _spring(motion, case)
     if is_rigid(case.slider):
@@ -509,16 +497,16 @@ def advance(
 def _room_to_work(state: State) -> Work:
     room = state.cohorts.shape[1]
     reading = Reading(np.zeros((3, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64))
-    values, coefficients = np.zeros((P + 3, len(AT_NODE))), np.zeros((P + 1, len(AT_NODE)))
-    nodes, curves = (matrix.view(AT_NODE)[:, 0].view(np.recarray) for matrix in (values, coefficients))
+    values, coefficients = np.zeros((P + 3, len(panel_state.AT_NODE))), np.zeros((P + 1, len(panel_state.AT_NODE)))
+    nodes, curves = (matrix.view(panel_state.AT_NODE)[:, 0].view(np.recarray) for matrix in (values, coefficients))
     before, matrix = blank(MOTION, 1), np.zeros((P, P + 1))
-    return Work(nodes, values, curves, coefficients, before, matrix, reading, blank(FLUCTUATION))
+    return Work(nodes, values, curves, coefficients, before, matrix, reading, blank(panel_state.FLUCTUATION))
 
 
 def _with_room(state: State, case: Case) -> State:
     """The same state with room for more cohorts, some joined, and for more panels."""
     used, room = state.used, state.cohorts.shape[1]
-    spare = SPARE + case.newborn.stretching.size
+    spare = panel_state.SPARE + case.newborn.stretching.size
     if used.cohorts + spare > room:
         if case.finite.contacts > 0.0:
             kept = joined(state.cohorts, used.cohorts, case)

@@ -14,21 +14,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from . import drive
 from ._jit import bare, inlined
 from .blocks import Draws, State, attach_contact, break_contact, look_ahead
-from .drive import (
-    DELAYS_USED_UP,
-    FINISHED,
-    LOOK,
-    NOWHERE,
-    ON_THE_WAY,
-    PAUSED,
-    STOPPED,
-    THRESHOLDS_USED_UP,
-    UNSOLVED,
-    drive_at,
-    holds,
-)
+from .drive import NOWHERE, drive_at, holds
 from .leapfrog import Piece, Sampling, element, fill_row, slide
 from .network import Network, stretch
 from .tournament import smallest, winner
@@ -165,12 +154,12 @@ def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws)
     blocks = state.motion.blocks
     X = blocks.X[j] = state.contacts.ahead[j] if way > 0.0 else -state.contacts.behind[j]
     tree = state.contacts.tree_ahead[j] if way > 0.0 else state.contacts.tree_behind[j]
-    why = ON_THE_WAY
+    why = drive.ON_THE_WAY
     while smallest(tree) <= way * X:
         delay = draws.fixed_delay
         if delay != delay:
             if state.contacts.next_delay[j] == draws.delays.shape[1]:
-                why = DELAYS_USED_UP
+                why = drive.DELAYS_USED_UP
                 break
             delay = draws.delays[j, state.contacts.next_delay[j]]
             state.contacts.next_delay[j] += 1
@@ -189,14 +178,14 @@ def _attach_due(state: State, sliding: float, draws: Draws) -> int:
         while state.contacts.next_attach[j] <= now:
             if state.contacts.next_threshold[j] == draws.thresholds.shape[1]:
                 state.motion.now.block = j
-                return THRESHOLDS_USED_UP
+                return drive.THRESHOLDS_USED_UP
             threshold = draws.thresholds[j, state.contacts.next_threshold[j]]
             state.contacts.next_threshold[j] += 1
             force = slide(state.motion, j, blocks.X[j], sliding)
             attach_contact(state, j, blocks.X[j], threshold, force)
             look_ahead(state.contacts, j)
             state.motion.now.mode = LET_GO
-    return ON_THE_WAY
+    return drive.ON_THE_WAY
 
 
 @bare
@@ -217,7 +206,7 @@ def _let_go(state: State, network: Network, piece: Piece, sliding: float, draws:
     right = room[6]
     _out_of_balance(state, network, piece, sliding, right)
     if not _answer(state, network, sliding, right, 1.0, room):
-        return UNSOLVED
+        return drive.UNSOLVED
     part, j, is_break = _first(state, sliding, 1.0, 1.0, room)
     power = 0.0
     for i in range(blocks.X.size):
@@ -229,7 +218,7 @@ def _let_go(state: State, network: Network, piece: Piece, sliding: float, draws:
     elif is_break == 1:
         now.block = j
         return _break_there(state, j, math.copysign(1.0, room[0, j]), sliding, draws)
-    return ON_THE_WAY
+    return drive.ON_THE_WAY
 
 
 @bare
@@ -253,11 +242,11 @@ def advance(
     while now.spent - spent <= budget:
         now.spent += n
         why = _attach_due(state, sliding, draws)
-        if why != ON_THE_WAY:
+        if why != drive.ON_THE_WAY:
             return why
         if now.mode == LET_GO:
             why = _let_go(state, network, piece, sliding, draws, room)
-            if why != ON_THE_WAY:
+            if why != drive.ON_THE_WAY:
                 return why
             continue
         # As far as the drive goes one way, or to the next re-attachment.
@@ -272,12 +261,12 @@ def advance(
         D_until, _ = drive_at(piece.drive, until)
         way = math.copysign(1.0, D_until - D)
         if not _answer(state, network, sliding, network.pull, way, room):
-            return UNSOLVED
+            return drive.UNSOLVED
         distance, j, is_break = _first(state, sliding, way, abs(D_until - D), room)
         event = _time_of(piece, time, way * distance) if j >= 0 and distance > 0.0 else (time if j >= 0 else until)
         event = min(event, until)
         if event > piece.look:
-            return LOOK
+            return drive.LOOK
         while now.sampled < sampling.times.size and sampling.times[now.sampled] <= event:
             k = now.sampled
             D_before, _ = drive_at(piece.drive, now.time)
@@ -292,7 +281,7 @@ def advance(
                 for i in range(n):
                     mean += blocks.X[i]
                 if holds(piece.stop, mean / n, sampling.samples[k, 0]):
-                    return STOPPED
+                    return drive.STOPPED
         D_before, _ = drive_at(piece.drive, now.time)
         D_then, _ = drive_at(piece.drive, event)
         _go(state, network, sliding, D_then - D_before, event, piece, room)
@@ -300,8 +289,8 @@ def advance(
             if is_break == 1:
                 now.block = j
                 why = _break_there(state, j, math.copysign(1.0, way * room[0, j]), sliding, draws)
-                if why != ON_THE_WAY:
+                if why != drive.ON_THE_WAY:
                     return why
         elif event >= piece.end:
-            return FINISHED
-    return PAUSED
+            return drive.FINISHED
+    return drive.PAUSED

@@ -47,6 +47,18 @@ def radau(count: int) -> Array:
     return np.asarray(places)
 
 
+def gauss(count: int) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss on (0, 1)."""
+    x, weight = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (1.0 + x), 0.5 * weight
+
+
+def lobatto(order: int) -> Array:
+    """Ends of [0, 1], and where the Legendre polynomial of an order is steepest or lowest."""
+    inner = np.polynomial.legendre.Legendre.basis(order).deriv().roots()
+    return np.asarray(0.5 * (1.0 + np.concatenate([[-1.0], np.sort(inner.real), [1.0]])))
+
+
 NODE = np.append(0.0, radau(P))
 """Start and nodes of a step, as fractions of it, shape (P + 1,)."""
 COLLOCATION = integrals(NODE[1:])
@@ -57,7 +69,7 @@ MONOMIAL = _powers(NODE)
 """Coefficients of the polynomial through start and nodes."""
 SLOPES = np.ascontiguousarray(_slopes(NODE, NODE))
 """Slopes at start and nodes."""
-GAUSS, WEIGHT = 0.5 * (1.0 + np.polynomial.legendre.leggauss(Q)[0]), 0.5 * np.polynomial.legendre.leggauss(Q)[1]
+GAUSS, WEIGHT = gauss(Q)
 """Nodes and weights of Gauss, shape (Q,)."""
 GAUSS_MONOMIAL = _powers(GAUSS)
 """Coefficients of the polynomial through the nodes of Gauss."""

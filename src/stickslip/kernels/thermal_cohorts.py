@@ -31,6 +31,7 @@ from .growth import EXPONENTIAL, Growth, grown, threshold_at
 from .hazard import Hazard, rate
 from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, travel
 from .records import Record, blank, record
+from .rules import gauss
 from .survival import Table, value_at, values_at
 
 Array = NDArray[np.float64]
@@ -59,8 +60,7 @@ _PIECE = 0.5
 _STEADY = 0.1
 """Largest growth of an age in a step in which exponents change all but evenly."""
 
-_NODE = (0.1127016653792583, 0.5, 0.8872983346207417)
-_WEIGHT = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
+_NODE, _WEIGHT = gauss(3)
 
 
 class Model(NamedTuple):
@@ -115,14 +115,13 @@ class _Work(NamedTuple):
 
 
 class _Trial(NamedTuple):
-    """What a step comes to; `load` is the one under which it was reached, or is to be tried again."""
+    """What a step comes to."""
 
     dt: float
     X: float
     V: float
     work: float
     squares: float
-    load: Load
     force: float
     mass: float
     broken: float
@@ -208,7 +207,13 @@ def _gained(model: Model, age: float, dt: float, x: float, dx: float) -> float:
         return math.log(max(_integral(hazard, growth, top, age, dt, x, dx), 1e-300)) + top / A
     if growth.first == 0.0:
         return math.log(hazard.attempts * dt * _mean_exponential(abs(dx) / A)) + top / A
-    # The exponent is all but linear on either half: the threshold grows ever more slowly.
+    return gained_evenly(hazard, growth, age, dt, x, dx)
+
+
+@inlined
+def gained_evenly(hazard: Hazard, growth: Growth, age: float, dt: float, x: float, dx: float) -> float:
+    """The same on one side of 0, the exponent all but linear on either half: thresholds grow ever more slowly."""
+    A = hazard.scale
     start = abs(x) - grown(growth, age)[1]
     middle = abs(x + 0.5 * dx) - grown(growth, age + 0.5 * dt)[1]
     end = abs(x + dx) - grown(growth, age + dt)[1]
@@ -320,7 +325,7 @@ def _arrive(state: State, case: Case, known: float, part: float, dt: float, load
     mass = old + 0.5 * attaching * (1.0 + young)
     force += 0.5 * attaching * young * dX
     slid = min(max(motion.slid + dX, -case.f_d), case.f_d)
-    return _Trial(dt, X1, V1, work, squares, load, force, mass, broken, attaching, young, slid)
+    return _Trial(dt, X1, V1, work, squares, force, mass, broken, attaching, young, slid)
 
 
 @bare
@@ -338,8 +343,8 @@ def _friction(trial: _Trial) -> float:
 
 
 @bare
-def _try_step(state: State, case: Case, work: _Work, dt: float) -> tuple[_Trial, float]:
-    """Find the end of a step without taking it, and how much too long it is (above 1)."""
+def _try_step(state: State, case: Case, work: _Work, dt: float) -> tuple[_Trial, Load, float]:
+    """Find the end of a step without taking it, the load on the way, and how much too long it is (above 1)."""
     motion, slider, width = state.motion, case.slider, case.model.width
     part = due(state.history, case.delays, dt, work.due)
     known = work.due[0] - motion.reattached
@@ -358,16 +363,7 @@ def _try_step(state: State, case: Case, work: _Work, dt: float) -> tuple[_Trial,
     trouble = abs(trial.X - motion.position) / (case.limits.reach * width)
     trouble = max(trouble, trial.broken / case.limits.broken, trial.attaching / (8.0 * case.limits.broken))
     trouble = max(trouble, math.sqrt(disagreement / (0.02 * case.limits.reach * width)))
-    return _with_load(trial, _load(case, motion, loss)), trouble
-
-
-@bare
-def _with_load(trial: _Trial, load: Load) -> _Trial:
-    """Return a trial step with its final load."""
-    return _Trial(
-        trial.dt, trial.X, trial.V, trial.work, trial.squares, load, trial.force, trial.mass, trial.broken,
-        trial.attaching, trial.young, trial.slid,
-    )  # fmt: skip
+    return trial, _load(case, motion, loss), trouble
 
 
 @bare
@@ -386,7 +382,7 @@ def _longest_step(motion: Record, case: Case) -> float:
 
 
 @bare
-def _commit(state: State, case: Case, trial: _Trial) -> None:
+def _commit(state: State, case: Case, trial: _Trial, load: Load) -> None:
     """Make the trial the state."""
     motion, cohort, f_d = state.motion, state.cohort, case.f_d
     X, now = motion.position, motion.time
@@ -434,7 +430,7 @@ def _commit(state: State, case: Case, trial: _Trial) -> None:
         motion.damped += case.slider.mass * case.slider.damping * trial.squares
     motion.time, motion.position, motion.velocity = end, trial.X, trial.V
     motion.contact_force, motion.force, motion.attached = friction, trial.force, trial.mass
-    motion.loss, motion.slid = trial.load.loss, trial.slid
+    motion.loss, motion.slid = load.loss, trial.slid
     motion.outside += trial.broken - trial.attaching
     motion.reattached += trial.attaching
     history, kept = state.history, state.history.times.size
@@ -464,7 +460,7 @@ def _settle(state: State, case: Case, X: float, now: float, mass: float) -> None
 
 
 @bare
-def _sample(row: Record, t: float, before: Record, trial: _Trial, after: Record, case: Case) -> None:
+def _sample(row: Record, t: float, before: Record, trial: _Trial, load: Load, after: Record, case: Case) -> None:
     """What a step passes at time `t`."""
     u = t - before.time
     part = u / trial.dt
@@ -477,10 +473,10 @@ def _sample(row: Record, t: float, before: Record, trial: _Trial, after: Record,
     row.position, row.velocity = before.position, before.velocity
     if u <= 0.0:
         return
-    X, V, work, squares = _move(case, before, trial.load, u)
+    X, V, work, squares = _move(case, before, load, u)
     row.position, row.velocity = X, V
     bend = X - before.position - part * (trial.X - before.position)
-    row.contact_force += trial.load.stiffness * bend
+    row.contact_force += load.stiffness * bend
     row.stored += row.contact_force * bend
     if not is_rigid(case.slider):
         row.work = before.work + work
@@ -497,24 +493,24 @@ def _held(stop: Stop, row: Record, t: float, case: Case) -> bool:
 
 
 @bare
-def _planned(state: State, case: Case, work: _Work, left: float, smallest: float) -> tuple[_Trial, float]:
-    """Find a step as long as may be, at most `left`: its end and its trouble, NaN if no step helps."""
+def _planned(state: State, case: Case, work: _Work, left: float, smallest: float) -> tuple[_Trial, Load, float]:
+    """Find a step as long as may be, at most `left`: its end, its load and its trouble, NaN if no step helps."""
     motion, slider = state.motion, case.slider
     planned = min(motion.next_step, _longest_step(motion, case))
     while True:
         dt = left if planned > 0.999 * left else (0.5 * left if planned > 0.5 * left else planned)
-        trial, trouble = _try_step(state, case, work, dt)
+        trial, load, trouble = _try_step(state, case, work, dt)
         if motion.velocity * trial.V < 0.0 and slider.mass > 0.0 and not is_rigid(slider):  # a step goes one way
             part = motion.velocity / (motion.velocity - trial.V)
             if 0.05 < part < 0.95:
                 dt = planned = part * dt
-                trial, trouble = _try_step(state, case, work, dt)
+                trial, load, trouble = _try_step(state, case, work, dt)
         if math.isnan(trouble) or trouble <= 1.0 or dt <= smallest:
             break
         planned = dt * max(0.9 / trouble, 0.2)
     if dt >= planned or trouble > 0.45:  # a step cut short by the end says little about the next one
         motion.next_step = dt * min(0.9 / max(trouble, 1e-9), 2.0)
-    return trial, trouble
+    return trial, load, trouble
 
 
 @bare
@@ -537,15 +533,15 @@ def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times:
             return NO_ROOM
         if stop.kind != NOWHERE and used.sampled < times.size:
             left = min(left, times[used.sampled] - motion.time)
-        trial, trouble = _planned(state, case, work, left, smallest)
+        trial, load, trouble = _planned(state, case, work, left, smallest)
         if math.isnan(trouble):  # the caller is told by where the slider is
             motion.position = math.nan
             return PAUSED
         work.before[0] = motion
         used.left -= 1
-        _commit(state, case, trial)
+        _commit(state, case, trial, load)
         while used.sampled < times.size and times[used.sampled] < motion.time - smallest:
-            _sample(rows[used.sampled], times[used.sampled], work.before[0], trial, motion, case)
+            _sample(rows[used.sampled], times[used.sampled], work.before[0], trial, load, motion, case)
             used.sampled += 1
     return PAUSED
 

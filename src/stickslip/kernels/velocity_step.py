@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import inlined, jit
-from .growth import Growth, grown
+from .growth import Growth
+from .hazard import Hazard
+from .thermal_cohorts import gained_evenly
 
 Floats = NDArray[np.float64]
 
@@ -15,10 +17,9 @@ _TRIES = 60
 
 
 class Contacts(NamedTuple):
-    """How contacts break: width and rate of `Bell` activation, `FIXED` or `LOGARITHMIC` growth."""
+    """How contacts break: `Bell` activation, `FIXED` or `LOGARITHMIC` growth."""
 
-    width: float
-    attempts: float
+    hazard: Hazard
     growth: Growth
     survival: Floats  # of newborns, over ``u = A ln G`` from `first` on in steps of `spacing`
     first: float
@@ -43,25 +44,6 @@ def _survival(contacts: Contacts, u: float) -> float:
     )
 
 
-@inlined
-def _hazard(contacts: Contacts, x: float, dx: float, age: float, dt: float) -> float:
-    """``A ln`` of what the hazard gains while a contact goes from ``x`` on by ``dx`` in the time ``dt``.
-
-    The exponent is taken as linear on either half: thresholds age ever more slowly.
-    """
-    A, growth = contacts.width, contacts.growth
-    start = x - grown(growth, age)[1]
-    middle = x + 0.5 * dx - grown(growth, age + 0.5 * dt)[1]
-    end = x + dx - grown(growth, age + dt)[1]
-    top = max(start, middle, end)
-    total = 0.0
-    for a, b in ((start, middle), (middle, end)):
-        d = (b - a) / A
-        part = np.exp((b - top) / A) * (1.0 if abs(d) < 1e-9 else -np.expm1(-d) / d)
-        total += 0.5 * part
-    return float(top + A * np.log(contacts.attempts * dt * total))
-
-
 @jit
 def step(
     contacts: Contacts,
@@ -78,7 +60,8 @@ def step(
     From steady sliding: contacts at the step were born at an even rate: stretching, and ``A ln G``. NaN from where no
     balance was found.
     """
-    m, rigid, A = stretching.size, np.isinf(stiffness), contacts.width
+    m, rigid, A = stretching.size, np.isinf(stiffness), contacts.hazard.scale
+    hazard, growth = contacts.hazard, contacts.growth
     birth, G, age, share = np.empty(m + steps), np.empty(m + steps), np.empty(m + steps), np.empty(m + steps)
     G_new = np.empty(m + steps)
     birth[:m], G[:m], share[:m], age[:m] = -stretching, reached, 1.0, stretching / before
@@ -100,13 +83,13 @@ def step(
             held, work = 0.0, 0.0
             for i in range(oldest, n):
                 x = X - birth[i]
-                gain = _hazard(contacts, x, dX, age[i], dt)
+                gain = A * gained_evenly(hazard, growth, age[i], dt, x, dX)
                 high, low = max(gain, G[i]), min(gain, G[i])
                 G_new[i] = high + A * np.log1p(np.exp((low - high) / A))
                 left = share[i] * _survival(contacts, G_new[i])
                 held += left
                 work += left * (x + dX)
-            young = _hazard(contacts, 0.0, 0.5 * dX, 0.0, 0.5 * dt)
+            young = A * gained_evenly(hazard, growth, 0.0, 0.5 * dt, 0.0, 0.5 * dX)
             work += (1.0 - held) * 0.5 * dX
             if rigid:
                 break

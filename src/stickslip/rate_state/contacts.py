@@ -13,7 +13,7 @@ from stickslip.errors import UndecidedError
 from stickslip.model import Barrier, Bell, Delay, Interface, Langevin, LogarithmicGrowth, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
-from stickslip.sliding.lives import blurred_survival, growth_of, lives_of, reached_on
+from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of, lives_of, reached_on
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def finite_step(
     mean = distribution.moment(1)
     dX = min(max(fineness * A, 0.004 * mean), 0.04 * fineness * mean)
     place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
-    contacts = kernel.Contacts(A, temperature.attempts, growth_of(ageing), table, first, spacing)
+    contacts = kernel.Contacts(hazard_of(temperature), growth_of(ageing), table, first, spacing)
     reached, steps = reached_on(interface, before, place), math.ceil(slip / dX)
     found = kernel.step(contacts, place, reached, before, after, stiffness, dX, steps)
     if not np.isfinite(found).all():
