@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -47,7 +47,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
     watch(1.0)
     answer = force_trace(made, int(_within(request, "width", 100, 4_000, 1_000)))
-    undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS and "pieces" not in _drive(request)
+    undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
     goes_on = undecided and documents.extended(rig, seconds) is not None
     yield {
         **answer,
@@ -62,11 +62,6 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     }
     if not goes_on:
         yield {"friction": _friction(rig)}
-
-
-def _drive(request: Plain) -> Mapping[str, Any]:
-    drive = request["document"].get("drive")
-    return drive if isinstance(drive, Mapping) else {}
 
 
 def _cut_note(asked: Rig, rig: Rig, seconds: float) -> str:
