@@ -598,11 +598,6 @@ def test_bad_axes(axes, message):
 # ---------------------------------------------------------------- refinement
 
 
-@pytest.fixture
-def adaptive():
-    return pytest.importorskip("adaptive", reason="refine needs adaptive")
-
-
 def parabola(x, y):
     return {"side": "above" if y > 0.25 + 0.5 * x * x else "below", "height": y}
 
@@ -615,7 +610,6 @@ def curve():
     return np.stack([t, 0.25 + 0.5 * t * t], axis=-1)
 
 
-@pytest.mark.usefixtures("adaptive")
 def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs():
     found = refine(parabola, UNIT, "side", Refinement(runs=160))
     assert 150 < found.sizes["run"] <= 160
@@ -628,7 +622,6 @@ def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs(
     np.testing.assert_array_equal(found["height"], found["y"])  # all else that the function returns is there
 
 
-@pytest.mark.usefixtures("adaptive")
 def test_refinement_is_the_same_for_any_number_of_workers():
     box = {"x": (0, 1), "y": Span(low=0.01, high=1.0, log=True)}
     options = Options(categories={"side": ["below", "above"]})
@@ -642,7 +635,6 @@ def test_refinement_is_the_same_for_any_number_of_workers():
     assert one["from_side"].attrs["flag_meanings"] == one["side"].attrs["flag_meanings"] == "no_result below above"
 
 
-@pytest.mark.usefixtures("adaptive")
 def test_refinement_goes_round_cases_that_fail():
     def patchy(x, y):
         if x > 0.8:
@@ -656,7 +648,6 @@ def test_refinement_goes_round_cases_that_fail():
     assert failures(found)[0].parameters.keys() == {"x", "y"}
 
 
-@pytest.mark.usefixtures("adaptive")
 def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeypatch):
     at_once(monkeypatch)
     count = COUNT
@@ -677,9 +668,7 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     assert status_of(store).summary.missing == 80 - part.sizes["run"]
     found = refine(counted, UNIT, "side", how, store=store)
     xr.testing.assert_identical(found, expected)
-    with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "adaptive", None)  # what was found is stored: nothing is searched again
-        xr.testing.assert_identical(open_sweep(store), expected)
+    xr.testing.assert_identical(open_sweep(store), expected)
     assert str(status_of(store)) == f"{found.sizes['run']} of {found.sizes['run']} cases done"
     assert max(count.values()) == 1
     xr.testing.assert_identical(refine(counted, UNIT, "side", how, store=store), expected)

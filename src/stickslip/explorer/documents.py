@@ -325,20 +325,6 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
 # Presets
 # ---------------------------------------------------------------------------------------------------------------------
 
-_FIGURES = {
-    1: "no delay, narrow start",
-    2: "elastic instability",
-    3: "critical stiffness",
-    4: "delay .2: stick-slip",
-    5: "broken contacts never re-attach",
-    6: "critical delay",
-    7: "transitions in velocity",
-    8: "ageing contacts",
-    9: "ageing, against velocity",
-    10: "ageing, against its rate",
-    11: "ageing, slower",
-}
-
 
 @lru_cache(maxsize=1)
 def presets() -> tuple[dict[str, Any], ...]:
@@ -355,7 +341,7 @@ def presets() -> tuple[dict[str, Any], ...]:
         # A slow fault whose contacts heat breaks slips twice in what a page waits for: too few for a verdict.
         if rig.name != first()["name"] and rig.interface.temperature is None
     ]
-    for figure, words in _FIGURES.items():
+    for figure, words in _table("presets")["figures"].items():
         title, document = f"Fig. {figure}: {words}", paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
         found.append({"group": "The paper, in natural units", "title": title, "document": document})
     return tuple(found)
@@ -363,7 +349,7 @@ def presets() -> tuple[dict[str, Any], ...]:
 
 def bars() -> list[dict[str, Any]]:
     """Return the elastic sliders that the page Fronts begins with: a title and a document."""
-    found: list[dict[str, Any]] = _table("bars")["bars"]
+    found: list[dict[str, Any]] = _table("presets")["bars"]
     return found
 
 
@@ -387,13 +373,7 @@ def warm() -> Document:
     """Return the bench with contacts that heat breaks before their threshold (Bell)."""
     document = first()
     document["name"] = "Warm teaching bench"
-    document["interface"]["temperature"] = {
-        "kind": "bell",
-        "temperature": "293 K",
-        "activation_volume": "0.5 nm^3",
-        "shear_strength": "1 GPa",
-        "attempts": "1e12 1/s",
-    }
+    document["interface"]["temperature"] = _table("presets")["heat"]
     return document
 
 

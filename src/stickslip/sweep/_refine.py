@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -110,9 +111,9 @@ def refine(
 ) -> xr.Dataset:
     """Find the boundaries between the regions of a plane in which a function returns the same category.
 
-    A quarter of the runs is distributed over the box, the next go where categories differ (`adaptive.Learner2D`), the
-    last bisect lines across the boundary. A region that all of the first quarter miss is not found. With
-    hysteresis, search for each branch, with cases that start on it; see `Refinement`.
+    A quarter of the runs is distributed over the box, the next go where categories differ, the last bisect lines across
+    the boundary. A region that all of the first quarter miss is not found. With hysteresis, search for each branch,
+    with cases that start on it; see `Refinement`.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ def refine(
     Raises
     ------
     InputError
-        As `run_cases`, and if the package ``adaptive`` is missing.
+        As `run_cases`.
 
     Examples
     --------
@@ -214,29 +215,22 @@ class _Search:
 
     def _find(self, runs: int, together: int) -> None:
         """Distribute runs over the box, then send them where categories differ."""
-        learner_class = _learner_class()
-        classes: dict[Any, int] = {}
-        exploring = True
-
-        def loss(triangles: Any) -> Array:
-            points = triangles.tri.points[triangles.tri.simplices]
-            a, b = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-            size = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
-            values = triangles.values[triangles.tri.simplices][:, :, 0]
-            mixed = (np.ptp(values, axis=1) > 1e-9) & (values.min(axis=1) >= 0)
-            return np.asarray(size if exploring else np.where(mixed, size, 0.1 * size**2))
-
-        learner = learner_class(None, bounds=((0.0, 1.0), (0.0, 1.0)), loss_per_triangle=loss)
-        learner.stack_size = 1
+        self._evaluate([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
         while len(self.points) < FIND * runs:
-            exploring = len(self.points) < EXPLORE * runs
+            sides = self._longest_sides(exploring=len(self.points) < EXPLORE * runs)
             count = min(together, math.ceil(FIND * runs) - len(self.points))
-            points = [(float(x), float(y)) for x, y in learner.ask(count)[0]]
-            self._evaluate(points)
-            for point in points:
-                found = self.points[point]
-                # A case that failed says nothing about categories: its triangles are not looked into.
-                learner.tell(point, -1 if found is None else classes.setdefault(found, len(classes)))
+            self._evaluate(list(dict.fromkeys(map(_middle, sides)))[:count])
+
+    def _longest_sides(self, *, exploring: bool) -> list[tuple[Point, Point]]:
+        """The longest side of each triangle between the runs, longest first; later, between categories first."""
+        sizes = []
+        for corners in _triangles(list(self.points)):
+            longest = max(itertools.combinations(corners, 2), key=_length)
+            found, size = {self.points[corner] for corner in corners}, _length(longest)
+            # A case that failed says nothing about categories: its triangles are not looked into.
+            mixed = len(found) > 1 and None not in found
+            sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
+        return [side for _, side in sorted(sizes, reverse=True)]
 
     def _polish(self, runs: int, together: int, resolution: float) -> None:
         """Bisect lines across the boundary, far apart along it, as many as the runs left are enough for."""
@@ -261,19 +255,10 @@ class _Search:
                     waiting.append(i)
 
     def _crossings(self) -> list[tuple[Point, Point]]:
-        """Edges of the triangulation whose ends are in different categories."""
-        from scipy.spatial import Delaunay
-
-        points = [point for point, found in self.points.items() if found is not None]
-        if len(points) < 3:
-            return []
-        edges = {
-            (min(i, j), max(i, j))
-            for simplex in Delaunay(np.asarray(points)).simplices.tolist()
-            for i, j in ((simplex[0], simplex[1]), (simplex[1], simplex[2]), (simplex[2], simplex[0]))
-        }
-        crossing = [(points[i], points[j]) for i, j in sorted(edges)]
-        return [(low, high) for low, high in crossing if self.points[low] != self.points[high]]
+        """Sides of triangles whose ends are in different categories."""
+        triangles = _triangles([point for point, found in self.points.items() if found is not None])
+        sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
+        return [(low, high) for low, high in sides if self.points[low] != self.points[high]]
 
 
 # ---------------------------------------------------------------- parts
@@ -319,9 +304,9 @@ def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
     return spans
 
 
-def _learner_class() -> Any:
-    try:
-        from adaptive import Learner2D
-    except ImportError:
-        raise InputError("refine needs the adaptive package: pip install 'stickslip[sweep]'") from None
-    return Learner2D
+def _triangles(points: Sequence[Point]) -> list[list[Point]]:
+    """The triangles between points (Delaunay), the corners of each in order; none between fewer than three."""
+    from scipy.spatial import Delaunay
+
+    found = Delaunay(points).simplices.tolist() if len(points) > 2 else []
+    return [sorted(points[i] for i in corners) for corners in found]
