@@ -26,7 +26,7 @@ _SMOOTHED = {0.1: 3.21, 0.3: 2.22, 0.5: 0.91}
 _KNOWN = tuple(_CONVERGED)
 _WAY = 0.065
 _DISTANCE, _SPACING = 1.6, 0.0025
-_FAST = 10.0  # of sliding in which contacts hold a hundredth of what they hold at rest
+_FAST = 20.0  # of sliding in which contacts hold a thousandth of what they hold at rest
 _EACH_WAY = 200.0
 _LEVEL = 0.6
 """Peak to peak of the spring force that counts as stick-slip, in f_s."""

@@ -75,7 +75,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 def _at_rest() -> tuple[Array, Array, Array]:
     """Thresholds; their distribution, Eq. (17); and that of contacts aged at rest by Eq. (13), in small steps."""
-    rng, thresholds, step = np.random.default_rng(13), np.zeros(_COUNT), 0.01  # of time, in 1/rate^2
+    step = 0.01  # of time, in 1/rate^2; the standard deviation comes out too large by a quarter of it
+    rng, thresholds = np.random.default_rng(13), np.zeros(_COUNT)
     stationary = FIG8.interface.threshold_distribution
     mean, std = stationary.moment(1), stationary.standard_deviation()
     for _ in range(round(10.0 / step)):
@@ -92,16 +93,12 @@ def _stationary(data: xr.Dataset) -> Claim:
     std = math.sqrt(float(np.sum((f - mean) ** 2 * seen) * width))
     apart = float(np.max(np.abs(np.cumsum(seen - exact)) * width))
     # 1e5 contacts: standard errors of 3e-4, 2e-4 and at most 1.6e-3 (half of 1e5**-.5); Sheppard's bin width**2/12.
-    measured = (
-        near("mean threshold", mean, 1.0, 1.6e-3, "f_s"),
-        near("standard deviation of the thresholds", std, math.sqrt(0.01 + width**2 / 12.0), 1.1e-3, "f_s"),
-        at_most("largest distance of the cumulative distributions", apart, 6e-3),
-    )
     return weighed(
         13,
         "the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
-        *measured,
-        printed=all(m.ok for m in measured),
+        near("mean threshold", mean, 1.0, 1.6e-3, "f_s"),
+        near("standard deviation of the thresholds", std, math.sqrt(0.01 + width**2 / 12.0), 1.1e-3, "f_s"),
+        at_most("largest distance of the cumulative distributions", apart, 6e-3),
         evidence="100000 newborn contacts without strength, ten ageing times at rest",
     )
 
