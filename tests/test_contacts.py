@@ -17,7 +17,6 @@ from stickslip.kernels.event_queue import (
     clear,
     drop,
     first_slot,
-    is_full,
     make_queue,
     peek,
     pop,
@@ -78,7 +77,6 @@ def test_the_queue_gives_what_a_heap_gives(steps, bins, width, start):
     for slot, key in enumerate(steps):
         assert peek(queue) == (heap[0][0] if heap else math.inf)
         assert size(queue) == len(heap)
-        assert bool(is_full(queue)) == (len(heap) >= 40)
         if key is not None and len(heap) < 40:
             push(queue, key, slot)
             heapq.heappush(heap, (key, slot))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime
 
-from stickslip.kernels import expansions, hazard, network, rules, tournament, turning_points
 from stickslip.kernels import flight as flights
+from stickslip.kernels import hazard, network, rules, tournament, turning_points
 from stickslip.kernels.drive import Quadratic, drive_at
 from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth, ageing_time, grown, threshold_at
 from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
@@ -87,23 +87,6 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
 
 
 # ---------------------------------------------------------------- functions
-
-
-@given(st.floats(-0.25, 0.25))
-def test_the_exponential_of_small_arguments(u):
-    assert expansions.expm1(u) == pytest.approx(math.expm1(u), rel=4e-15, abs=3e-13 * (4 * abs(u)) ** 10)
-    assert expansions.grown_by(u) == pytest.approx(math.expm1(u), rel=4e-15, abs=3e-13)
-
-
-@given(st.floats(-0.999, 5.0))
-def test_the_logarithm_of_small_arguments(u):
-    assert expansions.log1p(u) == pytest.approx(math.log1p(u), rel=1e-13, abs=1e-300)  # below, numbers lose digits
-
-
-def test_growth_beyond_the_largest_number_stops_there():
-    assert expansions.grown_by(0.3) == math.expm1(0.3)
-    assert expansions.grown_by(1e4) == math.expm1(300.0)
-    assert expansions.grown_by(-1e4) == -1.0
 
 
 @given(st.floats(-800.0, 800.0))
@@ -239,23 +222,6 @@ def test_out_of_reach_is_out_of_reach_and_no_further_than_it_must_be(eta, w2, v,
             drift = ahead - flight.q0 if f1 > 0 else behind + flight.q0
             free = (drift - 1.2 * amplitude) / abs(flight.q1) if f1 else 50.0
             assert most >= min(50.0, 0.999 * free)
-
-
-@pytest.mark.parametrize(("eta", "w2", "v", "f0", "f1"), FLIGHTS)
-@pytest.mark.parametrize("small", [1e-12, 1e-3, 0.1])
-def test_a_settled_flight_is_long_only_if_what_oscillates_is_small(eta, w2, v, f0, f1, small):
-    flight = flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0)
-    t = np.linspace(0.0, 10.0 / min(math.sqrt(w2), w2 / max(eta, 1e-9)), 20_001)
-    free = np.array([flights.far(flight, h)[0] for h in t.tolist()]) - flight.q0 - flight.q1 * t
-    most = flights.settled(flight, 1e3, small)
-    if most == 1e3:
-        assert np.abs(free).max() < 3.0 * small
-    else:
-        # Two nearly equal rates have large amplitudes that all but cancel.
-        assert np.abs(free).max() > 0.3 * small or eta * eta == 4.0 * w2
-        rates = np.abs(np.roots([1.0, eta, w2]))
-        assert most == pytest.approx(0.7 / rates.max()) or most == pytest.approx(0.7 / rates.min())
-    assert flights.settled(flight, 1e-6, small) == 1e-6
 
 
 @settings(max_examples=200)

@@ -37,6 +37,7 @@ MECHANISMS: dict[str, dict[str, object]] = {
     "Bell, delay, sliding force": {"temperature": BELL, "delay": DELAY, "sliding_force": 0.3},
     "Bell, newborns": {"temperature": BELL, "newborn": STRETCHED},
     "Bell, on arrest": {"temperature": BELL, "delay": ss.OnArrest()},
+    "Bell, track": {"temperature": BELL, "delay": DELAY, "track_scatter": 0.2},
     "barrier": {"temperature": BARRIER},
     "logarithmic growth": {"ageing": LOGARITHMIC},
     "logarithmic growth, sliding force": {"ageing": LOGARITHMIC, "delay": DELAY, "sliding_force": 0.3},
@@ -59,7 +60,7 @@ MECHANISMS: dict[str, dict[str, object]] = {
         "delay": DELAY,
         "newborn": STRETCHED,
     },
-    "areas, Bell": {"areas": "site", "temperature": BARRIER},
+    "areas, barrier": {"areas": "site", "temperature": BARRIER},
 }
 METHODS = {
     "Contacts": ss.Contacts(200, seed=3),

@@ -429,7 +429,7 @@ def test_a_rig_has_its_own_units():
         ),
         (
             lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, newborn=NARROW))),
-            "newborn = .*: not available with MasterEquation together with temperature = .*; leave one out",
+            "newborn = .*: not available with MasterEquation together with temperature = .*; use Contacts",
         ),
         (
             lambda: ss.simulate(

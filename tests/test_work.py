@@ -72,6 +72,15 @@ def test_a_kick_that_rings_on_counts():
         ss.simulate(kicked)
 
 
+def test_a_slider_that_sticks_turns_at_no_cost_once_it_has_rung():
+    """Some turns after each slip, the longer, the less it is damped, and no more than there are."""
+    soft = RIG.replace(slider=ss.Slider(stiffness=0.1, mass=1e-4, damping=42.4))
+    turns = {
+        duration: estimate(soft.replace(drive=ss.constant(1.0, duration))).parts[0].what for duration in (0.1, 20.0)
+    }
+    assert turns == {0.1: "10 rad of the slider's oscillation", 20.0: "1.5e+02 rad of the slider's oscillation"}
+
+
 def test_memory_is_estimated_too():
     with pytest.raises(ss.InputError, match=r"simulation\.contacts = 1e\+08: .* GB"):
         ss.simulate(RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1e-3)))
@@ -199,9 +208,9 @@ class Own:
 def test_every_combination_is_estimated_or_refused_in_words(monkeypatch, method, ageing, temperature):
     monkeypatch.setattr(base, "ENGINES", dict(base.ENGINES))
     monkeypatch.setattr(methods, "METHODS", {**methods.METHODS, "own": Own})
-    solves(Own, type(ageing), temperature=(type(temperature),))(
-        base.ENGINES[ss.Contacts, type(None), type(None), False]
-    )
+    known = base.ENGINES[ss.Contacts, type(None), type(None), False]
+    own = type("OwnEngine", (known,), {"cost": staticmethod(base.Engine.cost)})
+    solves(Own, type(ageing), temperature=(type(temperature),))(own)
     rig = ss.Rig(replace(INTERFACE, delay=ss.Delay(0.0), ageing=ageing, temperature=temperature), SLIDER, RIG.drive)
     with contextlib.suppress(ss.InputError):
         assert 0.0 < estimate(replace(rig, method=method)).seconds < math.inf

@@ -23,7 +23,7 @@ from .hazard import Hazard, largest_rate, rate, steepness
 
 Floats = NDArray[np.float64]
 
-_CHANCE = 0.2
+CHANCE = 0.2
 """Proposals that a contact may expect on its way through a box."""
 _MET = 1.0 - 1e-9
 """Part of its threshold at which a contact breaks: boxes come nearer to a growing one without end."""
@@ -100,7 +100,7 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> B
     while True:
         reach = min(x + width, lowest)
         most = largest_rate(hazard, reach, lowest)
-        too_wide = width > finest and most * width > _CHANCE * abs(speed)
+        too_wide = width > finest and most * width > CHANCE * abs(speed)
         if not too_wide:
             return Box(reach, time, most)
         width = max(0.5 * width, finest)

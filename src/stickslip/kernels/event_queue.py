@@ -91,12 +91,6 @@ def size(queue: Queue) -> int:
 
 
 @inlined
-def is_full(queue: Queue) -> bool:
-    """Whether there is no room for another entry."""
-    return size(queue) >= queue.capacity
-
-
-@inlined
 def used(queue: Queue) -> int:
     """All entries lie in places before this one."""
     return int(queue.counts[_UNUSED]) * _CHUNK

@@ -13,7 +13,8 @@ number of contacts; the force needs two running sums, whatever that number. Samp
 the interval where they fall, so that sampling never changes the motion.
 
 With temperature, with thresholds that grow, and of different areas, contacts break by the rule of `boxes`: what waits
-in the queues are then the sides of boxes, and proposals wait in a tournament of their times.
+in the queues are then the sides of boxes, and proposals wait in a tournament of their times. Where all that matters is
+Bell's rate, one box does for all contacts, that of `shared_clock`.
 
 Detached contacts that carry a force slide together: one element, elastic with the contacts' stiffness up to that force
 and plastic beyond, follows the slider for all of them. It yields where the slider passes one of two positions, and is
@@ -29,6 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from . import shared_clock
 from ._jit import bare, inlined
 from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, threshold_now
 from .drive import Quadratic
@@ -52,6 +54,7 @@ from .motion import (
     set_out,
 )
 from .oscillator import Slider
+from .shared_clock import Clock, is_shared
 from .tournament import enter, play, smallest, tournaments, winner
 
 Floats = NDArray[np.float64]
@@ -117,7 +120,8 @@ class Boxes(NamedTuple):
 
     ``of`` are those of the contacts, which have strengths for thresholds, ``times`` a tournament of their next
     proposals and ends of boxes. ``own`` are the strengths of contacts that keep them when they re-attach; without any
-    they draw new ones. ``stiffest`` is how stiff they may become, over their number.
+    they draw new ones. ``stiffest`` is how stiff they may become, over their number. With a shared clock nobody is in
+    a box of his own: all reach up to their thresholds.
     """
 
     rule: Rule
@@ -125,6 +129,7 @@ class Boxes(NamedTuple):
     times: Floats
     own: Floats
     stiffest: float
+    clock: Clock
 
 
 def make_state(
@@ -171,9 +176,10 @@ def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
     # Thresholds that have grown may hold contacts beyond their strengths.
     stretched = np.abs(m.position - contacts["birth"][held])
     of["since"], of["reach"][slots] = since, np.maximum(contacts["threshold"][held], stretched)
-    times[0, slots] = m.time
-    play(times, N)
-    boxes = Boxes(rule, of, times[0], own, 1.0)
+    if not (shared := is_shared(rule)):
+        times[0, slots] = m.time
+        play(times, N)
+    boxes = Boxes(rule, of, times[0], own, 1.0, shared_clock.make_clock(N if shared else 0))
     _look_again(state, boxes)
     # Twice as stiff as now only by a rare choice of the strongest.
     return boxes._replace(stiffest=2.0 * m.stiffness / max(m.attached, 1)) if rule.as_stiff else boxes
@@ -229,6 +235,13 @@ def _reach(state: State, place: int, boxes: Boxes | None) -> float:
     return float(boxes.of[state.ahead.entries[place]["slot"]]["reach"])
 
 
+@inlined
+def _first_behind(state: State) -> float:
+    """Nobody behind leaves his box, or breaks, before the slider is at minus this position."""
+    m = state.motion[0]
+    return peek(state.behind) if m.keeps_behind else float(m.least)
+
+
 @bare
 def _keep_behind(state: State, boxes: Boxes | None) -> None:
     """Fill the queue of those behind, and keep it from now on."""
@@ -275,7 +288,13 @@ def _hold(state: State, slot: int, birth: float, threshold: float, draws: Draws,
     """Put a contact where attached ones live: up to its threshold, or within its next box."""
     m, contacts, reach = state.motion[0], state.ahead.entries, threshold
     if boxes is not None:
-        reach = _enclose(state, slot, birth, threshold, draws, boxes)
+        if is_shared(boxes.rule):
+            for side in range(2):
+                rest = threshold + (1 - 2 * side) * birth
+                shared_clock.propose(boxes.clock, side, slot, rest, state.size, boxes.rule, m, draws.variates)
+            boxes.of[slot]["reach"] = threshold
+        else:
+            reach = _enclose(m, slot, birth, threshold, draws, boxes.rule, boxes.of, boxes.times, state.size)
     place = push(state.ahead, reach + birth, slot)
     contacts[place]["birth"] = birth
     contacts[place]["threshold"] = threshold
@@ -304,10 +323,12 @@ def _variate(m: Motion, draws: Draws) -> float:
 
 
 @bare
-def _enclose(state: State, slot: int, birth: float, strength: float, draws: Draws, boxes: Boxes) -> float:
+def _enclose(
+    m: Motion, slot: int, birth: float, strength: float, draws: Draws, rule: Rule, of: Records, times: Floats, N: int
+) -> float:
     """Draw the next box of a contact; how far it reaches."""
-    m, own = state.motion[0], boxes.of[slot]
-    box = box_of(boxes.rule, m.position - birth, strength, m.time - own["since"], m.velocity)
+    own = of[slot]
+    box = box_of(rule, m.position - birth, strength, m.time - own["since"], m.velocity)
     wait, own["reach"], own["most"] = box.time, box.reach, 0.0
     if box.time == 0.0:
         own["most"] = -1.0
@@ -315,22 +336,31 @@ def _enclose(state: State, slot: int, birth: float, strength: float, draws: Draw
         proposal = -math.log(1.0 - _variate(m, draws)) / box.most
         if proposal < box.time:
             wait, own["most"] = proposal, box.most
-    enter(boxes.times, state.size, slot, m.time + wait)
+    enter(times, N, slot, m.time + wait)
     return box.reach
 
 
 @bare
-def _breaks(state: State, place: int, proposed: bool, draws: Draws, boxes: Boxes) -> bool:
+def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
     """Whether the contact at a place breaks, that leaves its box or whose time has come."""
     m, contact = state.motion[0], state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
     x, age = m.position - contact["birth"], m.time - own["since"]
-    if proposed and own["most"] != 0.0:
+    if boxes.times[contact["slot"]] <= m.time and own["most"] != 0.0:
         if own["most"] < 0.0:
             return True
         threshold = threshold_now(boxes.rule, contact["threshold"], age)
         return bool(_variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
     return box_of(boxes.rule, x, contact["threshold"], age, m.velocity).time == 0.0
+
+
+@inlined
+def _forget(state: State, slot: int, boxes: Boxes) -> None:
+    """No time is set for a contact any more."""
+    if is_shared(boxes.rule):
+        shared_clock.forget(boxes.clock, slot, state.size)
+    else:
+        enter(boxes.times, state.size, slot, np.inf)
 
 
 @inlined
@@ -349,6 +379,7 @@ def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Const
                 threshold = draws.thresholds[i]
             if not can_hold(boxes.rule, threshold, m.velocity):
                 m.thresholds_used = i + 1
+                _forget(state, slot, boxes)
                 push(state.waiting, m.time + YOUTH / boxes.rule.growth.first, slot)
                 return
         if boxes.rule.as_stiff:
@@ -368,10 +399,8 @@ def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Const
     """Break the contact at a place; without delay it re-attaches at once."""
     m, contact, k = state.motion[0], state.ahead.entries[place], 1.0
     slot = contact["slot"]
-    if boxes is not None:
-        enter(boxes.times, state.size, slot, np.inf)
-        if boxes.rule.as_stiff:
-            k = contact["threshold"]
+    if boxes is not None and boxes.rule.as_stiff:
+        k = contact["threshold"]
     count_out(m, contact["birth"], k, c)
     _drop(state, place)
     delay = draws.fixed_delay
@@ -380,20 +409,36 @@ def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Const
         m.delays_used += 1
     if delay == 0.0:
         _attach(state, slot, draws, boxes, c)
-    elif delay < np.inf:
+        return
+    if boxes is not None:
+        _forget(state, slot, boxes)
+    if delay < np.inf:
         push(state.waiting, m.time + delay, slot)
 
 
 @bare
-def _leave(state: State, place: int, proposed: bool, draws: Draws, boxes: Boxes, c: Constants) -> None:
+def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
     """A contact leaves its box, or its time has come: it breaks or gets another box."""
-    if _breaks(state, place, proposed, draws, boxes):
+    if is_shared(boxes.rule) or _breaks(state, place, draws, boxes):
         _break(state, place, draws, boxes, c)
         return
     contact = state.ahead.entries[place]
     slot, birth, strength = contact["slot"], contact["birth"], contact["threshold"]
     _drop(state, place)
     _hold(state, slot, birth, strength, draws, boxes)
+
+
+@inlined
+def _strike(state: State, side: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
+    """The clock ahead (0) or behind (1) proposes that a contact breaks: it does so, or is proposed again later."""
+    m, slot = state.motion[0], shared_clock.struck(boxes.clock, side, state.size)
+    place = boxes.of[slot]["place"]
+    birth, threshold = state.ahead.entries[place]["birth"], state.ahead.entries[place]["threshold"]
+    if _variate(m, draws) < shared_clock.chance(boxes.clock, side, boxes.rule, m.position, m.position - birth):
+        _break(state, place, draws, boxes, c)
+    else:
+        rest = threshold + (1 - 2 * side) * birth
+        shared_clock.propose(boxes.clock, side, slot, rest, state.size, boxes.rule, m, draws.variates)
 
 
 @inlined
@@ -404,7 +449,7 @@ def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constan
     if boxes is None:
         _break(state, place, draws, boxes, c)
     else:
-        _leave(state, place, False, draws, boxes, c)
+        _leave(state, place, draws, boxes, c)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -415,24 +460,29 @@ def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constan
 class _Edges(NamedTuple):
     """The element of the detached contacts yields where the slider passes `ahead` or `behind`.
 
-    With `watch`, the flight ends where the slider turns round.
+    With `watch`, the flight ends where the slider turns round. It ends at `low` and `high` as well, where clocks that
+    contacts share change their pace.
     """
 
     ahead: float
     behind: float
     watch: bool
+    low: float
+    high: float
 
 
 @inlined
-def _edges(m: Motion, watch: bool, c: Constants) -> _Edges:
+def _edges(m: Motion, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
     """Where the element yields; while it does so already, nowhere."""
+    ahead, behind, low, high = np.inf, -np.inf, -np.inf, np.inf
+    if boxes is not None:
+        low, high = boxes.clock.window[0].low, boxes.clock.window[0].high
     if c.f_d == 0.0:
-        return _Edges(np.inf, -np.inf, watch)
-    ahead, behind = np.inf, -np.inf
+        return _Edges(ahead, behind, watch, low, high)
     if m.slides == 0:
         ahead = m.anchor + c.f_d if m.slid != 1 else np.inf
         behind = m.anchor - c.f_d if m.slid != -1 else -np.inf
-    return _Edges(ahead, behind, watch or m.slides != 0 or m.slid != 0)
+    return _Edges(ahead, behind, watch or m.slides != 0 or m.slid != 0, low, high)
 
 
 @inlined
@@ -476,23 +526,19 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
     if m.slides * (goal - m.position) < 0.0:
         _holds_again(m)
         return True
-    edges = _edges(m, False, c)
-    behind = peek(state.behind) if m.keeps_behind else m.least
-    if goal > min(ahead, edges.ahead):
-        leap(m, min(ahead, edges.ahead), c)
-        if not _yields(m, edges, 1, ahead):
-            _pass(state, 1, draws, boxes, c)
+    edges, behind = _edges(m, False, boxes, c), _first_behind(state)
+    side = int(goal > min(ahead, edges.ahead)) - int(goal < max(-behind, edges.behind))
+    if side == 0:
+        leap(m, goal, c)
+        return False
+    if side == -1 and not m.keeps_behind:
+        _keep_behind(state, boxes)
         return True
-    if goal < max(-behind, edges.behind):
-        if not m.keeps_behind:
-            _keep_behind(state, boxes)
-        else:
-            leap(m, max(-behind, edges.behind), c)
-            if not _yields(m, edges, -1, behind):
-                _pass(state, -1, draws, boxes, c)
-        return True
-    leap(m, goal, c)
-    return False
+    first = ahead if side == 1 else behind
+    leap(m, side * min(first, edges.ahead if side == 1 else -edges.behind), c)
+    if not _yields(m, edges, side, first):
+        _pass(state, side, draws, boxes, c)
+    return True
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -501,14 +547,14 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
 
 
 @inlined
-def _begin(m: Motion, drive: Quadratic, arrests: bool, c: Constants) -> tuple[Leg, _Edges]:
+def _begin(m: Motion, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants) -> tuple[Leg, _Edges]:
     """Motion from here on, if nothing happened."""
     leg = set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
         leg = set_out(m, drive, c)
     if c.rigid or c.massless:
         m.velocity = leg.motion.v
-    return leg, _edges(m, arrests and m.breaks > m.breaks_at_arrest, c)
+    return leg, _edges(m, arrests and m.breaks > m.breaks_at_arrest, boxes, c)
 
 
 _TURN = 2  # ends a flight where the slider turns round
@@ -522,15 +568,13 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
     the end of what was searched.
     """
     v = leg.motion.v
-    to_ahead = max(min(ahead, edges.ahead) - leg.X, 0.0)
+    to_ahead = max(min(ahead, edges.ahead, edges.high) - leg.X, 0.0)
     h, y, u, side, applies = 0.0, 0.0, v, 1, to_ahead == 0.0
     if not applies and v > 0.0:
         h, y, u, side, applies = soon(leg.motion, to_ahead, most)
     if not applies:
         # Only now those behind are looked at: while the slider moves on, none of them can break.
-        m = state.motion[0]
-        behind = peek(state.behind) if m.keeps_behind else m.least
-        to_behind = max(min(behind, -edges.behind) + leg.X, 0.0)
+        to_behind = max(min(_first_behind(state), -edges.behind, -edges.low) + leg.X, 0.0)
         h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
         if not applies and v < 0.0:
             h, y, u, side, applies = soon(leg.motion, -to_behind, most)
@@ -549,6 +593,16 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
 
 
 @inlined
+def _crosses(m: Motion, edges: _Edges, side: int, first: float) -> bool:
+    """Whether the slider passes an edge of the window before a contact or the element gives way."""
+    edge = edges.high if side == 1 else edges.low
+    if not (side * edge < first and side * edge < side * (edges.ahead if side == 1 else edges.behind)):
+        return False
+    m.position = edge
+    return True
+
+
+@inlined
 def _stops(m: Motion, arrests: bool) -> bool:
     """The slider turns round; whether it has stopped after a break."""
     m.slid = 0
@@ -559,11 +613,22 @@ def _stops(m: Motion, arrests: bool) -> bool:
 
 
 @inlined
+def _due(state: State, boxes: Boxes) -> tuple[float, int]:
+    """When the first time of a contact comes: by one of the clocks that they share, or (-1) of its own."""
+    if not is_shared(boxes.rule):
+        return smallest(boxes.times), -1
+    clock = boxes.clock
+    due, by = shared_clock.strikes(clock, boxes.rule, state.motion[0].time)
+    until = clock.window[0].until
+    return (until, -2) if until < due else (due, by)
+
+
+@inlined
 def short_of(m: Motion, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, bool]:
     """Whether there are too few thresholds, delays and variates for any event that may come next."""
     thresholds, variates = 1, False
     if boxes is not None:
-        variates = m.variates_used + _NEED > draws.variates.size
+        variates = m.variates_used + _NEED + boxes.clock.window[0].wanted > draws.variates.size
         if grows_from_nothing(boxes.rule.growth):
             thresholds = _TRIES
     delays = math.isnan(draws.fixed_delay) and m.delays_used >= draws.delays.size
@@ -600,14 +665,18 @@ def advance(
         ahead = peek(state.ahead)
         if c.massless and _leaps(state, piece.drive, ahead, draws, boxes, c):
             continue
-        leg, edges = _begin(m, piece.drive, draws.arrests, c)
-        attachment, due = peek(state.waiting), np.inf
+        if boxes is not None and not shared_clock.runs_evenly(boxes.clock, m):
+            behind = _first_behind(state)
+            if not shared_clock.wind(boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates):
+                return DRAWS_USED_UP
+        leg, edges = _begin(m, piece.drive, draws.arrests, boxes, c)
+        attachment, due, by = peek(state.waiting), np.inf, 0
         if boxes is not None:
-            due = smallest(boxes.times)
+            due, by = _due(state, boxes)
         limit = min(min(attachment, due), piece.end)
         most = max(limit - leg.t, 0.0)
         h, y, u, side = _next_event(state, leg, edges, ahead, most)
-        if side == -1 and not m.keeps_behind:
+        if side == -1 and not m.keeps_behind and -edges.low >= m.least:
             _keep_behind(state, boxes)
             continue
         ends_at = limit if side == 0 and h == most else leg.t + h
@@ -623,13 +692,17 @@ def advance(
             if _stops(m, draws.arrests):
                 return ARRESTED
         elif side != 0:
-            if not _yields(m, edges, side, ahead if side == 1 else peek(state.behind)):
+            first = ahead if side == 1 else _first_behind(state)
+            if not (_crosses(m, edges, side, first) or _yields(m, edges, side, first)):
                 _pass(state, side, draws, boxes, c)
         elif ends_at == attachment:
             slot = first_slot(state.waiting)
             pop(state.waiting)
             _attach(state, slot, draws, boxes, c)
         elif boxes is not None and ends_at == due:
-            _leave(state, boxes.of[winner(boxes.times, state.size)]["place"], True, draws, boxes, c)
+            if by >= 0:
+                _strike(state, by, draws, boxes, c)
+            elif by == -1:
+                _leave(state, boxes.of[winner(boxes.times, state.size)]["place"], draws, boxes, c)
         elif ends_at >= piece.end:
             return REACHED_END

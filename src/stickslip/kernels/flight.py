@@ -304,26 +304,6 @@ def out_of_reach(f: Flight, to_ahead: float, to_behind: float, most: float) -> f
     return h if w * h > math.pi else 0.0
 
 
-@bare
-def settled(f: Flight, h: float, small: float) -> float:
-    """Longest flight up to `h` in which the slider does not oscillate, unless by less than a small amplitude."""
-    g = 0.5 * f.eta
-    d = g * g - f.w2
-    if d < 0.0:
-        fast = slow = math.sqrt(f.w2)
-        quick = lasting = max(abs(f.y0), abs(f.v0) / fast)
-    else:
-        b = math.sqrt(d)
-        fast, slow = g + b, f.w2 / (g + b)
-        over = max(2.0 * b, 1e-9 * fast)
-        quick, lasting = abs(slow * f.y0 + f.v0) / over, abs(fast * f.y0 + f.v0) / over
-    if quick > small:
-        return min(h, 0.7 / fast)
-    if lasting > small:
-        return min(h, 0.7 / slow)
-    return h
-
-
 @inlined
 def soon(f: Flight, distance: float, most: float) -> tuple[float, float, float, int, bool]:
     """Try the common case: a short flight at nearly constant velocity.

@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import blocks, contacts, langevin, panels, thermal, thermal_population
+from stickslip.simulation.engines import blocks, contacts, langevin, panels, thermal_population
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -33,6 +33,5 @@ __all__ = [
     "panels",
     "slider_constants",
     "solves",
-    "thermal",
     "thermal_population",
 ]

@@ -27,10 +27,13 @@ from stickslip.model import (
     Start,
 )
 from stickslip.model.newborn import mean_life
+from stickslip.simulation.cost import oscillation, sampling
 
 if TYPE_CHECKING:
     from stickslip.kernels.drive import Quadratic, Stop
     from stickslip.kernels.oscillator import Slider as SliderConstants
+    from stickslip.model.rig import Rig
+    from stickslip.simulation.cost import Course, Part
 
 Array = NDArray[np.float64]
 
@@ -179,6 +182,11 @@ class Engine(Protocol):
     @staticmethod
     def check(interface: Interface, method: Any) -> None:
         """Raise `InputError` for what the engine cannot take."""
+
+    @staticmethod
+    def cost(rig: Rig, method: Any, course: Course) -> tuple[Part, ...]:  # noqa: ARG004
+        """Return the work of a run, by part: that of the slider and of samples, where of contacts nothing is known."""
+        return *oscillation(rig, course.turns), sampling(rig, course.turns)
 
     def __init__(self, beginning: Beginning, method: Any) -> None: ...
 

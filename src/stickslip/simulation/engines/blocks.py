@@ -23,12 +23,16 @@ from stickslip.model import (
     QuasiStatic,
 )
 from stickslip.model.distribution import check_density
+from stickslip.simulation.cost import Part
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_of
 
 if TYPE_CHECKING:
     from stickslip.kernels.leapfrog import Motion, Piece, Sampling
     from stickslip.kernels.network import Network
+    from stickslip.model.rig import Rig
+    from stickslip.model.units import Quantity
+    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -57,6 +61,15 @@ _POOL = 256
 """Random numbers drawn at once for a block. The same seed gives another run with another length."""
 _MOST_HISTORY = 2e8
 """Steps of a block in the longest delay: 1.6 GB."""
+_STEP, _STEP_OF_COHORT, _BREAK, _BALANCE = 1.5e-8, 3e-9, 2.4e-7, 4e-8
+"""Seconds a step of a block takes where nothing breaks, and of each of its cohorts; a break; and a block at each break
+in balance."""
+_CONTACT = 64.0
+"""Bytes of a contact."""
+_COHORTS = 400
+"""Cohorts of a block, about."""
+_SAMPLE = 2e-8, 120.0
+"""Seconds and bytes a sample of a block takes."""
 _BUDGET = 2_000_000
 """Events, or eight steps of a block each, in an advance: some 50 to 200 ms."""
 
@@ -222,6 +235,39 @@ class ElasticEngine(Engine):
     _network: Network
     _motion: Motion
     _sliding: float
+
+    @staticmethod
+    def cost(rig: Rig, method: Contacts | MasterEquation | QuasiStatic, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part: of steps, unless in balance all the time, of breaks and of samples."""
+        body, balanced = rig.slider, isinstance(method, QuasiStatic)
+        assert isinstance(body, ElasticBody)
+        count, steps, stiff = getattr(method, "count", _COHORTS), 0.0, False
+        if not balanced:
+            network = network_of(body, np.zeros(body.size), np.zeros(body.size))
+            step = longest_step(network)
+            stiff = step < longest_step(network._replace(lag=0.0))  # dashpots ask for shorter steps than springs
+            steps = body.size * rig.drive.duration / step
+        what = "cohorts" if isinstance(method, MasterEquation) else "contacts"
+        name: Quantity = "viscosity" if stiff else "mass"
+        moving = Part(
+            key=f"slider.{name}", value=getattr(body, name), quantity=name, power=1.0 if stiff else -0.5,
+            what=f"{steps:.2g} steps of blocks", block_steps=steps,
+            seconds=steps * (_STEP if what == "contacts" else _STEP_OF_COHORT * count),
+        )  # fmt: skip
+        breaks, each = body.size * count * max(course.lives, 1.0), _BALANCE * body.size if balanced else _BREAK
+        breaking = Part(
+            key=f"simulation.{what}", value=count, quantity=None, power=1.0,
+            what=f"about {breaks:.2g} breaks of {body.size * count:.2g} {what}",
+            seconds=each * breaks, bytes=_CONTACT * body.size * count,
+        )  # fmt: skip
+        if (interval := rig.output.interval) is None:
+            return moving, breaking
+        samples = rig.drive.duration / interval * body.size
+        sampling = Part(
+            key="simulation.interval", value=interval, quantity="time", power=-1.0,
+            what=f"{samples:.2g} samples of blocks", seconds=_SAMPLE[0] * samples, bytes=_SAMPLE[1] * samples,
+        )  # fmt: skip
+        return moving, breaking, sampling
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]

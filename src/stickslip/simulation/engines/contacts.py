@@ -23,6 +23,7 @@ from stickslip.model import (
     OnArrest,
     Parabolic,
 )
+from stickslip.simulation.cost import breaking, oscillation, sampling
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -40,6 +41,8 @@ from stickslip.sliding.lives import growth_of, hazard_of
 if TYPE_CHECKING:
     from stickslip.kernels import events as kernel
     from stickslip.kernels.boxes import Rule
+    from stickslip.model.rig import Rig
+    from stickslip.simulation.cost import Course, Part
 
 Array = NDArray[np.float64]
 
@@ -49,6 +52,14 @@ _EVENTS = 400_000
 """Events in an advance: some 50 ms."""
 _POOL = 65_536
 """Lives to choose from, at least, for a start in steady sliding."""
+_BREAK, _CLOCKED_BREAK, _GROWING_BREAK, _BOXED_BREAK = 2.4e-7, 6e-7, 2.6e-6, 5e-6
+"""Seconds a break takes: at fixed thresholds, by the shared clock, in a box at no temperature, and in one at some."""
+_WINDOW = 2e-7
+"""Seconds that it takes to lay a window of the shared clock, some four on its width."""
+_CONTACT = 150.0
+"""Bytes of a contact."""
+_FINEST_TURN = 1e-13
+"""Of a run's time; shorter turns of the slider are lost in the rounding of time."""
 _LIVES = 16
 """The same for each contact that keeps its strength: its lives are much alike."""
 
@@ -63,7 +74,7 @@ def check_newborns(interface: Interface) -> None:
 
 
 @solves(Contacts)
-@solves(Contacts, temperature=(Parabolic, Barrier))
+@solves(Contacts, temperature=(Bell, Parabolic, Barrier))
 @solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(type(None), Bell, Parabolic, Barrier))
 class EventByEvent(Engine):
     """Contacts whose next event is always known; fed with random numbers in blocks of a fixed length."""
@@ -126,6 +137,22 @@ class EventByEvent(Engine):
                 "Interface.delay",
             )
 
+    @staticmethod
+    def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part: of breaks, and of turns while the slider rings."""
+        interface, count, each, how, more = rig.interface, method.count, _BREAK, "", 0.0
+        if interface.temperature is not None:
+            how = " by thermal activation"
+        if isinstance(interface.temperature, Bell) and interface.ageing is None:
+            mean = interface.threshold_distribution.moment(1)
+            each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * course.lives * mean / interface.temperature.width
+        elif interface.temperature is not None or interface.ageing is not None:
+            each = _BOXED_BREAK if interface.temperature is not None else _GROWING_BREAK
+        # Once a slider that sticks rings no more, its turns cost nothing; unless the rounding of time hides them.
+        radians = course.turns if course.turns * _FINEST_TURN > 1.0 else course.rung
+        breaks = breaking(count, course.lives, each, _CONTACT, how, more)
+        return *oscillation(rig, radians), breaks, sampling(rig, course.turns)
+
     def _first(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array, Array]:
         """Draw stretchings and strengths of all contacts (detached last), when these re-attach, and when those did.
 
@@ -182,7 +209,8 @@ class EventByEvent(Engine):
             draws = draws._replace(delays=self._delay.sample(self._delays, _BLOCK))
             m.delays_used = 0
         if variates:
-            draws = draws._replace(variates=self._chances.random(_BLOCK))
+            wanted = int(self._boxes.clock.window[0].wanted) if self._boxes is not None else 0
+            draws = draws._replace(variates=self._chances.random(_BLOCK + wanted))
             m.variates_used = 0
         self._draws = draws
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, PaperClosure, Parabolic
+from stickslip.simulation.cost import Part, breaking, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import (
     attached_now,
@@ -23,12 +24,20 @@ from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
 from stickslip.sliding.lives import hazard_of
 
 if TYPE_CHECKING:
-    from stickslip.kernels.stepping import Course
+    from stickslip.kernels import stepping
+    from stickslip.model.rig import Rig
+    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
 _STEP = 0.02
 """Largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements."""
+_AGE, _BREAK, _HOT_BREAK = 2e-7, 2.6e-6, 5e-6
+"""Seconds a contact takes in a time of ageing, whether it breaks or not, and a break, at a temperature more."""
+_CONTACT = 150.0
+"""Bytes of a contact."""
+_COHORT = 6e-8
+"""Seconds a cohort takes in a time of ageing or mean threshold, for each of their number."""
 _BUDGET, _HOT_BUDGET = 500_000, 25_000
 """Steps of a contact in an advance; with temperature each is a step of many."""
 
@@ -39,6 +48,24 @@ def _start(beginning: Beginning, rate: float) -> float:
         return 0.0
     velocity, delay = beginning.velocity, beginning.interface.delay.moment(1)
     return -5.0 * (beginning.interface.threshold_distribution.moment(1) / velocity + delay) - 5.0 / rate**2
+
+
+def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]:
+    """Return the work of a run, by part; a time of ageing takes the seconds `aged`, at rest as in motion."""
+    assert isinstance(rig.interface.ageing, Langevin)
+    rate = rig.interface.ageing.rate
+    ages = rig.drive.duration * rate**2
+    ageing = Part(key="interface.ageing.time", value=rate**-2, quantity="time", power=-1.0,
+                  what=f"{ages:.2g} times of ageing", seconds=aged * ages)  # fmt: skip
+    return *oscillation(rig, course.turns), part, ageing, sampling(rig, course.turns)
+
+
+def _cost_of_cohorts(rig: Rig, course: Course, cohorts: float) -> tuple[Part, ...]:
+    """The same for so many cohorts, of second order."""
+    path, aged = course.distance + course.shaken + 0.01 * course.ringing, _COHORT * cohorts**2
+    part = Part(key="simulation.rtol", value=1e-4 * (400.0 / cohorts) ** 2, quantity=None, power=-1.0,
+                what=f"a path of {path:.2g} mean thresholds", seconds=aged * path)  # fmt: skip
+    return _cost(rig, course, aged, part)
 
 
 @solves(Contacts, Langevin)
@@ -75,6 +102,13 @@ class LangevinContacts(Steps):
         """Raise `InputError` for thresholds that cannot age so."""
         gaussian_ageing(interface)
 
+    @staticmethod
+    def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part."""
+        hot, count = rig.interface.temperature is not None, method.count
+        how, each = (" by thermal activation", _HOT_BREAK) if hot else ("", _BREAK)
+        return _cost(rig, course, _AGE * count, breaking(count, course.lives, each, _CONTACT, how))
+
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
         return attached_now(self._contacts.stretching + self.state[1], self._contacts.attach, self.state[0])
@@ -83,7 +117,7 @@ class LangevinContacts(Steps):
         """Every contact by itself, now."""
         return Individuals(self._contacts.stretching + self.state[1], self._contacts.attach <= self.state[0])
 
-    def take(self, course: Course) -> Array:
+    def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
         from stickslip.kernels.langevin_contacts import go_on
 
@@ -127,6 +161,11 @@ class LangevinDensity(Steps):
                 f"{what}: not available with MasterEquation together with ageing = {interface.ageing}; use Contacts"
             )
 
+    @staticmethod
+    def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part."""
+        return _cost_of_cohorts(rig, course, 400.0 * math.sqrt(1e-4 / method.rtol))
+
     def stretchings(self) -> Stretchings:
         """Mean stretchings of the cohorts now."""
         fraction = self._cohorts.mass.sum(axis=1)
@@ -134,7 +173,7 @@ class LangevinDensity(Steps):
         place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / fraction[kept]
         return Stretchings(self.state[1] - place, fraction[kept], cells=True)
 
-    def take(self, course: Course) -> Array:
+    def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
         from stickslip.kernels.langevin_density import advance_density
 
@@ -196,12 +235,17 @@ class Closure(Steps):
         if interface.delay.moment(1) > 0:
             raise InputError(f"Interface.delay = {interface.delay}: not available with PaperClosure; use Contacts")
 
+    @staticmethod
+    def cost(rig: Rig, method: PaperClosure, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part."""
+        return _cost_of_cohorts(rig, course, method.cells)
+
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts now."""
         count = int(self.state[4])
         return Stretchings(self.state[1] - self._cohorts.place[:count], self._cohorts.weight[:count], cells=True)
 
-    def take(self, course: Course) -> Array:
+    def take(self, course: stepping.Course) -> Array:
         """Follow a course, with room for as many cohorts as it takes."""
         from stickslip.kernels.closure import Cohorts, advance_closure
 

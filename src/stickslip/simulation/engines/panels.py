@@ -12,17 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model import DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
+from stickslip.model import Delay, DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
+from stickslip.simulation.cost import Part, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
 from stickslip.simulation.engines.cohorts import Cohorts, sampled
 
 if TYPE_CHECKING:
     from stickslip.kernels import panel_state as kernel
+    from stickslip.model.rig import Rig
+    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,10 @@ _BROKEN = 0.02
 """Fraction of all contacts that may break in a step where they are counted, for an error of 1e-4."""
 _GRAIN = 0.15
 """Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
+_PANELS = 1e-4, 1.5e-5
+"""Seconds over a mean threshold, and over a radian in which the slider rings after a slip."""
+_OF_RANDOM_DELAYS, _OF_CORNERS = 5.0, 3.0
+"""So many times that with random delays, and with a distribution of thresholds that has corners."""
 _FINE = 2.5e-3
 """Distance of the stretchings shown, in ``x_s``."""
 
@@ -102,6 +109,21 @@ class Panels(Cohorts):
                     "MasterEquation(memoryless=True); leave one of them out",
                     f"Interface.{field}",
                 )
+
+    @staticmethod
+    def cost(rig: Rig, method: MasterEquation | Population, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part: panels are of fifth order."""
+        interface, finer = rig.interface, 1e-4 / method.rtol
+        harder = 1.0 if isinstance(interface.delay, Delay) else _OF_RANDOM_DELAYS
+        if any(0.0 < knot < math.inf for knot in interface.threshold_distribution.knots):
+            harder *= _OF_CORNERS
+        ringing = course.ringing if interface.delay.moment(1) > 0 else 0.0
+        steps = _PANELS[0] * (course.distance + course.shaken) + _PANELS[1] * ringing
+        path = course.distance + course.shaken + 0.01 * course.ringing
+        part = Part(key="simulation.rtol", value=method.rtol, quantity=None, power=-1 / 6,
+                    what=f"a path of {path:.2g} mean thresholds",
+                    seconds=harder * finer ** (1 / 6) * steps)  # fmt: skip
+        return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""

@@ -22,6 +22,7 @@ from stickslip.model import (
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.quadrature import hashable
+from stickslip.simulation.cost import Part, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import initial_nodes, survival_of
 from stickslip.simulation.engines.cohorts import Cohorts, sampled
@@ -31,6 +32,8 @@ from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of
 if TYPE_CHECKING:
     from stickslip.kernels import thermal_cohorts as kernel
     from stickslip.kernels.survival import Table
+    from stickslip.model.rig import Rig
+    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -38,6 +41,10 @@ _STEPS = 500
 """Steps in an advance."""
 _NODES = 240
 """Nodes of thresholds, at most, where one number does not do."""
+_BROKEN = 0.006
+"""Largest fraction of the contacts that breaks in a step."""
+_COHORT = 2e-6, 1e-5
+"""Seconds a cohort takes in a step: where one number says what is left of it, and at nodes."""
 
 
 @solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
@@ -56,7 +63,7 @@ class ThermalPopulation(Cohorts):
         model, mean = _model(interface), interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
         reach = 0.5 * min(1.0, math.sqrt(method.rtol / 1e-4))
-        broken = min(1.5 * reach * model.width / mean, 0.006)
+        broken = min(1.5 * reach * model.width / mean, _BROKEN)
         limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
         delays = Delays(*interface.delay.quadrature())
         self._case = kernel.Case(model, delays, self.slider, interface.sliding_force, limits)
@@ -87,6 +94,25 @@ class ThermalPopulation(Cohorts):
             raise InputError(
                 f"MasterEquation(memoryless=True): not available with Interface.{part} = {getattr(interface, part)}"
             )
+
+    @staticmethod
+    def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
+        """Return the work of a run, by part: a few steps and cohorts on a width, fewer where few contacts may break."""
+        interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
+        width, cold = activation_width(interface), interface.temperature is None
+        one_number = cold or _is_one_number(interface)
+        finer = max(1.0, math.sqrt(1e-4 / method.rtol))
+        closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
+        cohorts = float(closest * interface.threshold_distribution.support[1])
+        steps = closest * mean * (course.distance + course.shaken) + 3.0 * course.rung
+        key, value, power = ("interface.temperature", width, -2.0)
+        if cold:
+            key, value, power = ("simulation.rtol", 1e-4 / finer**2, -1.0)
+        part = Part(key=key, value=value, quantity=None, power=power,
+                    what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts", instead="use Contacts(...), or ",
+                    seconds=_COHORT[not one_number] * steps * cohorts,
+                    bytes=16.0 * cohorts * (1 if one_number else _NODES))  # fmt: skip
+        return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
 
     def _cap(self, velocity: float) -> None:
         """Check thresholds directly once the slider is fast enough for contacts to reach them."""
@@ -140,12 +166,17 @@ def _model(interface: Interface) -> kernel.Model:
     hazard = hazard_of(interface.temperature)
     thresholds = survival_of(distribution)
     low, thermal, node, weight = 0.0, thresholds, np.empty(0), np.empty(0)
-    if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth):
+    if _is_one_number(interface):
         low, thermal = _thermal_table(hashable(distribution), hazard.scale)
     elif interface.temperature is not None:
         node, weight = _threshold_nodes(distribution, width)
     cold, growth = interface.temperature is None, growth_of(interface.ageing)
     return kernel.Model(hazard, growth, thresholds, thermal, low, node, weight, cold, width)
+
+
+def _is_one_number(interface: Interface) -> bool:
+    """Whether one number says what a temperature has left of a cohort."""
+    return isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth)
 
 
 def activation_width(interface: Interface) -> float:

@@ -1,0 +1,226 @@
+"""The clock of contacts that break by Bell's rate at thresholds that stay: one box for all of them.
+
+A contact that attached at ``b`` with threshold ``s`` breaks at the rate ``w exp((|X - b| - s)/A)``. Breaks are proposed
+at the rate ``w exp((X - b - s)/A) + w exp((b - X - s)/A)``, and accepted with the part that the true rate has of it.
+Each of the two terms is the same for all contacts but for a factor: those of the first are proposed when the clock
+``Z = w Int exp(X/A) dt`` has run on by ``exp((b + s)/A) E``, with ``E`` drawn from ``exp(-E)``; a second clock goes by
+``-X`` and ``b - s``.
+
+While the slider stays in a window, its edge stands for ``X``: the clocks then run evenly in time, and a proposal is
+accepted with the probability ``exp((X - edge)/A)`` besides. Readings are kept as lengths, ``A ln Z``: proposals wait in
+a bucket queue as positions do. A clock by which nobody can break is not kept, and one that the slider has left far
+behind has lost its digits: breaks have no memory, so that a clock can be wound, and its readings drawn, at any time.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .boxes import CHANCE, Rule
+from .event_queue import Queue, size, used
+from .growth import LOGARITHMIC
+from .hazard import BELL
+from .motion import Motion
+from .tournament import enter, play, smallest, tournaments, winner
+
+Floats = NDArray[np.float64]
+
+_LAG = 30.0
+"""Widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again."""
+_SPAN = 0.25, 1e3
+"""Widths from the slider to an edge of the window, at least and about at most."""
+_NEVER = 1e-15
+"""Breaks, of all contacts until the window is laid anew, that do not come."""
+
+
+class Dial:
+    """One of the two clocks, a record: of contacts stretched forwards, or backwards with all positions mirrored."""
+
+    edge: float
+    """Of the window, on the side of larger rates."""
+    reading: float
+    """When the window was laid."""
+    pace: float
+    """Rate of the clock over its value then."""
+    top: float
+    """Largest edge since it was wound."""
+    safe: float
+    """The window does for contacts that attach with thresholds beyond this position."""
+    first: float
+    """Reading of the next proposal, as it was seen last, and its time."""
+    due: float
+    kept: int
+
+
+class Window:
+    """Where and until when the clocks run evenly, a record."""
+
+    low: float
+    high: float
+    since: float
+    until: float
+    wanted: int
+    """Variates to wind the clocks with."""
+
+
+_DIAL = np.dtype(list(Dial.__annotations__.items()))
+_WINDOW = np.dtype(list(Window.__annotations__.items()))
+
+
+class Clock(NamedTuple):
+    """The two clocks, ahead first, and a tournament each of the readings at which contacts are proposed."""
+
+    window: Sequence[Window]
+    dials: Sequence[Dial]
+    readings: Floats
+
+
+def make_clock(contacts: int) -> Clock:
+    """Return a clock that is wound as soon as time goes on; one of no contacts never is."""
+    window: Any = np.zeros(1, _WINDOW).view(np.recarray)
+    dials: Any = np.zeros(2, _DIAL).view(np.recarray)
+    window.low, window.high, window.until = -np.inf, np.inf, -np.inf if contacts else np.inf
+    return Clock(window, dials, tournaments(2, max(contacts, 1)))
+
+
+@inlined
+def is_shared(rule: Rule) -> bool:
+    """Whether contacts share a clock."""
+    growth = rule.growth
+    fixed = growth.kind == LOGARITHMIC and growth.first == 0.0
+    return rule.hazard.kind == BELL and rule.hazard.attempts > 0.0 and fixed
+
+
+@inlined
+def runs_evenly(clock: Clock, m: Motion) -> bool:
+    """Whether the slider is in the window."""
+    window = clock.window[0]
+    return window.low < m.position < window.high and m.time < window.until
+
+
+@inlined
+def _strikes(clock: Clock, side: int, width: float) -> float:
+    """Time of the next proposal."""
+    reading, dial = smallest(clock.readings[side]), clock.dials[side]
+    if reading != dial.first:
+        dial.first = reading
+        dial.due = clock.window[0].since + math.expm1((reading - dial.reading) / width) / dial.pace
+    return dial.due
+
+
+@inlined
+def strikes(clock: Clock, rule: Rule, now: float) -> tuple[float, int]:
+    """Time of the next proposal, and of which clock."""
+    ahead, behind = _strikes(clock, 0, rule.hazard.scale), _strikes(clock, 1, rule.hazard.scale)
+    return max(min(ahead, behind), now), int(behind < ahead)
+
+
+@inlined
+def struck(clock: Clock, side: int, contacts: int) -> int:
+    """Contact of the next proposal."""
+    return winner(clock.readings[side], contacts)
+
+
+@inlined
+def chance(clock: Clock, side: int, rule: Rule, X: float, x: float) -> float:
+    """Probability that a proposal is accepted, of a contact stretched by `x`."""
+    width, sign = rule.hazard.scale, 1 - 2 * side
+    return math.exp((sign * X - clock.dials[side].edge) / width) / (1.0 + math.exp(-2.0 * abs(x) / width))
+
+
+@inlined
+def _reading(clock: Clock, side: int, rest: float, width: float, time: float, variate: float) -> float:
+    """Draw the reading at which a contact is proposed whose threshold is at `rest`, mirrored behind."""
+    dial = clock.dials[side]
+    now = dial.reading + width * math.log1p(dial.pace * (time - clock.window[0].since))
+    ratio = (rest - now) / width + math.log(-math.log1p(-variate))
+    return float(now + width * (ratio if ratio > 36.0 else math.log1p(math.exp(ratio))))
+
+
+@inlined
+def propose(
+    clock: Clock, side: int, slot: int, rest: float, contacts: int, rule: Rule, m: Motion, variates: Floats
+) -> None:
+    """Draw when a clock proposes a contact, if it is kept; where the window does not do for it, it is laid anew."""
+    dial = clock.dials[side]
+    if rest < dial.safe:
+        clock.window[0].until = -np.inf
+    if dial.kept:
+        reading = _reading(clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used])
+        enter(clock.readings[side], contacts, slot, reading)
+        m.variates_used += 1
+
+
+@inlined
+def forget(clock: Clock, slot: int, contacts: int) -> None:
+    """Take a contact that breaks off the clocks."""
+    for side in range(2):
+        if clock.dials[side].kept:
+            enter(clock.readings[side], contacts, slot, np.inf)
+
+
+@bare
+def wind(clock: Clock, rule: Rule, m: Motion, held: Queue, first: float, first_behind: float, variates: Floats) -> bool:
+    """Lay the window about the slider, and wind clocks where that is due; not if there are too few variates.
+
+    `held` are the attached contacts; no threshold is met ahead before `first`, behind before `first_behind`, mirrored.
+    """
+    window, N, width, attempts = clock.window[0], held.capacity, rule.hazard.scale, rule.hazard.attempts
+    onwards = m.direction > 0
+    span, to_go = _SPAN[0] * width, (first if onwards else first_behind) - m.direction * m.position
+    reach = span
+    while reach < _SPAN[1] * width:
+        if N * attempts * math.exp((2.0 * reach - to_go) / width) * 2.0 * reach > CHANCE * abs(m.velocity):
+            break
+        reach *= 2.0
+    low, high = m.position - (span if onwards else reach), m.position + (reach if onwards else span)
+    until = 2.0 * m.time + 1.0 / (N * attempts)
+
+    wanted = 0
+    for side in range(2):
+        dial, edge, nearest = clock.dials[side], high if side == 0 else -low, first if side == 0 else first_behind
+        dial.safe = edge + width * math.log(N * attempts * (until - m.time) / _NEVER)
+        if dial.kept and edge < dial.top - _LAG * width:
+            dial.kept = 0
+            clock.readings[side, :] = np.inf
+        if not dial.kept and nearest < dial.safe:
+            wanted += size(held)
+    window.wanted = wanted
+    if m.variates_used + wanted > variates.size:
+        return False
+
+    passed = m.time - window.since
+    window.low, window.high, window.since, window.until, window.wanted = low, high, m.time, until, 0
+    for side in range(2):
+        dial, edge, nearest = clock.dials[side], high if side == 0 else -low, first if side == 0 else first_behind
+        wound = edge - _LAG * width
+        if dial.kept:
+            dial.reading = max(dial.reading + width * math.log1p(dial.pace * passed), wound)
+            dial.top = max(dial.top, edge)
+        else:
+            dial.reading, dial.top = wound, edge
+        dial.first = np.nan
+        dial.edge, dial.pace = edge, attempts * math.exp((edge - dial.reading) / width)
+        if not dial.kept and nearest < dial.safe:
+            dial.kept = 1
+            _wind(clock, side, rule, m, held, variates)
+        if dial.kept:  # a wide window is one for the nearest threshold that there is
+            dial.safe = nearest if reach > span and onwards == (side == 0) else -np.inf
+    return True
+
+
+@bare
+def _wind(clock: Clock, side: int, rule: Rule, m: Motion, held: Queue, variates: Floats) -> None:
+    """Draw all readings of a clock."""
+    for place in range(used(held)):
+        contact = held.entries[place]
+        if contact["key"] < np.inf:
+            rest = contact["threshold"] + (1 - 2 * side) * contact["birth"]
+            variate = variates[m.variates_used]
+            clock.readings[side, contact["slot"]] = _reading(clock, side, rest, rule.hazard.scale, m.time, variate)
+            m.variates_used += 1
+    play(clock.readings[side : side + 1], held.capacity)
