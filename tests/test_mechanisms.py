@@ -28,14 +28,6 @@ def rig_of(interface, drive=None, *, damping=200.0, stiffness=2.0, mass=1e-4, co
     return ss.Rig(interface, slider, drive, method=ss.Contacts(count, seed=seed), start=start or ss.FromRest())
 
 
-def imbalance(run):
-    """How far the energies miss the work of the drive, over the largest of either."""
-    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
-    energy = sum(run[name].to_numpy() for name in parts)
-    work = run["work"].to_numpy()
-    return np.max(np.abs(energy - energy[0] - work)) / np.max(np.abs(work))
-
-
 # ------------------------------------------------------------------------------------------------ contacts
 
 THERE_AND_BACK = ss.ramp(2, -2, duration=4).then(ss.ramp(-2, 2, duration=4))
@@ -48,23 +40,6 @@ interfaces = st.builds(
     newborn=st.sampled_from([None, STRETCHED, ss.Gaussian(mean=0.4, std=0.0)]),
     track_scatter=st.sampled_from([0.0, 0.2]),
 )
-
-
-@settings(max_examples=25, deadline=None)
-@given(
-    interfaces,
-    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=6), ss.constant(-0.3, duration=10)]),
-    st.sampled_from([0.0, 2.0, 200.0, 1e4]),
-    st.sampled_from([0.3, 3.0]),
-    st.integers(1, 300),
-)
-def test_energy_balance_closes_for_every_mixture(interface, drive, damping, stiffness, count):
-    rig = rig_of(interface, drive, damping=damping, stiffness=stiffness, count=count)
-    run = ss.simulate(rig, output=ss.Output(interval=0.01))
-    assert imbalance(run) < 1e-10
-    counted = run["attached"].to_numpy() * count
-    assert np.allclose(counted, np.round(counted), atol=1e-9)
-
 
 CREEP = ss.LogarithmicGrowth(slope=0.02, time=0.05)
 
@@ -304,26 +279,6 @@ def test_the_master_equation_grows_as_the_linear_response_says(sliding_force, ne
     rig = rig_of(interface, ss.constant(1.5), damping=42.426, stiffness=2.0)
     root = stability.growth_rate(rig)
     assert root_of_a_run(interface, root) == pytest.approx(root, abs=1e-4)
-
-
-def compare_with_contacts(interface, drive):
-    """Until an instability has had the time to make much of little noise."""
-    rig = rig_of(replace(interface, initial=ss.Gaussian(mean=0.0, std=0.01)), drive, count=100_000)
-    out = ss.Output(interval=0.01)
-    run = ss.simulate(rig, method=ss.MasterEquation(), output=out)
-    assert imbalance(run) < 3e-4  # rtol is 1e-4
-    exact = ss.simulate(rig, output=out)
-    for name in ("spring_force", "attached"):
-        assert float(abs(run[name] - exact[name]).mean()) < 0.005, name  # an arrest may be a sample sooner or later
-
-
-@settings(max_examples=10, deadline=None)
-@given(
-    interfaces.filter(lambda interface: not interface.track_scatter and interface.newborn is None),
-    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=4)]),
-)
-def test_contacts_and_the_master_equation_agree_within_noise(interface, drive):
-    compare_with_contacts(interface, drive)
 
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(150)

@@ -210,24 +210,6 @@ def test_equal_contacts_break_together(count):
     assert float(run["spring_force"][-1]) == pytest.approx(1e-4 * 200 * 1.0, rel=1e-9)
 
 
-def test_scaling_time_scales_velocities():
-    """Exact similarity: time, 1/velocity, sqrt(mass), 1/damping and delay scale together."""
-    c = 4.0
-    slow = simulate(
-        Rig(interface(0.2), FIG4_SLIDER, constant(1.0, 4.0)),
-        method=Contacts(200, seed=5),
-        output=Output(interval=1 / 64),
-    )
-    fast = simulate(
-        Rig(interface(0.2 / c), Slider(stiffness=2.0, mass=1e-4 / c**2, damping=200.0 * c), constant(c, 4.0 / c)),
-        method=Contacts(200, seed=5),
-        output=Output(interval=1 / 64 / c),
-    )
-    np.testing.assert_allclose(fast["displacement"], slow["displacement"], atol=1e-9)
-    np.testing.assert_allclose(fast["velocity"], c * slow["velocity"], atol=1e-5)
-    np.testing.assert_array_equal(fast["attached"], slow["attached"])
-
-
 # ------------------------------------------------------------------------------------------------ the drive
 
 
@@ -304,9 +286,6 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
     n = method.count if isinstance(method, Contacts) else np.inf
     slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * distribution.density(0.0) / 400
     assert np.all(np.abs(got - expected) <= slack + 1e-4)
-
-
-# ------------------------------------------------------------------------------------------------ starting in motion
 
 
 # ------------------------------------------------------------------------------------------------ the paper's figures
