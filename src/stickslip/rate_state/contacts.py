@@ -17,6 +17,9 @@ from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of, live
 
 Array = NDArray[np.float64]
 
+_FINEST = 2e-3
+"""Step of the wave numbers, at least: a grid of ten thousand."""
+
 
 def small_step(
     interface: Interface, velocity: float, slip: Array, *, stiffness: float = math.inf, coarse: float = 1.0
@@ -42,7 +45,8 @@ def small_step(
     ndarray, shape (n,)
         Per contact, in ``f_s``.
     """
-    response, mean = respond(interface), interface.threshold_distribution.moment(1)
+    response, thresholds = respond(interface), interface.threshold_distribution
+    mean = thresholds.moment(1)
 
     def stiffness_at(wave: Array) -> Array:
         """By wave number, in units of one over the mean threshold."""
@@ -52,7 +56,10 @@ def small_step(
         y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
         kappa = stiffness_at(y)
     else:
-        fine = 0.1 / max(1.0, velocity * interface.delay.longest / mean)
+        # Contacts that are nearly alike break together, life after life: a resonance of this width, from its first on.
+        away, cv = velocity * interface.delay.longest / mean, thresholds.standard_deviation() / mean
+        sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
+        fine = min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
         few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
         y = np.concatenate(
             [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
