@@ -5,7 +5,7 @@ import numpy as np
 from stickslip.model import Rig, constant
 from stickslip.paper.cases import FIG7, FIG8
 from stickslip.sliding import langevin
-from stickslip.sliding.response import _whole_axis
+from stickslip.sliding.response import whole_axis
 from stickslip.sliding.transforms import axis_table
 from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
 
@@ -65,7 +65,7 @@ def test_unstable_modes(benchmark):
 def forget():
     """Forget every response of ageing contacts; the kernels stay compiled."""
     critical(AGED, "stiffness", between=(0.9, 1.1))
-    for kept in (langevin._row, langevin._at, langevin._known, _whole_axis):
+    for kept in (langevin._row, langevin._at, langevin._known, whole_axis):
         kept.cache_clear()
 
 

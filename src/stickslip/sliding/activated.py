@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -38,6 +38,7 @@ from stickslip.sliding.response import (
     Sliding,
     check_delay,
     speed_by_speed,
+    whole_axis,
 )
 
 if TYPE_CHECKING:
@@ -180,14 +181,30 @@ class ActivatedResponse(Response):
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies that follow every turn of kappa, and its parts there."""
         del top
-        return _along_the_axis(self, velocity)
+        return whole_axis(self, velocity)
+
+    def along_axis(self, velocity: float) -> tuple[Array, Parts]:
+        """Sample the response. Lives, which are dear and turn more slowly than delays, are interpolated."""
+        from scipy.interpolate import make_interp_spline
+
+        slow, even, fast = self._wave_numbers(velocity)
+        step = 3.0 * STEP / self._reach
+        known = np.arange(0.0, even[-1] + 8.0 * step, step)
+        parts = [self._transforms(velocity, 1j * y) for y in (slow, known if known.size < even.size else even, fast)]
+        if known.size < even.size:  # to 1e-8, about the middle of the lives
+            turn = 0.5j * self._reach
+            between = make_interp_spline(known, parts[1] * np.exp(turn * known), k=9, axis=1)
+            parts[1] = between(even) * np.exp(-turn * even)
+        omega = velocity * np.concatenate([slow, even, fast])
+        kappa = self._joined(velocity, 1j * omega, np.concatenate(parts, axis=1))
+        return omega, Parts(kappa, np.ones_like(kappa))
 
     def _kappa(self, v: float, s: ComplexArray) -> ComplexArray:
         kappa, moves = np.zeros(s.shape, dtype=complex), s != 0
-        kappa[moves] = self.joined(v, s[moves], self.transforms(v, s[moves] / v))
+        kappa[moves] = self._joined(v, s[moves], self._transforms(v, s[moves] / v))
         return kappa
 
-    def transforms(self, v: float, q: ComplexArray) -> ComplexArray:
+    def _transforms(self, v: float, q: ComplexArray) -> ComplexArray:
         """Transforms of a life under a perturbation, shape (4, n)."""
         from stickslip.kernels.lives import perturbed
 
@@ -201,7 +218,7 @@ class ActivatedResponse(Response):
             found[:, here] = perturbed(lives, q[here], fast)
         return found
 
-    def joined(self, v: float, s: ComplexArray, transforms: ComplexArray) -> ComplexArray:
+    def _joined(self, v: float, s: ComplexArray, transforms: ComplexArray) -> ComplexArray:
         """Kappa from the transforms of a life and of the delay."""
         lost, work, breaks, yields = transforms
         rest, delay = mean_life_and_work(lives_of(self.interface, v))[0], self.interface.delay
@@ -226,13 +243,13 @@ class ActivatedResponse(Response):
         return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
 
     @cached_property
-    def reach(self) -> float:
+    def _reach(self) -> float:
         """Largest stretching, but for one contact in a thousand."""
         return float(self.interface.threshold_distribution.inverse_survival(np.array(1e-3)))
 
-    def wave_numbers(self, velocity: float) -> tuple[Array, Array, Array]:
+    def _wave_numbers(self, velocity: float) -> tuple[Array, Array, Array]:
         """Wave numbers that follow every turn of kappa: slow ones, evenly spaced ones, fast ones."""
-        reach = self.reach + velocity * self.interface.delay.longest
+        reach = self._reach + velocity * self.interface.delay.longest
         top = max(12.0 / self._std, 60.0 / self.interface.threshold_distribution.moment(1))
         step = max(STEP / reach, top / 8000.0)
         slow, fast = np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.geomspace(top, 1e3 * top, 90)
@@ -241,26 +258,9 @@ class ActivatedResponse(Response):
     def frequencies(self, velocity: float, top: float) -> Array:
         """Angular frequencies that follow every turn of kappa."""
         del top
-        return np.asarray(velocity * np.concatenate(self.wave_numbers(velocity)))
+        return np.asarray(velocity * np.concatenate(self._wave_numbers(velocity)))
 
     def cycle(self, velocity: float) -> float:
         """Mean time between two attachments of a contact."""
         rest = mean_life_and_work(lives_of(self.interface, velocity))[0]
         return rest / velocity + self.interface.delay.moment(1)
-
-
-@lru_cache(maxsize=64)
-def _along_the_axis(response: ActivatedResponse, velocity: float) -> tuple[Array, Parts]:
-    """Sample a response along the axis. Lives, which are dear and turn more slowly than delays, are interpolated."""
-    from scipy.interpolate import make_interp_spline
-
-    slow, even, fast = response.wave_numbers(velocity)
-    step = 3.0 * STEP / response.reach
-    known = np.arange(0.0, even[-1] + 8.0 * step, step)
-    parts = [response.transforms(velocity, 1j * y) for y in (slow, known if known.size < even.size else even, fast)]
-    if known.size < even.size:  # to 1e-8, about the middle of the lives
-        turn = 0.5j * response.reach
-        parts[1] = make_interp_spline(known, parts[1] * np.exp(turn * known), k=9, axis=1)(even) * np.exp(-turn * even)
-    omega = velocity * np.concatenate([slow, even, fast])
-    kappa = response.joined(velocity, 1j * omega, np.concatenate(parts, axis=1))
-    return omega, Parts(kappa, np.ones_like(kappa))

@@ -112,19 +112,13 @@ def growth_of(ageing: AgeingModel | None) -> Growth:
 # ---------------------------------------------------------------- panels
 
 
-def _unlimited(x: float) -> float:
-    """No longest panel anywhere."""
-    del x
-    return math.inf
-
-
 def panel_edges(
     distribution: Distribution,
     start: float,
     end: float,
     places: list[tuple[float, float]],
     longest: float,
-    steepest: Callable[[float], float] = _unlimited,
+    steepest: Callable[[float], float] = lambda _: math.inf,
 ) -> Array:
     """Ends of panels: as fine as the distribution is wide, finer towards each place, down to the scale there.
 
@@ -222,7 +216,7 @@ def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v:
             return math.inf
         return 2.5 * A / max(abs(1.0 - more / v), 0.4)
 
-    follow = followed if thermal else _unlimited
+    follow = followed if thermal else lambda _: math.inf
     places = [(0.0, _shortest(distribution, hazard, growth, v))]
     knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
     if thermal and knots:

@@ -124,8 +124,13 @@ class Response(ABC):
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies up to `top` that follow every turn of kappa, and its parts there."""
         if math.isinf(top):
-            return _whole_axis(self, velocity)
+            return whole_axis(self, velocity)
         omega = self.frequencies(velocity, top)
+        return omega, self.axis_parts(velocity, omega)
+
+    def along_axis(self, velocity: float) -> tuple[Array, Parts]:
+        """Sample a response that is known to where it turns no more."""
+        omega = self.frequencies(velocity, math.inf)
         return omega, self.axis_parts(velocity, omega)
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
@@ -152,10 +157,9 @@ class Response(ABC):
 
 
 @lru_cache(maxsize=64)
-def _whole_axis(response: Response, velocity: float) -> tuple[Array, Parts]:
-    """Sample a response that is known to where it turns no more: the same for all rigs."""
-    omega = response.frequencies(velocity, math.inf)
-    return omega, response.axis_parts(velocity, omega)
+def whole_axis(response: Response, velocity: float) -> tuple[Array, Parts]:
+    """Return `Response.along_axis`, the same for all rigs."""
+    return response.along_axis(velocity)
 
 
 def _ratio(parts: Parts) -> ComplexArray:
