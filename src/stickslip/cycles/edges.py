@@ -99,15 +99,9 @@ def scaled(values: tuple[float, float], size: float) -> tuple[float, float]:
 
 
 def halved(probe: Callable[[float], bool | None], decays_at: float, persists_at: float, tolerance: float) -> Edge:
-    """Halve between a value at which an oscillation decays and one at which it persists.
+    """Halve between a value at which an oscillation decays and one at which it persists, to a relative width.
 
-    Parameters
-    ----------
-    probe : callable
-        Whether it persists at a value; None where a run cannot tell: the edge is then bracketed as closely as can be.
-    decays_at, persists_at : float
-    tolerance : float
-        Relative width of the bracket.
+    Where a run cannot tell, and `probe` returns None, the edge is bracketed as closely as can be.
     """
     doubt: tuple[float, float] | None = None  # the end towards `decays_at`, the end towards `persists_at`
     while True:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,7 +65,7 @@ class Sustained(Answer):
     def __str__(self) -> str:
         low, high = self.searched
         where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}, from {self.start}"
-        doubt = _doubt(f"{value:.4g}" for value in self.undecided)
+        doubt = f"; undecided at {', '.join(f'{value:.4g}' for value in self.undecided)}" if self.undecided else ""
         if not self.windows:
             return f"no oscillation persists {where} ({len(self.grid)} runs){doubt}"
         return f"{where}, an oscillation persists {' and '.join(map(str, self.windows))}{doubt}"
@@ -123,62 +123,42 @@ def sustained(
     """
     span = Range.of(rig, parameter, between, start, method)
     tolerance = number("tolerance", tolerance, above=0, below=1)
-    probe = _Probe(span)
+    known: dict[float, Verdict] = {}
+
+    def persists(value: float) -> bool | None:
+        if value not in known:
+            known[value] = settle(span.begin(value))[0]
+        return known[value].sustained
+
     count = max(2, math.ceil(points * math.log10(span.high / span.low)) + 1)
     values = np.geomspace(span.low, span.high, count).tolist()
     values[0], values[-1] = span.low, span.high
-    grid = tuple((value, probe(value)) for value in values)
+    told = [(value, persists(value)) for value in values]
+    windows = _windows(persists, told, tolerance)
     found = Sustained(
         parameter=span.parameter.name,
         unit=span.parameter.unit,
         searched=(span.low, span.high),
         start=start,
-        windows=_windows(probe, [(value, verdict.sustained) for value, verdict in grid], tolerance),
-        grid=grid,
-        undecided=probe.undecided,
+        windows=windows,
+        grid=tuple((value, known[value]) for value in values),
+        undecided=tuple(sorted(value for value, verdict in known.items() if verdict.sustained is None)),
     )
     return found.in_units(rig)
 
 
-def _windows(probe: _Probe, grid: list[tuple[float, bool | None]], tolerance: float) -> tuple[Interval, ...]:
+def _windows(
+    persists: Callable[[float], bool | None], grid: list[tuple[float, bool | None]], tolerance: float
+) -> tuple[Interval, ...]:
     """Windows between the edges that lie between decided values of the grid."""
-    decided = [(value, bool(persists)) for value, persists in grid if persists is not None]
-    if not decided:
-        return ()
+    decided = [(value, answer) for value, answer in grid if answer is not None]
     edges = []
-    if decided[0][1]:
+    if decided and decided[0][1]:
         edges.append(Edge.at(decided[0][0], "end of range"))
     for (one, before), (two, after) in itertools.pairwise(decided):
         if before != after:
             decays_at, persists_at = (two, one) if before else (one, two)
-            edges.append(halved(probe.persists, decays_at, persists_at, tolerance))
-    if decided[-1][1]:
+            edges.append(halved(persists, decays_at, persists_at, tolerance))
+    if decided and decided[-1][1]:
         edges.append(Edge.at(decided[-1][0], "end of range"))
     return tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True))
-
-
-def _doubt(undecided: Iterable[str]) -> str:
-    said = ", ".join(undecided)
-    return f"; undecided at {said}" if said else ""
-
-
-class _Probe:
-    """Runs along a parameter, each afresh from the start, remembered."""
-
-    def __init__(self, span: Range) -> None:
-        self._span = span
-        self._known: dict[float, Verdict] = {}
-
-    def __call__(self, value: float) -> Verdict:
-        if value not in self._known:
-            self._known[value] = settle(self._span.begin(value))[0]
-        return self._known[value]
-
-    def persists(self, value: float) -> bool | None:
-        """Whether an oscillation does."""
-        return self(value).sustained
-
-    @property
-    def undecided(self) -> tuple[float, ...]:
-        """Values at which a run could not tell, rising."""
-        return tuple(sorted(value for value, verdict in self._known.items() if verdict.sustained is None))

@@ -32,16 +32,10 @@ _FEWEST = 3
 class FrontMap:
     """A quantity of all blocks in time, averaged over pixels; of the velocity, the largest size in each.
 
-    Attributes
-    ----------
-    values : ndarray, shape (times, places)
-    time, block : ndarray, shapes (times + 1,) and (places + 1,)
-        Edges of the pixels; block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
-    variable : DataArray
-        Of the run, for its name and unit.
+    `time` and `block` are the edges of the pixels; block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
     """
 
-    values: Array
+    values: Array  # of shape (times, places)
     time: Array
     block: Array
     variable: xr.DataArray
@@ -50,33 +44,26 @@ class FrontMap:
 def front_map(
     run: xr.Dataset, what: Field = "velocity", *, most: tuple[int, int] = (300, 300), who: str = "front_map"
 ) -> FrontMap:
-    """Reduce what a run holds of each block to at most so many times and places.
-
-    Raises
-    ------
-    InputError
-        If it is no run of a chain, or one row of a sheet; the message begins with `who`.
-    """
+    """Reduce what a run of a chain, or one row of a sheet, holds of each block to at most so many times and places."""
     if what not in FIELDS:
         raise InputError(f"{who}: what = {shown(what)}: must be one of {', '.join(FIELDS)}")
     field = on_blocks(run, FIELDS[what], who)
     values = np.asarray(field.values, dtype=float)
     values = np.abs(values) if what == "velocity" else values
     time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
-    pixels = []
+    edges = []
     for axis, pieces in enumerate(most):
         size = values.shape[axis]
         starts = np.unique(np.linspace(0, size, min(pieces, size) + 1).astype(int))
-        if what == "velocity":
-            values = np.maximum.reduceat(values, starts[:-1], axis=axis)
-        else:
-            shares = np.diff(starts).reshape((-1, 1) if axis == 0 else (1, -1))
-            values = np.add.reduceat(values, starts[:-1], axis=axis) / shares
-        pixels.append(starts)
+        reduce = np.maximum if what == "velocity" else np.add
+        values = reduce.reduceat(values, starts[:-1], axis=axis)
+        if what != "velocity":
+            values = values / np.expand_dims(np.diff(starts), 1 - axis)
+        edges.append(starts)
     return FrontMap(
         values=values,
-        time=np.append(time, time[-1])[pixels[0]],
-        block=np.append(block, block[-1] + 1)[pixels[1]] - 0.5,
+        time=np.append(time, time[-1])[edges[0]],
+        block=np.append(block, block[-1] + 1)[edges[1]] - 0.5,
         variable=field,
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from stickslip.errors import InputError, instance, number
 from stickslip.measure.arrays import Array
+from stickslip.simulation import labelled
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +80,7 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
         {
             "first_break": ("block", time, dict(run["first_break"].attrs)),
             "half_detached": ("block", half, dict(run["half_detached"].attrs)),
-            "speed": ("block", local_speed(time), _words(f"1/{unit}", "speed of the front, in blocks")),
+            "speed": labelled("speed of the front, in blocks", "block", local_speed(time), f"1/{unit}"),
             **_table("front", columns, rows),
         },
         {"block": run["block"]},
@@ -215,9 +216,7 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
             )
         )
     rows.sort()
-    units = {
-        name: str(run[name].attrs.get("units", "")) for name in ("time", "displacement", "velocity", "spring_force")
-    }
+    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
     columns = (
         ("start", units["time"], "time at which the event starts"),
         ("end", units["time"], "time at which it ends"),
@@ -239,7 +238,7 @@ def _table(along: str, columns: Sequence[tuple[str, str, str]], rows: Sequence[t
     """The variables of a table: name, unit and long name of each column, with its values; blocks are counted."""
     values = np.array(rows, dtype=float).reshape(len(rows), len(columns)).T
     return {
-        name: (along, column.astype(int) if "block" in name else column, _words(unit, text))
+        name: labelled(text, along, column.astype(int) if "block" in name else column, unit)
         for (name, unit, text), column in zip(columns, values, strict=True)
     }
 
@@ -250,10 +249,6 @@ def _check(run: xr.Dataset, who: str, needed: str) -> None:
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")
-
-
-def _words(unit: str, text: str) -> dict[str, str]:
-    return {"units": unit, "long_name": text}
 
 
 def _shape(run: xr.Dataset) -> tuple[int, ...]:

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace
 from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.model import Slider
-from stickslip.model.units import engineering
-from stickslip.simulation import rig_of
+from stickslip.simulation import labelled, rig_of
+from stickslip.words import engineering
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,11 +36,8 @@ def _windows(trace: Trace, rig: Rig, level: float) -> Array:
     swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
     loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
     period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
-    return _sums(trace, 0.5 * trace.drive / (loading + trace.drive * period))
-
-
-def _sums(trace: Trace, rate: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(trace.t))])
+    rate = 0.5 * trace.drive / (loading + trace.drive * period)
+    return np.asarray(cumulative_trapezoid(rate, trace.t, initial=0))
 
 
 def _oscillation(run: xr.Dataset, rig: Rig | None, level: float, window: float | None) -> xr.Dataset:
@@ -51,7 +49,7 @@ def _oscillation(run: xr.Dataset, rig: Rig | None, level: float, window: float |
         raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
     if np.any(trace.drive < 0):
         raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
-    travel = _sums(trace, trace.drive)
+    travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
     if window is not None or rig is None or not isinstance(rig.slider, Slider):
         if window is None:
             window = _usual(run, "window", "displacement", 4.0, None)
@@ -72,30 +70,26 @@ def _oscillation(run: xr.Dataset, rig: Rig | None, level: float, window: float |
     high = np.lib.stride_tricks.sliding_window_view(np.maximum.reduceat(trace.force, begins), _PARTS).max(axis=1)
     low = np.lib.stride_tricks.sliding_window_view(np.minimum.reduceat(trace.force, begins), _PARTS).min(axis=1)
     begin = begin[: high.size]
-    times, places = (
-        {name: np.interp(begin + part, gone, along) for name, part in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))}
-        for along in (trace.t, travel)
-    )
-    force_unit, time_unit = run["spring_force"].attrs.get("units", ""), run["time"].attrs.get("units", "")
-    velocity = trace.sign * np.interp(times["middle"], trace.t, trace.drive)
-    length = str(run["displacement"].attrs.get("units", "")) if "displacement" in run else ""
-    speed_unit = run["drive_velocity"].attrs.get("units", "")
-    times_of = {
-        name: _labelled("travel", at, time_unit, f"time at the {name} of the window") for name, at in times.items()
+    middle = begin + 0.5
+    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+    velocity = trace.sign * np.interp(np.interp(middle, gone, trace.t), trace.t, trace.drive)
+    times = {
+        name: labelled(
+            f"time at the {name} of the window", "travel", np.interp(begin + part, gone, trace.t), units["time"]
+        )
+        for name, part in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))
     }
+    title, place = "peak to peak of the spring force", np.interp(middle, gone, travel)
+    longest = np.max(np.interp(begin + 1.0, gone, travel) - np.interp(begin, gone, travel))
     return xr.Dataset(
         {
-            "peak_to_peak": _labelled("travel", high - low, force_unit, "peak to peak of the spring force"),
-            "drive_velocity": _labelled("travel", velocity, speed_unit, "velocity of the drive"),
-            **times_of,
+            "peak_to_peak": labelled(title, "travel", high - low, units["spring_force"]),
+            "drive_velocity": labelled("velocity of the drive", "travel", velocity, units["drive_velocity"]),
+            **times,
         },
-        coords={"travel": _labelled("travel", places["middle"], length, "travel of the drive")},
-        attrs={"window": float(np.max(places["end"] - places["begin"]))},
+        coords={"travel": labelled("travel of the drive", "travel", place, units.get("displacement", ""))},
+        attrs={"window": float(longest)},
     )
-
-
-def _labelled(along: str, values: Array, unit: str, name: str) -> tuple[str, Array, dict[str, str]]:
-    return along, values, {"units": unit, "long_name": name}
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
@@ -152,17 +146,16 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         level = _usual(run, "level", "spring_force", 0.4, rig)
     level = number("level", level, above=0, hint="in the unit of spring_force")
     oscillation = _oscillation(run, rig, level, window)
-    top = _turning_time(run)
-    on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)
-    t, drive = np.asarray(run["time"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
+    t, drive = (np.asarray(run[name].values, dtype=float) for name in ("time", "drive_velocity"))
+    top = _turning_time(t, drive)
+    height, middle = (np.asarray(oscillation[name].values) for name in ("peak_to_peak", "middle"))
+    on = _settled(height > level, _PARTS // 2)
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
     starts = np.asarray(oscillation["end"].values)[change[on[change]]]
     stops = np.asarray(oscillation["begin"].values)[change[~on[change]] - 1]
-    middle = np.asarray(oscillation["middle"].values)
 
     notes: list[str] = []
     # What the start leaves behind only decays, and within some tens of windows.
-    height = np.asarray(oscillation["peak_to_peak"].values)
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
     transient = float(middle[min(_LONGEST_TRANSIENT * _PARTS, middle.size - 1, *grown[:1].tolist())])
     if starts.size:
@@ -274,20 +267,17 @@ def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:
     name = "peak to peak of the force, drive"
     return xr.Dataset(
         {
-            "up": _labelled("velocity", up, unit, f"{name} speeding up"),
-            "down": _labelled("velocity", down, unit, f"{name} slowing down"),
-            "difference": _labelled("velocity", down - up, unit, "peak to peak down less up"),
+            "up": labelled(f"{name} speeding up", "velocity", up, unit),
+            "down": labelled(f"{name} slowing down", "velocity", down, unit),
+            "difference": labelled("peak to peak down less up", "velocity", down - up, unit),
         },
         coords={"velocity": ("velocity", grid, dict(oscillation["drive_velocity"].attrs))},
     )
 
 
-def _turning_time(run: xr.Dataset) -> float:
+def _turning_time(t: Array, drive: Array) -> float:
     """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
-    t, drive = (
-        np.asarray(run["time"].values, dtype=float),
-        np.abs(np.asarray(run["drive_velocity"].values, dtype=float)),
-    )
+    drive = np.abs(drive)
     margin = 1e-3 * float(drive.max())
     if np.ptp(drive) <= CONSTANT_DRIVE * float(drive.max()):
         raise UndecidedError(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from stickslip.kernels.turning_points import pick as zigzag
 from stickslip.measure.arrays import Array, Trace, without_line
@@ -271,8 +272,7 @@ def _drops_of(trace: Trace, force: Array, smallest: float, criterion: str, noise
     t, back = trace.t, None
     if trace.X is not None:
         drive = np.zeros(t.size) if trace.drive is None else np.abs(trace.drive)
-        gone = np.concatenate([[0.0], np.cumsum(0.5 * (drive[1:] + drive[:-1]) * np.diff(t))])
-        back = -trace.X - gone
+        back = -trace.X - cumulative_trapezoid(drive, t, initial=0)
     peaks, troughs = pick(t, force, smallest, back=back)
     across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
     whole = (peaks > 0) & (troughs < force.size - 1) & ~across
