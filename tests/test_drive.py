@@ -25,43 +25,25 @@ def joined(parts):
     return whole
 
 
-def test_hold_and_ramp():
+def test_a_velocity_is_linear_within_a_piece_and_constant_beyond_both_ends():
     assert constant(velocity=2.0, duration=3.0) == ramp(2.0, 2.0, duration=3.0)
-    drive = ramp(1.0, 4.0, duration=2.0)
-    assert drive.pieces[0].acceleration == 1.5
-    np.testing.assert_array_equal(drive.velocity([0.0, 1.0, 2.0]), [1.0, 2.5, 4.0])
-
-
-@pytest.mark.parametrize(("velocity", "duration"), [(3.0, 40.0), (-0.5, 240.0)])
-def test_a_constant_velocity_goes_far_enough_unless_told(velocity, duration):
-    assert constant(velocity).duration == duration
-
-
-def test_velocity_is_constant_beyond_both_ends():
-    np.testing.assert_array_equal(ramp(1.0, 4.0, duration=2.0).velocity([-1.0, 3.0]), [1.0, 4.0])
-
-
-def test_velocity_keeps_the_shape_it_is_given():
-    assert constant(1.0, 1.0).velocity(np.zeros((2, 3))).shape == (2, 3)
-    assert constant(1.0, 1.0).velocity(0.5).shape == ()
-
-
-@given(drives)
-def test_then_adds_durations_and_keeps_pieces_in_order(parts):
-    drive = joined(parts)
-    assert drive.duration == pytest.approx(sum(part.duration for part in parts), rel=1e-14)
-    assert drive.pieces == tuple(piece for part in parts for piece in part.pieces)
+    assert [constant(velocity).duration for velocity in (3.0, -0.5)] == [40.0, 240.0]  # far enough unless told
+    times = np.array([[-1.0, 0.0, 1.0], [1.5, 2.0, 3.0]])
+    np.testing.assert_array_equal(ramp(1.0, 4.0, duration=2.0).velocity(times), [[1.0, 1.0, 2.5], [3.25, 4.0, 4.0]])
 
 
 @given(drives, st.floats(0.01, 0.99), st.data())
-def test_within_a_piece_the_velocity_is_that_of_the_piece(parts, share, data):
+def test_joined_pieces_keep_their_order_and_their_velocities(parts, share, data):
+    drive = joined(parts)
+    assert drive.duration == pytest.approx(sum(part.duration for part in parts), rel=1e-14)
+    assert drive.pieces == tuple(piece for part in parts for piece in part.pieces)
     i = data.draw(st.integers(0, len(parts) - 1))
     begin = sum(part.duration for part in parts[:i])
     piece = parts[i].pieces[0]
     expected = piece.start + share * (piece.end - piece.start)
     # One rounding of the time, seen through the acceleration.
     slack = 1e-12 + 4e-16 * (begin + piece.duration) * abs(piece.acceleration) * 4
-    assert joined(parts).velocity(begin + share * piece.duration) == pytest.approx(expected, abs=slack)
+    assert drive.velocity(begin + share * piece.duration) == pytest.approx(expected, abs=slack)
 
 
 def test_a_faster_drive_goes_the_same_way():
@@ -71,11 +53,6 @@ def test_a_faster_drive_goes_the_same_way():
     np.testing.assert_allclose(quick.velocity(t / 4.0), 4.0 * drive.velocity(t), atol=1e-12)
     rig = Rig(Interface(thresholds=Gaussian(mean=1.0, std=0.1)), Slider(stiffness=1.0, mass=0.1, damping=1.0), drive)
     assert rig.replace(velocity=4.0).drive == quick
-
-
-def test_then_is_associative():
-    a, b, c = constant(1, 1), ramp(1, 2, 3), constant(2, 2)
-    assert a.then(b).then(c) == a.then(b.then(c))
 
 
 def test_until_ends_the_last_piece_only():

@@ -16,6 +16,7 @@ from stickslip.model import (
     Interface,
     Langevin,
     LogarithmicGrowth,
+    OnArrest,
     RandomDelay,
     Slider,
 )
@@ -61,13 +62,6 @@ def test_an_interface_stays_a_value_after_its_distribution_was_asked_for():
     assert replace(interface, thresholds=TENTH).threshold_distribution == TENTH.positive()
 
 
-def test_frequency_of_the_slider():
-    assert Slider(stiffness=2.0, mass=1e-4, damping=0).frequency == pytest.approx(141.4213562, rel=1e-9)
-    assert Slider(stiffness=2.0, mass=0, damping=0).frequency == math.inf
-
-
-# ------------------------------------------------------------------------------------------------ delays
-
 DELAYS = [
     Delay(0.0),
     Delay(0.2),
@@ -104,19 +98,25 @@ def test_mean_of_a_random_delay_in_closed_form(delay):
 
 
 @every_delay
-@pytest.mark.parametrize("order", [0, 1, 2, 3])
-def test_moments_agree_with_quadrature(delay, order):
+def test_moments_and_transforms_agree_with_quadrature(delay):
     tau, weight = delay.quadrature()
-    assert delay.moment(order) == pytest.approx(np.sum(weight * tau**order), rel=1e-12, abs=1e-15)
-
-
-@every_delay
-def test_laplace_agrees_with_quadrature(delay):
-    tau, weight = delay.quadrature()
+    for order in range(4):
+        assert delay.moment(order) == pytest.approx(np.sum(weight * tau**order), rel=1e-12, abs=1e-15)
     for s in (0.0, 1.0, -0.5, 2j, 1 + 5j, -0.5 + 3j, 20j):
         # 96 nodes over some 16 standard deviations resolve exp(-s tau) up to |s| standard deviation of some 40.
         assert delay.laplace(s) == pytest.approx(np.sum(weight * np.exp(-s * tau)), abs=1e-11)
+        assert delay.absence(s) == pytest.approx(1.0 - delay.laplace(s), abs=1e-14)
+    assert delay.absence(1e-9) == pytest.approx(1e-9 * delay.moment(1), rel=1e-8)
     assert delay.laplace([[0, 1j]]).shape == (1, 2)
+
+
+@pytest.mark.parametrize("delay", [Delay(math.inf), OnArrest()], ids=str)
+def test_contacts_that_never_come_back(delay):
+    assert [delay.moment(order) for order in range(3)] == [1.0, math.inf, math.inf]
+    np.testing.assert_array_equal(delay.laplace([0.5, 2j]), [0, 0])
+    np.testing.assert_array_equal(delay.absence([0.0, 0.5, 2j]), [1, 1, 1])
+    assert [part.size for part in delay.quadrature()] == [0, 0]
+    np.testing.assert_array_equal(delay.sample(np.random.default_rng(0), 2), [math.inf, math.inf])
 
 
 @every_delay
@@ -145,18 +145,6 @@ def test_what_becomes_of_negative_draws():
     assert not np.any(fold == 0)
     # Folding and clipping start from the same draws.
     np.testing.assert_array_equal(clip[clip > 0], fold[clip > 0])
-
-
-def test_contacts_that_never_come_back():
-    delay = Delay(math.inf)
-    assert delay.moment(1) == math.inf
-    np.testing.assert_array_equal(delay.laplace([0.5, 2j]), [0, 0])
-    tau, weight = delay.quadrature()
-    assert tau.size == weight.size == 0
-    np.testing.assert_array_equal(delay.sample(np.random.default_rng(0), 2), [math.inf, math.inf])
-
-
-# ------------------------------------------------------------------------------------------------ bad records
 
 
 def test_what_a_notebook_tries_works_or_says_what_to_write():
