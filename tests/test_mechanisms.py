@@ -146,6 +146,26 @@ def test_a_rule_of_breaking_that_changes_nothing_gives_the_run_without_it(nothin
         np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [{}, {"newborn": STRETCHED, "delay": ss.Delay(0.1)}, {"delay": ss.OnArrest(), "sliding_force": 0.2}],
+    ids=["none", "newborns", "arrests"],
+)
+@pytest.mark.parametrize("bell", [ss.Bell(width=0.02, attempts=1e4), ss.Bell(width=0.1, attempts=1e2)], ids=str)
+def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
+    """Thresholds that grow by next to nothing put each contact in a box of its own: other draws, one distribution."""
+    cold = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=bell, **fields)
+    apart = replace(cold, ageing=ss.LogarithmicGrowth(slope=1e-9, time=1.0))
+    found = []
+    for interface, seeds in ((cold, range(20)), (apart, range(100, 120))):
+        rigs = (rig_of(interface, THERE_AND_BACK, damping=20.0, mass=1e-2, count=300, seed=seed) for seed in seeds)
+        runs = [ss.simulate(rig, output=ss.Output(interval=0.05)) for rig in rigs]
+        means = [(run["friction_force"].mean(), run["attached"].mean(), run["broken_energy"][-1]) for run in runs]
+        found.append(np.array(means))
+    error = np.sqrt(sum(means.var(axis=0, ddof=1) for means in found) / 20)
+    assert np.all(np.abs(found[0].mean(axis=0) - found[1].mean(axis=0)) <= 4 * error + 1e-12)
+
+
 def test_a_mechanism_that_is_absent_changes_no_bit():
     plain = ss.simulate(rig_of(ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))))
     with_nothing = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=0.0, track_scatter=0.0)
