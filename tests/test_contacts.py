@@ -1,4 +1,4 @@
-"""The event engine by itself: its queue, its closed forms, and its events against an ODE solver's."""
+"""The event engine by itself: its queue, its closed forms, and its sums."""
 
 import heapq
 import math
@@ -262,58 +262,6 @@ def pulled(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0
     return samples, state, why
 
 
-def by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0.0, velocity=0.0):
-    """The same by an ODE solver that finds each break: nothing in common with the engine but Eq. (11)."""
-    D0, v0, a, end = drive
-    N = len(birth)
-    birth, threshold = list(birth), list(threshold)
-    attached = [value > 0 for value in threshold]
-    next_threshold, next_delay = iter(thresholds), iter(delays)
-    waiting = sorted((time, N - len(pending) + i) for i, time in enumerate(pending))
-    t, state = 0.0, np.array([X, velocity])
-    rows, breaks = [], 0
-    K, M, eta = rig.slider
-    fastest = eta + math.sqrt((K + 1) / M)
-    while t < end:
-        on = [i for i in range(N) if attached[i]]
-        births = np.array([birth[i] for i in on])
-        limits = np.array([threshold[i] for i in on])
-
-        def slope(s, y, births=births):
-            pull = K * (D0 + v0 * s + 0.5 * a * s * s - y[0]) - np.sum(y[0] - births) / N
-            return [y[1], pull / M - eta * y[1]]
-
-        def gap(_, y, births=births, limits=limits):
-            return float(np.min(limits - np.abs(y[0] - births))) if births.size else 1.0
-
-        gap.terminal, gap.direction = True, -1
-        until = min([end, *(time for time, _ in waiting[:1])])
-        inside = times[(times >= t) & (times <= until)]
-        done = solve_ivp(
-            slope, (t, until), state, "DOP853", events=gap, rtol=1e-12, atol=1e-14, max_step=0.5 / fastest,
-            dense_output=True,
-        )  # fmt: skip
-        stopped = done.t_events[0][0] if done.t_events[0].size else until
-        for time in inside[inside <= stopped]:
-            if len(rows) < times.size and time == times[len(rows)]:
-                x, u = done.sol(time) if time > t else state
-                rows.append([x, u, np.sum(x - births) / N, len(on) / N])
-        t = stopped
-        state = done.sol(t) if stopped < until else done.y[:, -1]
-        if done.t_events[0].size:
-            i = on[int(np.argmin(limits - np.abs(state[0] - births)))]
-            attached[i], breaks = False, breaks + 1
-            delay = next(next_delay) if math.isnan(rig.delay) else rig.delay
-            if delay == 0:
-                birth[i], threshold[i], attached[i] = state[0], next(next_threshold), True
-            elif delay < math.inf:
-                waiting = sorted([*waiting, (t + delay, i)])
-        elif waiting and t == waiting[0][0]:
-            i = waiting.pop(0)[1]
-            birth[i], threshold[i], attached[i] = state[0], next(next_threshold), True
-    return np.array(rows), breaks
-
-
 MOTIONS = {
     # K, M, eta, fixed delay, (D0, v0, a, end)
     "steady": (2.0, 1e-2, 20.0, 0.2, (0.0, 1.0, 0.0, 4.0)),
@@ -327,32 +275,6 @@ MOTIONS = {
     "perturbed from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
     "random delays": (2.0, 1e-2, 20.0, math.nan, (0.0, 1.0, 0.0, 4.0)),
 }
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-@pytest.mark.parametrize("N", [1, 7])
-@pytest.mark.eq(11)
-def test_events_are_those_of_an_ode_solver(name, N):
-    K, M, eta, delay, drive = MOTIONS[name]
-    rng = np.random.default_rng([N, len(name)])
-    rig = Rig(Slider(K, M, eta), delay)
-    detached = N // 3 if 0 < delay < math.inf else 0
-    birth = np.append(rng.normal(0, 0.1, N - detached), np.zeros(detached))
-    threshold = np.append(rng.uniform(0.5, 1.5, N - detached), np.zeros(detached))
-    pending = rng.uniform(0, 0.2, detached)
-    thresholds = rng.uniform(0.5, 1.5, 500)
-    delays = rng.uniform(0.05, 0.4, 500) if math.isnan(delay) else np.empty(0)
-    times = np.linspace(0, drive[-1], 101)
-    samples, state, why = pulled(rig, birth, threshold, pending, thresholds, delays, drive, times)
-    exact, breaks = by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times)
-    assert why == kernel.REACHED_END
-    assert state.motion[0].breaks == breaks
-    assert breaks > 0
-    # The solver's error of 1e-12 a step grows with the slope of the force at each break, K/k of 1, and the velocity.
-    np.testing.assert_allclose(samples[:, 0], exact[:, 0], atol=2e-7)
-    np.testing.assert_allclose(samples[:, 1], exact[:, 1], atol=2e-5)
-    np.testing.assert_allclose(samples[:, 2], exact[:, 2], atol=2e-7)
-    np.testing.assert_array_equal(samples[:, 3], exact[:, 3])
 
 
 @pytest.mark.parametrize("name", MOTIONS)
