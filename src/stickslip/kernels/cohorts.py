@@ -287,10 +287,11 @@ def _part(cohorts: Array, g: int, n: int, X: float, begin: float, end: float) ->
         cohorts[WHOLE, n, j] = 1.0
 
 
-def merged(cohorts: Array, used: int, table: Table, width: float) -> Array:
+def merged(cohorts: Array, used: int, table: Table, width: float, tolerance: float) -> Array:
     """Join cohorts that lie close to each other and reach equally far: their moments stay up to order ``2 Q - 1``.
 
-    A slider that rings for long attaches contacts in many short panels on the same few places.
+    A slider that rings for long attaches contacts in many short panels on the same few places. What is joined is not
+    integrated in parts: a knot that passes through it costs some percent of the square of its extent.
     """
     b, m, r = cohorts[PLACE, :used], cohorts[MASS, :used], cohorts[REACH, :used]
     # A reach that was made by the slider at one place is that place less where they attached, or the reverse.
@@ -300,7 +301,7 @@ def merged(cohorts: Array, used: int, table: Table, width: float) -> Array:
     kind = np.where(free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3)))
     level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
     order = np.lexsort((b.mean(axis=1), np.round(level, 9), kind))
-    extent = width * (0.02 if table.knots.size else 0.5)
+    extent = min(0.02 * width, (10.0 * tolerance) ** 0.5) if table.knots.size else 0.5 * width
     made: list[Array] = []
     run: list[int] = []
 

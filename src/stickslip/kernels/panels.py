@@ -511,7 +511,7 @@ def _with_room(state: State, case: Case) -> State:
         if case.finite.contacts > 0.0:
             kept = joined(state.cohorts, used.cohorts, case)
         else:
-            kept = merged(state.cohorts, used.cohorts, case.table, case.accuracy.width)
+            kept = merged(state.cohorts, used.cohorts, case.table, case.accuracy.width, case.accuracy.tolerance)
         used.cohorts = kept.shape[1]
         cohorts = np.zeros((COHORT_ROWS, room if used.cohorts + spare < room // 2 else 2 * room + spare, Q))
         cohorts[:, : used.cohorts] = kept
