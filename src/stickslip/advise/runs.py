@@ -181,14 +181,29 @@ def judge(
 
 
 def outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
-    """A run of an oscillation about stable smooth sliding, made longer until the slowest mode has had time to decay."""
+    """A run of an oscillation about stable smooth sliding, made longer until that has lasted or decayed.
+
+    It lasts if it does not become weaker any more, after the slowest mode has had time to decay.
+    """
     setting = run.rig.natural
     needed = until_decayed(setting) / setting.velocity
-    if run.rig.drive.duration >= needed:
-        return run, seen
-    case = replace(run.rig, drive=_longer(run.rig.drive, needed))
-    budget.pay(cost_of(case))
-    return until_judged(case, budget)
+    for _ in range(_MOST_RUNS):
+        if seen.kind not in OSCILLATES or (run.rig.drive.duration >= needed and _is_steady(run, seen)):
+            return run, seen
+        case = replace(run.rig, drive=_longer(run.rig.drive, needed))
+        budget.pay(cost_of(case))
+        run, seen = until_judged(case, budget)
+    if seen.kind in OSCILLATES and not _is_steady(run, seen):
+        reason = "the oscillation becomes weaker little by little: a longer run would tell whether it decays"
+        seen = replace(seen, kind="undecided", reason=reason)
+    return run, seen
+
+
+def _is_steady(run: Recording, seen: Regime) -> bool:
+    """Whether the force varies no less in what is judged than for as long before it, within three standard errors."""
+    begin, end = seen.window
+    before, after = _variance(run, begin - (end - begin), begin), _variance(run, begin, end)
+    return before[0] - after[0] < 3.0 * math.hypot(before[1], after[1])
 
 
 def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise", "leaves", "stays"]:
@@ -213,9 +228,9 @@ def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise
     return "noise" if risen > math.log(2.0) else "leaves"  # twice the variance lies between as much and four times
 
 
-def _variance(run: Recording, begin: float) -> tuple[float, float]:
-    """Logarithm of the variance of the force from a time on, with its standard error over parts of the run."""
-    trace = Trace.of_recording(run).part(begin)
+def _variance(run: Recording, begin: float, end: float = math.inf) -> tuple[float, float]:
+    """Logarithm of the variance of the force between two times, with its standard error over parts of the run."""
+    trace = Trace.of_recording(run).part(begin, end)
     squares = (trace.force - trace.force.mean()) ** 2
     parts = np.array([part.mean() for part in np.array_split(squares, _PARTS)])
     mean = max(float(parts.mean()), 1e-300)
