@@ -24,6 +24,7 @@ from stickslip.advise.runs import (
     rms_over_mean,
     steady_state,
     until_judged,
+    untold,
 )
 from stickslip.advise.speeds import Band
 from stickslip.errors import InputError, UndecidedError, instance
@@ -111,8 +112,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         try:
             recording, seen = outlasting(recording, seen, budget)
             state = "stays" if seen.kind == "smooth sliding" else steady_state(recording, seen, budget)
-        except Spent:  # linear theory alone has the word
-            state = "stays"
+        except Spent:
+            state, seen = "stays", untold(seen)
         stays = state != "leaves"
         if state == "noise":
             noise = rms_over_mean(recording, seen.window[0])

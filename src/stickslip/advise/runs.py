@@ -171,13 +171,18 @@ def judge(
         return seen
     try:
         run, seen = outlasting(run, seen, budget)
-        if seen.kind != "sustained oscillation" or not isinstance(method, Contacts):
+        if seen.kind not in OSCILLATES or not isinstance(method, Contacts):
             return seen
         if steady_state(run, seen, budget) == "noise":
             return replace(seen, kind="smooth sliding", reason=f"noise of {method.count} contacts, as from sliding")
     except Spent:
-        return replace(seen, kind="undecided", reason="noise of the contacts or an oscillation: not looked for")
+        return untold(seen)
     return seen
+
+
+def untold(seen: Regime) -> Regime:
+    """A regime of which runs do not tell, within what they may cost, whether it is noise."""
+    return replace(seen, kind="undecided", reason="an oscillation, or noise of its contacts: longer runs would tell")
 
 
 def outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
@@ -210,21 +215,29 @@ def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise
     """What a linearly stable rig does that does not look smooth from rest, told by runs from smooth sliding.
 
     A rig that does the same from rest and from sliding is in its steady state. Noise of its contacts has four times the
-    variance with a quarter of them: then that is what it does. Otherwise, or where it slips, its contacts leave smooth
-    sliding. Where the run from sliding fluctuates less, smooth sliding stays, once reached.
+    variance with a quarter of them: then that is what it does. Otherwise its contacts leave smooth sliding. Where the
+    run from sliding fluctuates less, smooth sliding stays, once reached.
+
+    Raises
+    ------
+    Spent
+        If the budget does not allow for these runs, or they do not tell.
     """
-    method = run.rig.method
+    method, begin = run.rig.method, seen.window[0]
     assert isinstance(method, Contacts)
     own = replace(run.rig, start=FromSliding(), method=other_contacts(method, 1))
     budget.pay(cost_of(own))
-    from_rest, from_sliding = _variance(run, seen.window[0]), _variance(record(own, long=True), seen.window[0])
-    if from_rest[0] - from_sliding[0] > max(math.log(2.0), 3.0 * math.hypot(from_rest[1], from_sliding[1])):
+    (from_rest, error), (from_sliding, other) = _variance(run, begin), _variance(record(own, long=True), begin)
+    # Noise that a mode amplifies stays as it is for as long as the mode takes to decay: few values of a variance.
+    judged = run.rig.drive.duration * (1.0 - begin / seen.window[1])
+    few = math.sqrt(2.0 * until_decayed(run.rig.natural) / (_DECAYS * run.rig.natural.velocity * judged))
+    if from_rest - from_sliding > max(math.log(2.0), 3.0 * max(math.hypot(error, other), few)):
         return "stays"
-    if seen.kind == "stick-slip":
-        return "leaves"
+    if from_rest - from_sliding > math.log(2.0):
+        raise Spent
     fewer = replace(own, method=replace(method, count=max(method.count // 4, 1), seed=method.seed + 2))
     budget.pay(cost_of(fewer))
-    risen = _variance(record(fewer, long=True), seen.window[0])[0] - 0.5 * (from_rest[0] + from_sliding[0])
+    risen = _variance(record(fewer, long=True), begin)[0] - 0.5 * (from_rest + from_sliding)
     return "noise" if risen > math.log(2.0) else "leaves"  # twice the variance lies between as much and four times
 
 
