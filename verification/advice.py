@@ -256,7 +256,11 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         except (TooDear, ss.InputError):
             yield "attempt, too dear", ""
             continue
-        fits = "smooth sliding" in kinds if attempt.kind == "smooth sliding" else kinds != {"smooth sliding"}
+        if attempt.kind == "undecided":
+            yield "attempt, undecided", ""
+            continue
+        smooth = attempt.kind in ("smooth sliding", "smooth in one run")
+        fits = "smooth sliding" in kinds if smooth else kinds != {"smooth sliding"}
         yield "attempt", "" if fits else f"{attempt}: {kinds}"
 
 

@@ -115,8 +115,8 @@ class Attempt:
         Peak-to-peak force from rest, as a fraction of static friction, now and at `reached`; None where that was not
         simulated.
     kind : str
-        Of the motion at `reached`: "smooth sliding" only of an unstable rig whose oscillation is slight; where it was
-        not simulated, what linear theory says.
+        Of the motion at `reached`: "smooth sliding" only of an unstable rig whose oscillation is slight, and "smooth in
+        one run" where not all of eight were; where it was not simulated, what linear theory says.
     """
 
     parameter: str
@@ -196,13 +196,17 @@ class Search:
 
         Smooth sliding is believed of a rig that the theory calls unstable only where it is slight.
         """
+        stable = is_stable(there)
         try:
             seen = judge(there, self.method, self.budget)
         except (Spent, InputError):
-            return math.inf, BY_THEORY[is_stable(there)]
+            return math.inf, BY_THEORY[stable]
         amplitude, fast = seen.peak_to_peak / static_friction, (seen.largest_velocity or 0.0) > SLIP_VELOCITY
-        doubtful = fast or amplitude > _SLIGHT or is_stable(there) is not False
-        return amplitude, "undecided" if seen.kind == "smooth sliding" and doubtful else str(seen.kind)
+        if seen.kind != "smooth sliding":
+            return amplitude, str(seen.kind)
+        if fast or (stable is False and amplitude > _SLIGHT):
+            return amplitude, "undecided"
+        return amplitude, "smooth sliding" if stable is False else "smooth in one run"
 
     def _may_vary(self, parameter: Parameter) -> bool:
         """Whether a rig has a parameter that can be varied: natural units have none that only rescales them.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from stickslip.advise.runs import SEEDS
 from stickslip.advise.speeds import MOTIONS, Band, joined
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.model import OnArrest, Slider
@@ -320,6 +321,9 @@ def attempts(found: Prediction) -> Iterator[str]:
         after = f"{100 * each.amplitude:.0f} % of static friction peak to peak, {now}"
         if each.kind == "smooth sliding":  # an oscillation too small to be seen
             yield f"{title}: {there} still unstable, but the remaining oscillation is small ({after})"
+            continue
+        if each.kind == "smooth in one run":
+            yield f"{title}: {there} {each.kind} ({after}), but not found to be in {SEEDS} of {SEEDS}"
             continue
         better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
         yield f"{title}: no smooth sliding found {there}; there it is {better} ({each.kind}, {after})"
