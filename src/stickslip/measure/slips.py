@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from stickslip.kernels.turning_points import pick as zigzag
-from stickslip.measure.arrays import Array, Trace, without_line
+from stickslip.measure.arrays import Array, Trace, slope, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
 
 Peaks = NDArray[np.intp]
@@ -332,6 +332,4 @@ def _line(trace: Trace, begin: int, end: int, *, at_end: bool) -> float:
     if force.size < 3:
         return float(force.mean()) if force.size else float(trace.force[end if at_end else begin])
     at = trace.t[begin : end + 1] - trace.t[end if at_end else begin]
-    middle = float(at.mean())
-    slope = float((at - middle) @ force) / float((at - middle) @ (at - middle))
-    return float(force.mean()) - slope * middle
+    return float(force.mean()) - slope(force, at) * float(at.mean())
