@@ -213,6 +213,7 @@ def _friction(rig: Rig) -> Plain:
 
 _static_friction = lru_cache(maxsize=64)(rigid.static_friction)
 _critical_stiffness = lru_cache(maxsize=64)(rigid.critical_stiffness)
+
 FORMATS = {
     "nc": "application/x-netcdf",
     "png": "image/png",
