@@ -571,7 +571,7 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected,
         xr.testing.assert_identical(open_plan(store), expected)
 
         # A cluster takes seconds to close: long runs, lest they be done before.
-        file, other = written(tmp_path, changed("run.distance", 2000.0, SLOW), "long.toml"), tmp_path / "t.sqlite"
+        file, other = written(tmp_path, changed("run.distance", 1000.0, SLOW), "long.toml"), tmp_path / "t.sqlite"
         process = start_command(file, other, "--scheduler", cluster.scheduler_address)
         wait_for(lambda: len(finished(other)) >= 4, process)
         cluster.close()
