@@ -104,6 +104,7 @@ TESTS = {
     "progress.py": "test_cli test_plain",
     "rate_state": "test_friction_laws",
     "rigid.py": "test_rigid",
+    "sliding": "test_theory test_stability test_friction_laws",
     "simulation": "test_simulate test_contacts test_work",
     "simulation/engines/blocks.py": "test_elastic",
     "simulation/engines/langevin.py": "test_ageing",
