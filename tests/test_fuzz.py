@@ -159,9 +159,13 @@ RIG = ss.Rig(
 )
 RECORDS = (ss.model.Parabolic, ss.model.PaperClosure, ss.model.Renewal, ss.model.Sheet)
 ROOMS = (
+    ss.stability.critical_spring,
     ss.stability.friction_slope,
     ss.stability.turning_velocities,
+    ss.rate_state.finite_step,
     ss.rate_state.fit_rate_and_state,
+    ss.rate_state.healing,
+    ss.rate_state.velocity_step_in,
     ss.measure.fronts,
 )
 PUBLIC = [*(getattr(ss, name) for name in ss.__all__), *(getattr(ss.elastic, name) for name in ss.elastic.__all__)]

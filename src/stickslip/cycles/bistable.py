@@ -14,7 +14,7 @@ from stickslip.cycles.branch import Point, carried, first_point
 from stickslip.cycles.edges import TOLERANCE, Edge, Interval, scaled
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import settle
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.model import FromRest, MasterEquation, Start
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
@@ -245,6 +245,8 @@ def bistable_region(
     """
     import xarray as xr
 
+    instance("bistable_region: rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("bistable_region: edge", edge, xr.Dataset, "the Dataset that stability.boundary() returns")
     across, up = (parameter_named(name) for name in over)
     reached = edge[across.name].to_numpy()
     values = np.geomspace(reached.min(), reached.max(), places + 2)[1:-1] if reached.size else np.empty(0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, special
 
-from stickslip.errors import UndecidedError
+from stickslip.errors import UndecidedError, instance
 from stickslip.model import Barrier, Bell, Delay, Interface, Langevin, LogarithmicGrowth, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
@@ -123,6 +123,7 @@ def finite_step(
     InputError
         If the master equation cannot take the interface.
     """
+    instance("finite_step: interface", interface, Interface, "an Interface")
     temperature, ageing = interface.temperature, interface.ageing
     if (
         not isinstance(temperature, Bell)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.answers import Answer
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,6 +63,9 @@ def healing(run: xr.Dataset, b: float) -> Healing:
     InputError
         If two holds are the same.
     """
+    import xarray as xr
+
+    instance("healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it")
     run = run.sortby("hold")
     found = {name: run[name].to_numpy() for name in ("hold", "relaxation", "peak", "slip_to_peak")}
     if np.any(np.diff(found["hold"]) <= 0):

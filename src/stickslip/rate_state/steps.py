@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, number, whole
+from stickslip.errors import InputError, instance, number, whole
 
 Array = NDArray[np.float64]
 
@@ -111,6 +111,7 @@ def velocity_step_in(
     >>> float(step.displacement.max()), step.measured
     (60.0, False)
     """
+    instance("velocity_step_in: data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
     name = next((one for one in _FRICTIONS if one in data), None)
     if name is None or "time" not in data.coords:
         raise InputError(f"data: holds no friction along a time; it must have one of {', '.join(_FRICTIONS)}")

@@ -224,6 +224,7 @@ def critical_spring(rig: Rig) -> float:
     UndecidedError
         If there is no such spring as far as one can see: a rig without damping.
     """
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     natural = rig.natural
     speed = number("velocity", natural.velocity, above=0, hint="in x_s per time")
     z = impedance(natural.slider)
