@@ -593,12 +593,14 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
 
 
 @inlined
-def _crosses(m: Motion, edges: _Edges, side: int, first: float) -> bool:
+def _crosses(m: Motion, edges: _Edges, side: int, first: float, boxes: Boxes | None) -> bool:
     """Whether the slider passes an edge of the window before a contact or the element gives way."""
     edge = edges.high if side == 1 else edges.low
     if not (side * edge < first and side * edge < side * (edges.ahead if side == 1 else edges.behind)):
         return False
     m.position = edge
+    if boxes is not None:
+        boxes.clock.window[0].until = -np.inf  # rounding may lead a slider without mass back into the window
     return True
 
 
@@ -693,7 +695,7 @@ def advance(
                 return ARRESTED
         elif side != 0:
             first = ahead if side == 1 else _first_behind(state)
-            if not (_crosses(m, edges, side, first) or _yields(m, edges, side, first)):
+            if not (_crosses(m, edges, side, first, boxes) or _yields(m, edges, side, first)):
                 _pass(state, side, draws, boxes, c)
         elif ends_at == attachment:
             slot = first_slot(state.waiting)
