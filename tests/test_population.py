@@ -207,11 +207,7 @@ def test_cycles_are_those_of_contacts(count):
         (partial(ss.Population, 10, rtol=1e-9), "Population.rtol = 1e-09: must be .* at least 1e-06"),
         (
             lambda: engine_for(replace(CYCLING, track_scatter=0.1), ss.Population(10)),
-            "track_scatter = 0.1: Population has",
-        ),
-        (
-            lambda: engine_for(replace(CYCLING, track_scatter=0.1), ss.MasterEquation()),
-            "track_scatter = 0.1: MasterEquation has one distribution",
+            "track_scatter = 0.1: not available with Population; use Contacts",
         ),
         (
             lambda: engine_for(replace(CYCLING, temperature=ss.Bell(width=0.05, attempts=1e-3)), ss.Population(10)),

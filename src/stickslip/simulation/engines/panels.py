@@ -52,7 +52,7 @@ _FINE = 2.5e-3
 class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
-    mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest"})
+    mechanisms = frozenset({"sliding_force", "newborn", "on_arrest"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
         from stickslip.kernels import panel_state as kernel
@@ -95,13 +95,6 @@ class Panels(Cohorts):
     def check(interface: Interface, method: MasterEquation | Population) -> None:
         """Raise `InputError` for thresholds without a density, and for what has no meaning or no equation."""
         check_density(interface.threshold_distribution)
-        name = type(method).__name__
-        if interface.track_scatter:
-            raise InputError(
-                f"Interface.track_scatter = {interface.track_scatter}: {name} has one distribution of thresholds for "
-                "all slips, not another one drawn for each; use Contacts",
-                "Interface.track_scatter",
-            )
         if isinstance(method, MasterEquation) and method.memoryless:
             for field in sorted(interface.mechanisms & {"newborn", "sliding_force"}):
                 raise InputError(
