@@ -1,5 +1,6 @@
 """What is measured in which unit makes no difference: all lengths times one factor, all times times another."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -77,7 +78,9 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     rig = replace(RIG, interface=replace(RIG.interface, **mechanism))
     here, there = (ss.simulate(each)["spring_force"].to_numpy() for each in (rig, rescaled_rig(rig, length, time)))
     assert np.abs(there[:300] / length - here[:300]).max() < 1e-9  # rounding grows later, where contacts break
-    assert there.mean() / length == pytest.approx(here.mean(), rel=1e-3)
+    # Where contacts break by chance, rounding makes another run: four errors of a difference of means, .3 % each.
+    scatter = 4.0 * math.sqrt(2.0) * 3e-3 if "temperature" in mechanism else 1e-3
+    assert there.mean() / length == pytest.approx(here.mean(), rel=scatter)
     there = rescaled_rig(rig, length, time)
     methods = (
         ss.Contacts(500),
