@@ -84,10 +84,10 @@ function askBand() {
   if (!chart || asked.band === asked.chart) return;
   asked.band = asked.chart;
   shown.bands = [];
-  const ends = (id) => $("plot-map")._fullLayout[id].range.map((value) => Math.pow(10, value));
+  const ends = (id, all) => $("plot-map")._fullLayout?.[id].range.map((value) => Math.pow(10, value)) ?? all; // all: not drawn yet
   progress("map", 0);
   $("map-state").textContent = "bistable band …";
-  ask("band", { over: chart.over, x: ends("xaxis"), y: ends("yaxis") });
+  ask("band", { over: chart.over, x: ends("xaxis", chart.x.ends), y: ends("yaxis", chart.y.ends) });
 }
 /* Columns computed so far, joined to their neighbours where these have as many bands. */
 function bandOutline() {
