@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
 from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
 from stickslip.progress import Progress
 from stickslip.simulation.engines import MOTION, Engine, Leg, Stretchings
-
-if TYPE_CHECKING:
-    from stickslip.kernels.drive import Stop
 
 Array = NDArray[np.float64]
 
@@ -48,8 +45,6 @@ def follow(
     A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`, naming the moment, if the
     numbers of the run stop being finite.
     """
-    from stickslip.kernels.drive import Quadratic
-
     report, total = progress or (lambda _: None), drive.duration
     rows = np.empty((times.size, len(engine.columns)))
     drive_velocity, drive_position = np.empty((2, times.size))
@@ -107,8 +102,6 @@ def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:
 
 def _stop(until: Condition | None, X: float) -> Stop:
     """Return a condition as the kernels take it, on a piece that begins with the slider at `X`."""
-    from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Stop
-
     match until:
         case Travel(distance):
             return Stop(TRAVEL, distance, X)

@@ -11,12 +11,15 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown
+from stickslip.kernels.drive import Quadratic, Stop
+from stickslip.kernels.oscillator import RIGID
+from stickslip.kernels.oscillator import Slider as SliderConstants
 from stickslip.model import (
     ElasticBody,
     FromRest,
@@ -27,13 +30,8 @@ from stickslip.model import (
     Start,
 )
 from stickslip.model.newborn import mean_life
-from stickslip.simulation.cost import oscillation, sampling
-
-if TYPE_CHECKING:
-    from stickslip.kernels.drive import Quadratic, Stop
-    from stickslip.kernels.oscillator import Slider as SliderConstants
-    from stickslip.model.rig import Rig
-    from stickslip.simulation.cost import Course, Part
+from stickslip.model.rig import Rig
+from stickslip.simulation.cost import Course, Part, oscillation, sampling
 
 Array = NDArray[np.float64]
 
@@ -311,17 +309,12 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
 
 def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
-    from stickslip.kernels.oscillator import RIGID
-    from stickslip.kernels.oscillator import Slider as SliderConstants
-
     assert not isinstance(slider, ElasticBody)
     return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 
 def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ...]:
     """Return the looks that fall before a time: a copy goes there, so that the run itself need not stop."""
-    from stickslip.kernels.drive import Stop
-
     seen = []
     for look in leg.looks:
         if look > until:

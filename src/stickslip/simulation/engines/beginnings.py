@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.kernels.survival import Table, tabulate
 from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.newborn import stretching_nodes, stretchings_within, thresholds_beyond
 from stickslip.model.quadrature import hashable
 from stickslip.simulation.engines.base import Beginning, Stretchings
-
-if TYPE_CHECKING:
-    from stickslip.kernels.survival import Table
 
 Array = NDArray[np.float64]
 
@@ -119,8 +116,6 @@ def attached_now(x: Array, attach: Array, now: float) -> Stretchings:
 
 @lru_cache(maxsize=64)
 def _survival_of(distribution: Distribution) -> Table:
-    from stickslip.kernels.survival import tabulate
-
     return tabulate(distribution.survival, *end_and_knots(distribution))
 
 

@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.kernels import block_cohorts, blocks, leapfrog, quasistatic
+from stickslip.kernels.blocks import Draws
+from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays, longer
+from stickslip.kernels.drive import DELAYS_USED_UP, LOOK, NO_HISTORY, NO_ROOM, PAUSED, THRESHOLDS_USED_UP, UNSOLVED
+from stickslip.kernels.leapfrog import Motion, Piece, Sampling, at_rest
+from stickslip.kernels.network import Network, fastest, stiffest_dashpot
 from stickslip.model import (
     Chain,
     Contacts,
@@ -23,16 +28,11 @@ from stickslip.model import (
     QuasiStatic,
 )
 from stickslip.model.distribution import check_density
-from stickslip.simulation.cost import Part
+from stickslip.model.rig import Rig
+from stickslip.model.units import Quantity
+from stickslip.simulation.cost import Course, Part
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_of
-
-if TYPE_CHECKING:
-    from stickslip.kernels.leapfrog import Motion, Piece, Sampling
-    from stickslip.kernels.network import Network
-    from stickslip.model.rig import Rig
-    from stickslip.model.units import Quantity
-    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -106,8 +106,6 @@ def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -
 
 def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
     """Return a body as the kernels take it."""
-    from stickslip.kernels.network import Network
-
     pairs, stiffness = body.links
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     order = np.argsort(ends[:, 0], kind="stable")
@@ -159,8 +157,6 @@ def slides(beginning: Beginning, body: ElasticBody) -> NDArray[np.bool_]:
 
 def longest_step(network: Network) -> float:
     """Longest step of a body's motion."""
-    from stickslip.kernels.network import fastest, stiffest_dashpot
-
     rate = stiffest_dashpot(network)
     return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
 
@@ -179,8 +175,6 @@ class Streams:
     """Random numbers of each block, which do not depend on how many blocks there are."""
 
     def __init__(self, interface: Interface, seed: int, blocks: int) -> None:
-        from stickslip.kernels.blocks import Draws
-
         self._distribution, self._delay, self._seed = interface.threshold_distribution, interface.delay, seed
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
         fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
@@ -304,9 +298,6 @@ class ElasticEngine(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        from stickslip.kernels import leapfrog
-        from stickslip.kernels.drive import LOOK, PAUSED
-
         sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
         self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
@@ -327,8 +318,6 @@ class BlocksOfContacts(ElasticEngine):
     """
 
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
-        from stickslip.kernels import blocks as kernel
-
         body, self._balanced = beginning.slider, isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
         if self._balanced and not isinstance(body, Chain):
@@ -348,7 +337,7 @@ class BlocksOfContacts(ElasticEngine):
         element = np.clip(anchored, -self._sliding, self._sliding)
         X = settled(beginning, np.where(threshold > 0, x, element[:, None]).mean(axis=1))
         V = first_velocities(beginning, body)
-        self._state = kernel.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored)
+        self._state = blocks.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored)
         self._motion = self._state.motion
         self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
         self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
@@ -368,9 +357,6 @@ class BlocksOfContacts(ElasticEngine):
 
     def _advance(self, piece: Piece, sampling: Sampling) -> int:
         """Go on as far as the random numbers last."""
-        from stickslip.kernels import blocks, quasistatic
-        from stickslip.kernels.drive import UNSOLVED
-
         state, network, draws = self._state, self._network, self._streams.draws
         if not self._balanced:
             return blocks.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET)
@@ -383,8 +369,6 @@ class BlocksOfContacts(ElasticEngine):
         return why
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
-        from stickslip.kernels.drive import DELAYS_USED_UP, THRESHOLDS_USED_UP
-
         contacts = self._state.contacts
         while True:
             why = self._advance(piece, sampling)
@@ -404,10 +388,6 @@ class BlocksOfCohorts(ElasticEngine):
     """Blocks with infinitely many contacts each, in cohorts: `stickslip.kernels.block_cohorts`."""
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
-        from stickslip.kernels import block_cohorts as kernel
-        from stickslip.kernels.cohort_store import Delays
-        from stickslip.kernels.leapfrog import at_rest
-
         body, interface = beginning.slider, beginning.interface
         assert isinstance(body, ElasticBody)
         self.slider, self._sliding = body, interface.sliding_force
@@ -421,14 +401,14 @@ class BlocksOfCohorts(ElasticEngine):
         self._cells = 400.0 * math.sqrt(1e-4 / method.rtol)
         past_rate = 0.0
         if beginning.sliding:
-            x, fraction = kernel.smooth_sliding(table, self._cells, beginning.attached)
+            x, fraction = block_cohorts.smooth_sliding(table, self._cells, beginning.attached)
             past_rate = beginning.attached * beginning.velocity / interface.threshold_distribution.moment(1)
         elif isinstance(beginning.start, Prestressed):
             x, fraction = np.zeros(1), np.ones(1)
         else:
             x, fraction = initial_nodes(interface)
         x = prestress[:, None] + x
-        self._case = kernel.Case(table, Delays(*interface.delay.quadrature()), self._sliding, 0.5 / self._cells)
+        self._case = block_cohorts.Case(table, Delays(*interface.delay.quadrature()), self._sliding, 0.5 / self._cells)
         anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
         element = np.clip(anchored, -self._sliding, self._sliding)
         X = settled(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * element)
@@ -440,7 +420,7 @@ class BlocksOfCohorts(ElasticEngine):
             )
         self._motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
         room, fractions = int(2.0 * self._cells * table.top) + x.shape[1] + 64, np.broadcast_to(fraction, x.shape)
-        self._state = kernel.make_state(
+        self._state = block_cohorts.make_state(
             self._motion, X[:, None] - x, fractions, self._case, past_rate, room, int(1.05 * steps) + 64
         )
 
@@ -457,22 +437,16 @@ class BlocksOfCohorts(ElasticEngine):
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts of all blocks now."""
-        from stickslip.kernels.cohort_store import ALIVE, PLACE
-
         cohort = self._state.cohorts.cohort
         alive = cohort[:, ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, :1])
         x = self._motion.blocks.X[:, None] - cohort[:, PLACE]
         return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
-        from stickslip.kernels import block_cohorts as kernel
-        from stickslip.kernels.cohort_store import longer
-        from stickslip.kernels.drive import NO_HISTORY, NO_ROOM
-
         while True:
-            why = kernel.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
+            why = block_cohorts.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
             if why == NO_ROOM:
-                self._state = kernel.with_room(self._state)
+                self._state = block_cohorts.with_room(self._state)
             elif why == NO_HISTORY:
                 cohorts = self._state.cohorts
                 self._state = self._state._replace(cohorts=cohorts._replace(history=longer(cohorts.history)))

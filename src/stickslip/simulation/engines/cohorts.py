@@ -7,6 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from stickslip.kernels.drive import PAUSED
 from stickslip.simulation.engines.base import COLUMNS, Advance, Array, Engine, Leg, looks_aside
 
 
@@ -36,8 +37,6 @@ class Cohorts(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        from stickslip.kernels.drive import PAUSED
-
         before = self.copy()
         self._state, rows, reason = self.go_on(leg)
         return Advance(rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED)

@@ -6,12 +6,15 @@ Whatever makes contacts break before a fixed threshold, or after it has grown, i
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.kernels import events as kernel
+from stickslip.kernels.boxes import Rule, lives
+from stickslip.kernels.events import force_of, re_attach_all, short_of
+from stickslip.kernels.motion import Piece, Sampling, make_motion
 from stickslip.model import (
     Barrier,
     Bell,
@@ -23,7 +26,8 @@ from stickslip.model import (
     OnArrest,
     Parabolic,
 )
-from stickslip.simulation.cost import breaking, oscillation, sampling
+from stickslip.model.rig import Rig
+from stickslip.simulation.cost import Course, Part, breaking, oscillation, sampling
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -37,12 +41,6 @@ from stickslip.simulation.engines.base import (
 )
 from stickslip.simulation.engines.beginnings import first_contacts, generators, lives_met, newborns
 from stickslip.sliding.lives import growth_of, hazard_of
-
-if TYPE_CHECKING:
-    from stickslip.kernels import events as kernel
-    from stickslip.kernels.boxes import Rule
-    from stickslip.model.rig import Rig
-    from stickslip.simulation.cost import Course, Part
 
 Array = NDArray[np.float64]
 
@@ -84,9 +82,6 @@ class EventByEvent(Engine):
     mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest", "temperature", "areas"})
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels import events as kernel
-        from stickslip.kernels.motion import make_motion
-
         interface, self._delay = beginning.interface, beginning.interface.delay
         self._interface = interface
         self._initial, self._thresholds, self._delays, self._births, self._tracks, self._chances = generators(
@@ -199,8 +194,6 @@ class EventByEvent(Engine):
 
     def _refill(self) -> None:
         """Draw what is used up."""
-        from stickslip.kernels.events import short_of
-
         m, draws = self._state.motion[0], self._draws
         thresholds, delays, variates = short_of(m, draws, self._boxes)
         if thresholds:
@@ -221,8 +214,6 @@ class EventByEvent(Engine):
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        from stickslip.kernels.events import force_of
-
         return force_of(self._state)
 
     def stretchings(self) -> Stretchings:
@@ -231,8 +222,6 @@ class EventByEvent(Engine):
 
     def individuals(self) -> Individuals:
         """Every contact by itself, now."""
-        from stickslip.kernels import events as kernel
-
         stretching, attached = np.zeros(self._state.size), np.zeros(self._state.size, dtype=bool)
         contacts = kernel.attached_contacts(self._state)
         stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
@@ -240,15 +229,11 @@ class EventByEvent(Engine):
         return Individuals(stretching, attached)
 
     def _stretchings(self, X: float) -> Stretchings:
-        from stickslip.kernels import events as kernel
-
         x = X - kernel.attached_contacts(self._state)["birth"]
         return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def _arrest(self) -> None:
         """The slider has stopped after a break."""
-        from stickslip.kernels.events import re_attach_all
-
         if self._interface.track_scatter:
             self._factor = self._next_track()
             self._draws = self._with_thresholds(self._draws)
@@ -257,9 +242,6 @@ class EventByEvent(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
-        from stickslip.kernels import events as kernel
-        from stickslip.kernels.motion import Piece, Sampling
-
         m = self._state.motion[0]
         sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
         seen: list[Stretchings] = []
@@ -285,8 +267,6 @@ class EventByEvent(Engine):
 
 def rule_of(interface: Interface) -> Rule | None:
     """Return how contacts break, if not at thresholds of their own that stay as they are."""
-    from stickslip.kernels.boxes import Rule
-
     if interface.temperature is None and interface.ageing is None and interface.areas is None:
         return None
     return Rule(hazard_of(interface.temperature), growth_of(interface.ageing), interface.areas is not None)
@@ -294,8 +274,6 @@ def rule_of(interface: Interface) -> Rule | None:
 
 def lives_of(rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator) -> Array:
     """Draw the stretchings at which newborn contacts break in steady sliding."""
-    from stickslip.kernels.boxes import lives
-
     reached, done = np.empty(strength.size), 0
     start = start if start.size else np.zeros(strength.size)
     while done < strength.size:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.kernels import closure, stepping
+from stickslip.kernels.langevin_contacts import Contacts as Sampled
+from stickslip.kernels.langevin_contacts import awake, go_on
+from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, PaperClosure, Parabolic
-from stickslip.simulation.cost import Part, breaking, oscillation, sampling
+from stickslip.model.rig import Rig
+from stickslip.simulation.cost import Course, Part, breaking, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import (
     attached_now,
@@ -22,11 +26,6 @@ from stickslip.simulation.engines.beginnings import (
 from stickslip.simulation.engines.steps import Steps
 from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
 from stickslip.sliding.lives import hazard_of
-
-if TYPE_CHECKING:
-    from stickslip.kernels import stepping
-    from stickslip.model.rig import Rig
-    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -76,9 +75,6 @@ class LangevinContacts(Steps):
     mechanisms = frozenset({"temperature"})
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels.langevin_contacts import Contacts as Sampled
-        from stickslip.kernels.langevin_contacts import awake
-
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
         self._hazard = hazard_of(beginning.interface.temperature)
@@ -119,8 +115,6 @@ class LangevinContacts(Steps):
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
-        from stickslip.kernels.langevin_contacts import go_on
-
         model = self._constants, self._hazard, self._delays
         return go_on(self.state, self._contacts, self._sleep, course, *model, self._rng)
 
@@ -130,8 +124,6 @@ class LangevinDensity(Steps):
     """The kinetic equation on cohorts: `stickslip.kernels.langevin_density`."""
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
-        from stickslip.kernels.langevin_density import Cohorts, density_nodes
-
         self._constants = ageing_constants(beginning.interface)
         # A scheme of second order, with an error of 1e-3 where this is 400.
         cells = 400.0 * math.sqrt(1e-4 / method.rtol)
@@ -175,8 +167,6 @@ class LangevinDensity(Steps):
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
-        from stickslip.kernels.langevin_density import advance_density
-
         return advance_density(self.state, self._cohorts, self._nodes, course, self._constants)
 
 
@@ -186,8 +176,6 @@ def _first_cohorts(beginning: Beginning, margins: Array, width: float) -> tuple[
     Returns the places where they attached, the fraction of contacts by cohort and rupture margin, and its moment about
     these places.
     """
-    from stickslip.kernels.langevin_density import cell_widths
-
     distribution = beginning.interface.threshold_distribution
     x, fraction = settled_nodes(beginning)
     kept = fraction > 1e-12
@@ -209,20 +197,18 @@ class Closure(Steps):
     """The paper's closure: cohorts of stretchings, and one distribution of thresholds: `stickslip.kernels.closure`."""
 
     def __init__(self, beginning: Beginning, method: PaperClosure) -> None:
-        from stickslip.kernels.closure import Cohorts, Thresholds, threshold_edges
-
         self._constants = ageing_constants(beginning.interface)
         step = 4.0 / method.cells
         self.budget = math.ceil(2e6 / method.cells)
         self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
-        edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
+        edges = closure.threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
         x, fraction = settled_nodes(beginning)
         beyond = beginning.interface.threshold_distribution.survival(edges)
-        self._thresholds = Thresholds(edges, beyond[:-1] - beyond[1:])
+        self._thresholds = closure.Thresholds(edges, beyond[:-1] - beyond[1:])
         room = np.zeros(math.ceil(3.0 / step) + 20)
         start = 2.0 * _start(beginning, self._constants.rate)  # one distribution for all settles more slowly
         self.state = np.array([start, beginning.velocity * start, 0.0, 0.0, x.size])
-        self._cohorts = Cohorts(np.append(self.state[1] - x, room), np.append(fraction, room))
+        self._cohorts = closure.Cohorts(np.append(self.state[1] - x, room), np.append(fraction, room))
         if beginning.sliding:
             self.settle(beginning)
         self.state[2] = beginning.slider_velocity
@@ -247,8 +233,6 @@ class Closure(Steps):
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, with room for as many cohorts as it takes."""
-        from stickslip.kernels.closure import Cohorts, advance_closure
-
         if self.state[4] >= self._cohorts.place.size:
-            self._cohorts = Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
-        return advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants)
+            self._cohorts = closure.Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
+        return closure.advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants)

@@ -6,26 +6,30 @@ import copy
 import math
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError
+from stickslip.kernels import panel_state as kernel
+from stickslip.kernels.cohorts import MASS, REACH, gauss_rule, spread_out
+from stickslip.kernels.drive import UNSOLVED
+from stickslip.kernels.finite_population import counted
+from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
+from stickslip.kernels.panels import advance
+from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
+from stickslip.kernels.survival import EMPTY, tabulate, values_at, widest
 from stickslip.model import Delay, DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.cost import Part, oscillation, sampling
+from stickslip.model.rig import Rig
+from stickslip.simulation.cost import Course, Part, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
 from stickslip.simulation.engines.cohorts import Cohorts, sampled
-
-if TYPE_CHECKING:
-    from stickslip.kernels import panel_state as kernel
-    from stickslip.model.rig import Rig
-    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -55,9 +59,6 @@ class Panels(Cohorts):
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
-        from stickslip.kernels import panel_state as kernel
-        from stickslip.kernels.finite_population import counted
-
         self._method, self.slider = method, slider_constants(beginning.slider)
         interface, count = beginning.interface, method.count if isinstance(method, Population) else 0
         self._interface, distribution = interface, interface.threshold_distribution
@@ -120,9 +121,6 @@ class Panels(Cohorts):
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
-        from stickslip.kernels.cohorts import spread_out
-        from stickslip.kernels.survival import values_at
-
         state = self._state
         place, mass, reach = spread_out(state.cohorts[:, : state.used.cohorts], _FINE)
         fraction = mass * values_at(self._case.table, reach)
@@ -131,9 +129,6 @@ class Panels(Cohorts):
 
     def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
         """Follow a leg for some steps."""
-        from stickslip.kernels.drive import UNSOLVED
-        from stickslip.kernels.panels import advance
-
         case = self._case._replace(drive=leg.drive)
         state, rows, reason = advance(self._state, case, leg.end, leg.times, leg.stop, _STEPS)
         if reason == UNSOLVED:
@@ -154,10 +149,6 @@ class Panels(Cohorts):
 
         Detached contacts stay so for the same fraction of the new delay. Cohorts keep what is attached of them.
         """
-        from stickslip.kernels.cohorts import MASS, REACH
-        from stickslip.kernels.rules import P
-        from stickslip.kernels.survival import values_at
-
         turned, case = self.copy(), self._case
         turned._interface, turned.slider = interface, slider_constants(slider)
         turned._case = case._replace(slider=turned.slider)
@@ -218,9 +209,6 @@ def _accuracy(distribution: Distribution, rtol: float, count: int) -> kernel.Acc
     Of counted contacts, what re-attaches is as rough as the breaks were, and what fluctuates does so a few breaks at
     a time.
     """
-    from stickslip.kernels.panel_state import Accuracy
-    from stickslip.kernels.survival import widest
-
     table, tolerance = survival_of(distribution), _tolerance(rtol)
     if table.knots.size:  # where the order is lost, and again a delay later
         tolerance *= _AT_KNOTS
@@ -233,9 +221,6 @@ def _accuracy(distribution: Distribution, rtol: float, count: int) -> kernel.Acc
 @lru_cache(maxsize=64)
 def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.Delays:
     """Times until a broken contact re-attaches, as the kernel takes them."""
-    from stickslip.kernels.panel_state import Delays
-    from stickslip.kernels.survival import EMPTY, tabulate, widest
-
     mean, arrest = delay.moment(1), isinstance(delay, OnArrest)
     if isinstance(method, MasterEquation) and method.memoryless:
         return Delays(np.zeros(1), np.ones(1), EMPTY, 0.0, 1.0, mean, arrest, True)
@@ -256,9 +241,6 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
 @lru_cache(maxsize=64)
 def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float) -> kernel.Newborn:
     """Stretchings of contacts that attach: as few as give their force to the tolerance, however far they are pulled."""
-    from stickslip.kernels.cohorts import gauss_rule
-    from stickslip.kernels.panel_state import UNSTRETCHED, Newborn
-
     if newborn is None:
         return UNSTRETCHED
     x, weight = stretching_nodes(newborn, thresholds, finer=4)
@@ -285,8 +267,6 @@ def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float
 
 def _lives_met(thresholds: Distribution, newborn: kernel.Newborn, accuracy: kernel.Accuracy) -> tuple[Array, Array]:
     """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the way from each newborn one."""
-    from stickslip.kernels.rules import GAUSS, WEIGHT
-
     end, parts = end_and_knots(thresholds)[0], []
     for begin, mass in zip(newborn.stretching, newborn.mass, strict=True):
         knots = {abs(begin), 0.0, *thresholds.knots, *(-knot for knot in thresholds.knots)}
@@ -307,8 +287,6 @@ def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Acc
 
     The panels lie between the jumps of both distributions.
     """
-    from stickslip.kernels.rules import GAUSS, WEIGHT, Q
-
     std = initial.standard_deviation()
     if std == 0:
         return np.full((1, Q), initial.moment(1)), WEIGHT[None]

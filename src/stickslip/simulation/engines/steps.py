@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.kernels.drive import Quadratic, Stop, holds
+from stickslip.kernels.stepping import Course
 from stickslip.simulation.engines.base import MOTION, Advance, Beginning, Engine, Leg, looks_aside, slider_constants
-
-if TYPE_CHECKING:
-    from stickslip.kernels.drive import Stop
-    from stickslip.kernels.stepping import Course
 
 Array = NDArray[np.float64]
 
@@ -42,8 +40,6 @@ class Steps(Engine, Protocol):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps, at most to the one that would pass a look."""
-        from stickslip.kernels.stepping import Course
-
         times = np.minimum(leg.times, leg.end)
         wanted = times.size
         if wanted == 0 or times[-1] < leg.end:
@@ -59,8 +55,6 @@ class Steps(Engine, Protocol):
 
     def settle(self, beginning: Beginning) -> None:
         """Let the contacts settle: slide rigidly at the first velocity up to time and position 0, unseen."""
-        from stickslip.kernels.drive import Quadratic, Stop
-
         self.slider = slider_constants(None)
         start, position = self.here()
         leg = Leg(Quadratic(start, position, beginning.velocity, 0.0), 0.0, np.empty(0), Stop())
@@ -71,6 +65,4 @@ class Steps(Engine, Protocol):
 
 def has_stopped(stop: Stop, samples: Array) -> bool:
     """Whether the condition holds at the last sample."""
-    from stickslip.kernels.drive import holds
-
     return len(samples) > 0 and holds(stop, samples[-1, 0], samples[-1, 2])

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.kernels import thermal_cohorts as kernel
+from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
+from stickslip.kernels.survival import Table, tabulate
+from stickslip.kernels.thermal_cohorts import advance
 from stickslip.model import (
     Barrier,
     Bell,
@@ -22,18 +25,13 @@ from stickslip.model import (
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.cost import Part, oscillation, sampling
+from stickslip.model.rig import Rig
+from stickslip.simulation.cost import Course, Part, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import initial_nodes, survival_of
 from stickslip.simulation.engines.cohorts import Cohorts, sampled
 from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of
-
-if TYPE_CHECKING:
-    from stickslip.kernels import thermal_cohorts as kernel
-    from stickslip.kernels.survival import Table
-    from stickslip.model.rig import Rig
-    from stickslip.simulation.cost import Course
 
 Array = NDArray[np.float64]
 
@@ -55,9 +53,6 @@ class ThermalPopulation(Cohorts):
     mechanisms = frozenset({"temperature", "sliding_force"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
-        from stickslip.kernels import thermal_cohorts as kernel
-        from stickslip.kernels.cohort_store import Delays
-
         interface = beginning.interface
         self._interface, self.slider = interface, slider_constants(beginning.slider)
         model, mean = _model(interface), interface.threshold_distribution.moment(1)
@@ -127,8 +122,6 @@ class ThermalPopulation(Cohorts):
 
     def _cohorts(self) -> tuple[Array, Array]:
         """Where the cohorts attached, and how many are left of each."""
-        from stickslip.kernels.cohort_store import ALIVE, PLACE
-
         return self._state.cohort[PLACE, : self._state.used.cohorts], self._state.cohort[
             ALIVE, : self._state.used.cohorts
         ]
@@ -140,8 +133,6 @@ class ThermalPopulation(Cohorts):
 
     def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
         """Follow a leg for some steps."""
-        from stickslip.kernels.thermal_cohorts import advance
-
         self._cap(self._fastest(leg))
         case = self._case._replace(drive=leg.drive)
         state, rows, reason = advance(self._state, case, leg.end, leg.times, leg.stop, _STEPS)
@@ -160,8 +151,6 @@ class ThermalPopulation(Cohorts):
 
 def _model(interface: Interface) -> kernel.Model:
     """Return how contacts break, with its tables or nodes."""
-    from stickslip.kernels import thermal_cohorts as kernel
-
     distribution, width = interface.threshold_distribution, activation_width(interface)
     hazard = hazard_of(interface.temperature)
     thresholds = survival_of(distribution)
@@ -199,8 +188,6 @@ def activation_width(interface: Interface) -> float:
 @lru_cache(maxsize=64)
 def _thermal_table(distribution: Distribution, width: float) -> tuple[float, Table]:
     """Tabulate ``J(u)``, from its smallest ``u`` on."""
-    from stickslip.kernels.survival import tabulate
-
     low, high = -38.0 * width, distribution.support[1] + 3.8 * width
     table = tabulate(
         lambda x: blurred_survival(distribution, width, x + low), high - low, np.empty(0), tolerance=1e-10, most=4096
