@@ -74,10 +74,6 @@ def small_cases() -> dict[str, Callable[[], object]]:
         _run, ageing, coarse, drive=ss.constant(2.0, 0.2), start=ss.FromSliding()
     )
     cases["kinetic equation, a snapshot"] = partial(_snapshots, ageing, coarse)
-    cases["closure"] = partial(_run, ageing, ss.model.PaperClosure(cells=10), drive=back)
-    cases["closure, sliding"] = partial(
-        _run, ageing, ss.model.PaperClosure(cells=10), drive=back, start=ss.FromSliding()
-    )
     for growth, delay in (
         (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.Delay(0.0)),
         (ss.LogarithmicGrowth(slope=0.1, time=0.1), ss.Delay(0.1)),

@@ -317,7 +317,6 @@ def rigid(**changes: object) -> ss.Rig:
         (lambda: rigid(method=ss.QuasiStatic()), "QuasiStatic: is for an elastic slider"),
         (lambda: small(slider=Sheet(along=3, across=2, coupling=1.0, shear=1.0, mass=1.0, damping=0.0, leaf=1.0),
                        method=ss.QuasiStatic()), "QuasiStatic: is for a Chain"),
-        (lambda: small(method=ss.model.PaperClosure()), "PaperClosure: is not for a Chain"),
         (lambda: small(drive=ss.constant(1.0, duration=1e5)), "steps of blocks would take about"),
         (lambda: small(interface=ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))), "Interface.ageing"),
         # The past of every block is held for as long as contacts are away.

@@ -157,7 +157,7 @@ RIG = ss.Rig(
     ss.constant(1.0, duration=4.0),
     method=ss.Contacts(50, seed=1),
 )
-RECORDS = (ss.model.Parabolic, ss.model.PaperClosure, ss.model.Renewal, ss.model.Sheet)
+RECORDS = (ss.model.Parabolic, ss.model.Renewal, ss.model.Sheet)
 ROOMS = (
     ss.stability.critical_spring,
     ss.stability.friction_slope,

@@ -89,7 +89,7 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
     return found
 
 
-@pytest.mark.parametrize("method", ["Contacts", "MasterEquation", "Population", "PaperClosure", "QuasiStatic"])
+@pytest.mark.parametrize("method", ["Contacts", "MasterEquation", "Population", "QuasiStatic"])
 def test_runs_are_kept(method):
     runs = {name: run_of(name) for name in PAIRS if name.startswith(method)} | _more_runs(method)
     rows = {name.removeprefix(f"{method}, "): of_run(run) for name, run in runs.items()}

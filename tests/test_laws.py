@@ -66,7 +66,6 @@ METHODS = {
     "Contacts": ss.Contacts(200, seed=3),
     "MasterEquation": ss.MasterEquation(rtol=1e-4),
     "Population": ss.Population(2_000, seed=3),
-    "PaperClosure": ss.model.PaperClosure(),
     "QuasiStatic": ss.QuasiStatic(20, seed=3),
 }
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-2, damping=15.0)
@@ -89,8 +88,6 @@ class Pair:
     @property
     def accuracy(self) -> float:
         """Rounding from event to event; else ten times the tolerance, and as much for the default steps."""
-        if isinstance(self.method, ss.model.PaperClosure):
-            return 1 / self.method.cells
         from_event_to_event = isinstance(self.method, ss.Contacts) and self.body is SLIDER
         return 1e-9 if from_event_to_event else 1e-3
 
@@ -236,8 +233,7 @@ def test_snapshots_hold_the_attached_contacts_and_their_force(name):
 @every_pair
 def test_what_is_recorded_changes_nothing(name):
     fine = simulate(PAIRS[name], output=ss.Output(interval=0.025, snapshots=(0.7, 2.0)))
-    rounding = 1e-6 if isinstance(PAIRS[name].method, ss.model.PaperClosure) else 1e-9  # the closure makes more of it
-    assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) < rounding
+    assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) < 1e-9
 
 
 @every_pair
@@ -304,8 +300,8 @@ def test_relaxed_contacts_under_a_drive_at_rest_stay_there(name):
 @pytest.mark.eq(1, 10)
 def test_smooth_sliding_goes_on_with_the_steady_force(name):
     pair, lives = PAIRS[name], 8.0
-    if isinstance(pair.method, ss.model.PaperClosure) or not has_steady_force(pair.interface):
-        pytest.skip("another force by design, or none in closed form")
+    if not has_steady_force(pair.interface):
+        pytest.skip("none in closed form")
     spring = {"stiffness": 40.0} if pair.body is SLIDER else {"leaf": 40.0}
     stable = replace(pair, body=replace(pair.body, damping=60.0, **spring))
     run = simulate(stable, drive=ss.constant(1.0, lives), interval=0.02, start=ss.FromSliding())

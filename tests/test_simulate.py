@@ -21,8 +21,8 @@ from stickslip.model import (
     LogarithmicGrowth,
     MasterEquation,
     Output,
-    PaperClosure,
     Parabolic,
+    Population,
     RandomDelay,
     Rig,
     Slider,
@@ -470,13 +470,13 @@ def followed(monkeypatch):
         replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0)),
         FIG4_SLIDER,
         constant(1.0, 9.0).until(Travel(0.5)).then(ramp(1.0, -1.0, 1.0)),
-        method=PaperClosure(),
+        method=Population(100),
         output=Output(interval=1 / 64, snapshots=(0.25, 0.75)),
     )
-    with pytest.raises(InputError, match="not available with PaperClosure"):
+    with pytest.raises(InputError, match="not available with Population"):
         simulate(rig)
     monkeypatch.setattr(base, "ENGINES", dict(base.ENGINES))
-    solves(PaperClosure, LogarithmicGrowth)(Follower)
+    solves(Population, LogarithmicGrowth)(Follower)
     return rig
 
 
@@ -526,13 +526,6 @@ GOOD = {
             r"^FromSliding: the drive starts at velocity 0: .* above 0",
         ),
         ({"start": FromSliding(), "interface": interface(math.inf)}, r"^FromSliding: contacts that never re-attach"),
-        (
-            {
-                "interface": replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0)),
-                "method": PaperClosure(),
-            },
-            r"^Interface\.ageing = LogarithmicGrowth.*: not available with PaperClosure",
-        ),
         (
             {"interface": interface(thresholds=Gaussian(mean=1, std=0)), "method": MasterEquation()},
             r"^Gaussian\.std = 0: .* or use the method Contacts",

@@ -63,7 +63,6 @@ CASES += [
     KINDS["Positive"](whole=thresholds.Gaussian(mean=1.0, std=1.0)),
     KINDS["Contacts"](123, seed=2**100 + 1),
     KINDS["MasterEquation"](rtol=1e-3, memoryless=True),
-    KINDS["PaperClosure"](cells=200),
     KINDS["Population"](10**9, seed=5, rtol=1e-3),
     KINDS["Output"](interval=0.1, snapshots=(0.3, 1 / 7), bins=7),
     KINDS["Output"](),

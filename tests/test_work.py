@@ -201,7 +201,7 @@ class Own:
 
 @pytest.mark.parametrize(
     "method",
-    [Own(), ss.Contacts(100), ss.MasterEquation(), ss.Population(100), ss.model.PaperClosure(), ss.QuasiStatic(100)],
+    [Own(), ss.Contacts(100), ss.MasterEquation(), ss.Population(100), ss.QuasiStatic(100)],
 )
 @pytest.mark.parametrize("ageing", KINDS["ageing"])
 @pytest.mark.parametrize("temperature", KINDS["temperature"])

@@ -44,7 +44,6 @@ from stickslip.model.methods import FromSliding as FromSliding
 from stickslip.model.methods import MasterEquation as MasterEquation
 from stickslip.model.methods import Method as Method
 from stickslip.model.methods import Output as Output
-from stickslip.model.methods import PaperClosure as PaperClosure
 from stickslip.model.methods import Population as Population
 from stickslip.model.methods import Prestressed as Prestressed
 from stickslip.model.methods import QuasiStatic as QuasiStatic

@@ -96,25 +96,6 @@ class Population(Record):
     rtol: Annotated[float, Number(at_least=1e-6, at_most=0.1, hint="error of the force")] = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class PaperClosure(Record):
-    """Method: the paper's own equations for ageing thresholds, Eqs. (1)-(3) with (18); for comparison only.
-
-    They keep one distribution of thresholds for all contacts, whatever their stretching: the correlation between age
-    and stretching is lost. Against `Contacts` and `MasterEquation` the force of smooth sliding is 23 % too large at
-    ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1 (standard deviation .1). For `Langevin` ageing
-    without delay.
-
-    Parameters
-    ----------
-    cells : int
-        Resolution: cohorts per ``x_s`` of motion are a quarter of it, cells of threshold per standard deviation a
-        fiftieth. The error falls as ``1/cells``.
-    """
-
-    cells: Annotated[int, Number(at_least=10, at_most=100_000, hint="four times the cohorts")] = 400
-
-
 @register("quasi-static")
 @dataclass(frozen=True)
 class QuasiStatic(Record):
@@ -151,7 +132,7 @@ class Renewal(Record):
 DRAWN = (Contacts, Population, QuasiStatic)
 """The methods with a number of contacts and a seed."""
 
-Method = Contacts | MasterEquation | PaperClosure | Population | QuasiStatic
+Method = Contacts | MasterEquation | Population | QuasiStatic
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
-from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, PaperClosure, Start
+from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, Start
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
@@ -97,7 +97,7 @@ class Rig(Answer):
         stability of smooth sliding any mechanical impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
-    method : Contacts, MasterEquation, Population, QuasiStatic or PaperClosure
+    method : Contacts, MasterEquation, Population or QuasiStatic
         How the rig is simulated, unless `simulate` is told otherwise; so with `start` and `output`.
     start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
@@ -152,7 +152,7 @@ class Rig(Answer):
             raise InputError(
                 f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
             )
-        instance("Rig.method", self.method, (*METHODS.values(), PaperClosure), "Contacts(...) or MasterEquation(...)")
+        instance("Rig.method", self.method, tuple(METHODS.values()), "Contacts(...) or MasterEquation(...)")
 
     @property
     def natural(self) -> Rig:

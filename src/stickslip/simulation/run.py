@@ -66,7 +66,7 @@ def simulate(
     rig : Rig
         Interface, slider and drive.
     method : Contacts, MasterEquation or QuasiStatic, optional
-        By default the rig's own. Or, to compare with for `Langevin` ageing, `PaperClosure`.
+        By default the rig's own.
     start : FromRest, FromSliding or Prestressed, optional
         By default the rig's own.
     output : Output, optional

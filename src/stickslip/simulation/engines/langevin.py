@@ -1,4 +1,4 @@
-"""Thresholds that age by Langevin, Eqs. (13)-(17): N contacts, their kinetic equation, the paper's closure."""
+"""Thresholds that age by Langevin, Eqs. (13)-(17): N contacts, and their kinetic equation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.kernels import closure, stepping
+from stickslip.kernels import stepping
 from stickslip.kernels.langevin_contacts import Contacts as Sampled
 from stickslip.kernels.langevin_contacts import awake, go_on
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
-from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, PaperClosure, Parabolic
+from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, Parabolic
 from stickslip.model.rig import Rig
 from stickslip.simulation.cost import Course, Part, breaking, oscillation, sampling
 from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
@@ -35,8 +35,8 @@ _AGE, _BREAK, _HOT_BREAK = 2e-7, 2.6e-6, 5e-6
 """Seconds a contact takes in a time of ageing, whether it breaks or not, and a break, at a temperature more."""
 _CONTACT = 150.0
 """Bytes of a contact."""
-_COHORT = 6e-8
-"""Seconds a cohort takes in a time of ageing or mean threshold, for each of their number."""
+_AGED = 9.6e-3
+"""Seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order."""
 _BUDGET, _HOT_BUDGET = 500_000, 25_000
 """Steps of a contact in an advance; with temperature each is a step of many."""
 
@@ -57,14 +57,6 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     ageing = Part(key="interface.ageing.time", value=rate**-2, quantity="time", power=-1.0,
                   what=f"{ages:.2g} times of ageing", seconds=aged * ages)  # fmt: skip
     return *oscillation(rig, course.turns), part, ageing, sampling(rig, course.turns)
-
-
-def _cost_of_cohorts(rig: Rig, course: Course, cohorts: float) -> tuple[Part, ...]:
-    """The same for so many cohorts, of second order."""
-    path, aged = course.distance + course.shaken + 0.01 * course.ringing, _COHORT * cohorts**2
-    part = Part(key="simulation.rtol", value=1e-4 * (400.0 / cohorts) ** 2, quantity=None, power=-1.0,
-                what=f"a path of {path:.2g} mean thresholds", seconds=aged * path)  # fmt: skip
-    return _cost(rig, course, aged, part)
 
 
 @solves(Contacts, Langevin)
@@ -156,7 +148,10 @@ class LangevinDensity(Steps):
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        return _cost_of_cohorts(rig, course, 400.0 * math.sqrt(1e-4 / method.rtol))
+        path, aged = course.distance + course.shaken + 0.01 * course.ringing, _AGED * 1e-4 / method.rtol
+        part = Part(key="simulation.rtol", value=method.rtol, quantity=None, power=-1.0,
+                    what=f"a path of {path:.2g} mean thresholds", seconds=aged * path)  # fmt: skip
+        return _cost(rig, course, aged, part)
 
     def stretchings(self) -> Stretchings:
         """Mean stretchings of the cohorts now."""
@@ -190,49 +185,3 @@ def _first_cohorts(beginning: Beginning, margins: Array, width: float) -> tuple[
     np.add.at(together, into, mass)
     np.add.at(moment, into, mass * (-x - place[into])[:, None])
     return place, together, moment
-
-
-@solves(PaperClosure, Langevin)
-class Closure(Steps):
-    """The paper's closure: cohorts of stretchings, and one distribution of thresholds: `stickslip.kernels.closure`."""
-
-    def __init__(self, beginning: Beginning, method: PaperClosure) -> None:
-        self._constants = ageing_constants(beginning.interface)
-        step = 4.0 / method.cells
-        self.budget = math.ceil(2e6 / method.cells)
-        self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
-        edges = closure.threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
-        x, fraction = settled_nodes(beginning)
-        beyond = beginning.interface.threshold_distribution.survival(edges)
-        self._thresholds = closure.Thresholds(edges, beyond[:-1] - beyond[1:])
-        room = np.zeros(math.ceil(3.0 / step) + 20)
-        start = 2.0 * _start(beginning, self._constants.rate)  # one distribution for all settles more slowly
-        self.state = np.array([start, beginning.velocity * start, 0.0, 0.0, x.size])
-        self._cohorts = closure.Cohorts(np.append(self.state[1] - x, room), np.append(fraction, room))
-        if beginning.sliding:
-            self.settle(beginning)
-        self.state[2] = beginning.slider_velocity
-        self.slider = slider_constants(beginning.slider)
-
-    @staticmethod
-    def check(interface: Interface, method: PaperClosure) -> None:  # noqa: ARG004
-        """Raise `InputError` for thresholds that cannot age so, and for a delay."""
-        gaussian_ageing(interface)
-        if interface.delay.moment(1) > 0:
-            raise InputError(f"Interface.delay = {interface.delay}: not available with PaperClosure; use Contacts")
-
-    @staticmethod
-    def cost(rig: Rig, method: PaperClosure, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run, by part."""
-        return _cost_of_cohorts(rig, course, method.cells)
-
-    def stretchings(self) -> Stretchings:
-        """Stretchings of the cohorts now."""
-        count = int(self.state[4])
-        return Stretchings(self.state[1] - self._cohorts.place[:count], self._cohorts.weight[:count], cells=True)
-
-    def take(self, course: stepping.Course) -> Array:
-        """Follow a course, with room for as many cohorts as it takes."""
-        if self.state[4] >= self._cohorts.place.size:
-            self._cohorts = closure.Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
-        return closure.advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants)
