@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.model import ElasticBody, Sheet, Slider
 from stickslip.simulation.engines import Stretchings
 from stickslip.simulation.engines.blocks import FIELDS, SCALARS
 from stickslip.simulation.follow import Track
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 Labelled = tuple[str | tuple[str, ...], Array, dict[str, str]]

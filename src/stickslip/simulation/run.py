@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance
@@ -43,6 +43,9 @@ from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of, labelled
 from stickslip.simulation.work import estimate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 

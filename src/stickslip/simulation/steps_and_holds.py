@@ -17,9 +17,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, sequence, shown, whole
@@ -30,6 +30,9 @@ from stickslip.model.quantities import read_quantity
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.follow import follow
 from stickslip.simulation.result import labelled
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _APPROACH = 0.05
 """Part of the distance that is slid at the velocity before a step, and recorded."""
