@@ -87,7 +87,6 @@ def small_cases() -> dict[str, Callable[[], object]]:
 
 def _numbers() -> dict[str, Callable[[], object]]:
     """Kernels of ageing contacts that give numbers, coarsely."""
-    from stickslip.kernels.closure import closure_friction
     from stickslip.kernels.langevin import Langevin, Life
     from stickslip.kernels.langevin_response import excursions, life_transforms
     from stickslip.kernels.langevin_steady import pull_newborns, steady_moments
@@ -105,7 +104,6 @@ def _numbers() -> dict[str, Callable[[], object]]:
             for value in life_transforms(excursions(Life(3.0, 0.3, newborn)), p).ravel()
         ],
         "newborns pulled": lambda: pull_newborns(3.0, tenth, 1.0, 5)[1].tolist(),
-        "closure, friction": lambda: closure_friction(np.array([0.1, 0.5]), tenth, 5.0).tolist(),
     }
 
 

@@ -1,13 +1,12 @@
 """Contacts whose thresholds age by Langevin: closed forms of the parts, the solvers against each other, Fig. 8."""
 
 from dataclasses import replace
-from math import erf, erfc, exp, sqrt
+from math import erfc, exp, sqrt
 
 import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.kernels.closure import relax, threshold_edges, threshold_rates
 from stickslip.kernels.drive import STILL
 from stickslip.kernels.langevin import Langevin, Life
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
@@ -54,22 +53,6 @@ def test_thresholds_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate
     fourth = np.mean(((f - 1.0) / STD) ** 4)
     assert abs(third) < 4 * sqrt(15 / n)
     assert abs(fourth - 3.0) < 4 * sqrt(96 / n)
-
-
-@pytest.mark.eq(14, 17)
-def test_cells_of_thresholds_relax_to_the_gaussian_at_second_order():
-    errors = []
-    for cells in (4.0, 8.0):
-        edges = threshold_edges(ONE._replace(newborn=1.0), cells)
-        mass = np.zeros(edges.size - 1)
-        mass[mass.size // 3] = 1.0
-        relax(mass, threshold_rates(edges, ONE), 1e5)  # an endless step ends at the stationary distribution
-        assert abs(mass.sum() - 1.0) < 1e-9
-        assert mass.min() >= 0.0
-        gauss = np.diff([0.5 * (1 + erf((e - 1.0) / STD / sqrt(2))) for e in edges])
-        errors.append(np.abs(mass - gauss).sum())
-    assert errors[0] < 0.02
-    assert errors[0] / errors[1] > 3.5
 
 
 def test_a_margin_that_is_reflected_has_the_distribution_of_a_reflected_brownian_motion():
@@ -253,7 +236,7 @@ def test_the_closure_at_low_speed_is_that_of_an_exponential_life():
 @pytest.mark.eq(1, 2, 3, 18)
 def test_the_friction_of_the_closure_is_not_that_of_its_contacts():
     assert closure_friction(aged(1.0), 0.5) == pytest.approx(0.911 * ss.kinetic_friction(aged(1.0), 0.5), rel=2e-3)
-    assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0894], rel=5e-3)
+    assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0889], rel=1e-3)
 
 
 # ---------------------------------------------------------------- what carries nothing, and what is refused

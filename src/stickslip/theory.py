@@ -9,8 +9,13 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_banded
+from scipy.optimize import brentq
+from scipy.special import exprel
 
 from stickslip.errors import InputError, instance, number, numbers
+from stickslip.kernels.langevin import Langevin
+from stickslip.kernels.langevin_steady import pull_newborns
 from stickslip.model import Interface, Slider
 from stickslip.sliding import kinetic_friction
 from stickslip.sliding.langevin import ageing_constants as ageing_constants
@@ -18,6 +23,9 @@ from stickslip.sliding.law import at_each
 from stickslip.sliding.unaged import ClosedForm
 
 Array = NDArray[np.float64]
+
+_CELLS = 160
+"""Cells of thresholds on their standard deviation: forces to 1e-3 where most are next to 0."""
 
 
 def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array:
@@ -29,13 +37,32 @@ def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array
     0, and the result depends on what is done with those that noise would carry below: here they stay above. Counted as
     broken at once they would make it 67 % too small.
     """
-    from stickslip.kernels import closure
-
     constants = ageing_constants(interface)
     if interface.delay.moment(1) > 0:
         raise InputError(f"Interface.delay = {interface.delay}: the paper's closure knows no delay; use Delay(0)")
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
-    return at_each(lambda speeds: closure.closure_friction(speeds, constants), speed)
+    return at_each(np.vectorize(lambda v: _closure_force(v, constants)), speed)
+
+
+def _closure_force(velocity: float, ageing: Langevin) -> float:
+    """Force per contact by Eq. (18): in the steady state ``Q = Gamma J_c``, with ``Gamma <x_s> = 1``.
+
+    P_c is the distribution of a threshold that has aged for an exponential time of rate ``Gamma v``.
+    """
+    end, diffusion = max(ageing.mean, ageing.newborn) + 8.0 * ageing.std, (ageing.rate * ageing.std) ** 2
+    edges = np.linspace(0.0, end, math.ceil(end / ageing.std * _CELLS) + 1)
+    width, middle, square = edges[1], 0.5 * (edges[1:] + edges[:-1]), np.diff(edges**3) / (3.0 * edges[1])
+    drift = ageing.rate**2 * (ageing.mean - edges[1:-1])
+    back = diffusion / (width * exprel(drift * width / diffusion))  # exponentially fitted; stationary for Eq. (17)
+    newborn = (np.searchsorted(edges, ageing.newborn, side="right") - 1 == np.arange(middle.size)).astype(float)
+
+    def thresholds(gamma: float) -> Array:
+        up, down = (flow / (width * gamma * velocity) for flow in (back + drift, back))
+        stay = 1.0 + np.append(up, 0.0) + np.append(0.0, down)
+        return np.asarray(solve_banded((1, 1), [np.append(0.0, -down), stay, np.append(-up, 0.0)], newborn))
+
+    gamma = brentq(lambda gamma: gamma * thresholds(gamma) @ middle - 1.0, 0.1 / end, 20.0 / width)
+    return float(0.5 * gamma * thresholds(gamma) @ square)
 
 
 def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Array:
@@ -133,7 +160,5 @@ def newborn_pull(interface: Interface, velocity: float, distance: float, points:
     positions, forces : ndarray, shape (points,)
         In ``x_s``, and per contact in ``f_s``.
     """
-    from stickslip.kernels.langevin_steady import pull_newborns
-
     speed, way = number("velocity", velocity, above=0), number("distance", distance, above=0)
     return pull_newborns(speed, ageing_constants(interface), way, points)
