@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.answers import Answer
-from stickslip.cycles.branch import Point, carried, first_point
-from stickslip.cycles.edges import TOLERANCE, Edge, Interval, scaled
-from stickslip.cycles.ride import METHOD, Range
-from stickslip.cycles.verdict import settle
-from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.cycles.branch import carried, first_point
+from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span
+from stickslip.cycles.ride import METHOD
+from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.model import FromRest, MasterEquation, Start
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class BistableRange(Answer):
+class BistableRange(Along):
     """Where along a parameter both smooth sliding and stick-slip persist; nowhere is an answer too.
 
     Attributes
@@ -41,40 +39,20 @@ class BistableRange(Answer):
         What was looked at and found to be no band, and why.
     """
 
-    parameter: str
-    unit: str
-    searched: tuple[float, float]
     bands: tuple[Interval, ...]
     crossings: Crossings
     notes: tuple[str, ...] = ()
 
-    def in_units(self, rig: Rig) -> BistableRange:
-        """Return what was found in natural units in those of a rig."""
-        size = rig.unit(self.unit)
-        return replace(
-            self,
-            unit=rig.unit_name(self.unit),
-            searched=scaled(self.searched, size),
-            bands=tuple(band.scaled(size) for band in self.bands),
-            crossings=self.crossings.in_units(rig),
-        )
-
-    def __bool__(self) -> bool:
-        return bool(self.bands)
-
-    def __iter__(self) -> Iterator[Interval]:
-        return iter(self.bands)
-
-    def __contains__(self, value: float) -> bool:
-        return any(value in band for band in self.bands)
+    @property
+    def intervals(self) -> tuple[Interval, ...]:
+        """The bands."""
+        return self.bands
 
     def __str__(self) -> str:
-        low, high = self.searched
-        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
-        if not self.bands:
-            return "\n".join([f"no bistable band found {where}", *self.notes])
-        found = " and ".join(map(str, self.bands))
-        return "\n".join([f"{where}, both smooth sliding and stick-slip persist {found}", *self.notes])
+        found = f"no bistable band found {self.where}"
+        if self.bands:
+            found = f"{self.where}, both smooth sliding and stick-slip persist {' and '.join(map(str, self))}"
+        return "\n".join([found, *self.notes])
 
 
 def bistable_range(
@@ -115,7 +93,7 @@ def bistable_range(
     Raises
     ------
     InputError
-        If no cycle can be followed on the rig, or the parameter or the range is none.
+        If no cycle can be followed on the rig, or the parameter or the range is invalid.
 
     Examples
     --------
@@ -126,72 +104,61 @@ def bistable_range(
     >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
     ([('fold', 'linear')], True)
     """
-    tolerance = number("tolerance", tolerance, above=0, below=1)
-    span = Range.of(rig, parameter, between, start, method)
-    crossings = critical(span.rig, span.parameter, between=(span.low, span.high))
+    span = Span.of(rig, parameter, between, start=start, method=method, tolerance=tolerance, step=step)
+    crossings = critical(rig, span.parameter, between=(span.low, span.high))
+    bands: list[Interval] = []
+    notes: list[str] = []
     if crossings.edges:
-        bands, notes = _beside_boundaries(span, crossings, step, tolerance)
+        bands, notes = _beside_boundaries(span, crossings)
     elif crossings.unstable_at_ends[0]:
-        bands, notes = [], ["smooth sliding is unstable all the way: only stick-slip persists"]
-    else:
-        bands, notes = _apart_from_boundaries(span, step, tolerance)
-    found = BistableRange(
+        notes = ["smooth sliding is unstable all the way: only stick-slip persists"]
+    else:  # a cycle apart from any boundary
+        try:
+            first = first_point(span)
+            low, high = (carried(span, first, until, bold=True)[1] for until in (span.low, span.high))
+            bands = [Interval(low=low, high=high)]
+        except UndecidedError as reason:
+            notes = [str(reason)]
+    return BistableRange(
         parameter=span.parameter.name,
-        unit=span.parameter.unit,
+        unit=span.unit,
         searched=(span.low, span.high),
         bands=tuple(bands),
         crossings=crossings,
         notes=tuple(notes),
     )
-    return found.in_units(rig)
 
 
-def _beside_boundaries(
-    span: Range, crossings: Crossings, step: float, tolerance: float
-) -> tuple[list[Interval], list[str]]:
+def _beside_boundaries(span: Span, crossings: Crossings) -> tuple[list[Interval], list[str]]:
     """Bands that end at a linear boundary, and what was found where there is none."""
     bands: list[Interval] = []
     notes: list[str] = []
-    name, edges = span.parameter.name, crossings.edges
-    ends = [span.low, *(edge.value for edge in edges), span.high]
-    for i, edge in enumerate(edges):
+    name, tolerance = span.parameter.name, span.tolerance
+    ends = [span.low, *(edge.value for edge in crossings.edges), span.high]
+    for i, edge in enumerate(crossings.edges):
         downwards = edge.loses_stability  # smooth sliding is stable below
         furthest = ends[i] if downwards else ends[i + 2]
-        value = min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high)
-        verdict, ride, look = settle(span.begin(value))
-        if not verdict.has_cycle:
-            notes.append(
-                f"at {name} = {span.said(value)}, next to the linear boundary {span.said(edge.value)}: {verdict}"
-            )
+        first = span.settled(min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high))
+        boundary = f"the linear boundary {name} = {span.said(edge.value)}"
+        if not first.verdict.has_cycle:
+            notes.append(f"at {name} = {span.said(first.value)}, next to {boundary}: {first.verdict}")
             continue
         # Towards another boundary there may be two folds, and a long step may lead over both.
-        bold = furthest in (span.low, span.high)
-        _, end = carried(span.parameter, Point(value, verdict, look, ride), furthest, step, tolerance, bold=bold)
+        outermost = furthest in (span.low, span.high)
+        _, end = carried(span, first, furthest, bold=outermost)
         width = math.log(edge.value / end.value) * (1 if downwards else -1)
         gone = end.kind == "shrinks to nothing"
         if gone or width <= (4 if end.kind == "undecided" else 1) * tolerance:
             what = end.kind if gone else f"persists to {span.said(end.persists_at)} at most"
-            notes.append(f"beyond the linear boundary {name} = {span.said(edge.value)} the cycle {what}: no band")
+            notes.append(f"beyond {boundary} the cycle {what}: no band")
             continue
         linear = Edge.at(edge.value, "linear")
-        if end.kind == "end of range" and furthest not in (span.low, span.high):
+        if end.kind == "end of range" and not outermost:
             end = Edge.at(furthest, "linear")  # the same band as that of the next boundary
         band = Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
         if band not in bands:
             bands.append(band)
     return bands, notes
-
-
-def _apart_from_boundaries(span: Range, step: float, tolerance: float) -> tuple[list[Interval], list[str]]:
-    """The band of a cycle where smooth sliding is stable all the way, or why there is none."""
-    try:
-        first = first_point(span)
-    except UndecidedError as reason:
-        return [], [str(reason)]
-    low, high = (
-        carried(span.parameter, first, until, step, tolerance, bold=True)[1] for until in (span.low, span.high)
-    )
-    return [Interval(low=low, high=high)], []
 
 
 def bistable_region(
@@ -263,12 +230,12 @@ def bistable_region(
             fold = next((end.value for end in (band.low, band.high) if end.kind == "fold"), math.nan)
             rows.append((value, band.low.value, band.high.value, fold))
     table = np.array(rows).reshape(-1, 4)
-    unit = rig.unit_name(up.unit)
-    columns = {f"band_{across.name}": (across.name, rig.unit_name(across.unit))}
-    columns |= {f"band_{up.name}_{end}": (f"{up.name}, {what}", unit) for end, what in _ENDS.items()}
+    titles = {f"band_{across.name}": (across.name, across.unit)}
+    for end, what in (("low", "lower end"), ("high", "upper end"), ("fold", "fold")):
+        titles[f"band_{up.name}_{end}"] = f"{up.name}, {what}", up.unit
     return xr.Dataset(
-        {name: labelled(title, "band", table[:, i], units) for i, (name, (title, units)) in enumerate(columns.items())}
+        {
+            name: labelled(title, "band", table[:, i], rig.unit_name(unit))
+            for i, (name, (title, unit)) in enumerate(titles.items())
+        }
     )
-
-
-_ENDS = {"low": "lower end", "high": "upper end", "fold": "fold"}

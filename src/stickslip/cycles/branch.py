@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.cycles.edges import Edge
-from stickslip.cycles.ride import METHOD, Look, Range, Ride
-from stickslip.cycles.verdict import Verdict, settle
+from stickslip.cycles.edges import Edge, Point, Span
+from stickslip.cycles.ride import METHOD
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
 from stickslip.model import FromRest, MasterEquation, Start
@@ -19,15 +19,6 @@ from stickslip.simulation import labelled
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-class Point(NamedTuple):
-    """The settled cycle at one value of a parameter."""
-
-    value: float
-    verdict: Verdict
-    look: Look
-    ride: Ride
 
 
 def cycle_branch(
@@ -86,119 +77,113 @@ def cycle_branch(
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """
-    span = Range.of(rig, parameter, between, start, method)
-    size = rig.unit(span.parameter.unit)
-    tolerance = number("tolerance", tolerance, above=0, below=1)
-    if begin is not None:
-        low, high = (value * size for value in (span.low, span.high))
-        begin = number("begin", begin, at_least=low, at_most=high, hint=rig.unit_name(span.parameter.unit)) / size
-    first = first_point(span, begin)
-    down, low_end = carried(span.parameter, first, span.low, step, tolerance)
-    up, high_end = carried(span.parameter, first, span.high, step, tolerance)
-    branch = _dataset(span, [*reversed(down), first, *up])
-    for name, edge in (("low", low_end), ("high", high_end)):
-        branch.attrs |= {
-            f"{name}_end": edge.kind,
-            f"{name}_decays_at": edge.decays_at * size,
-            f"{name}_persists_at": edge.persists_at * size,
-        }
-    return rig.in_its_units(branch)
-
-
-def _dataset(span: Range, points: list[Point]) -> xr.Dataset:
     import xarray as xr
 
-    along, growing = span.parameter.name, [p.verdict.linearly_unstable for p in points]
-    fastest = [p.ride.rig.velocity * p.verdict.largest_velocity for p in points]
-    unstable = [math.nan if one is None else float(one) for one in growing]
-    arguments = {
-        "rig": span.rig,
-        "parameter": along,
-        "between": [span.low, span.high],
-        "start": span.start,
-        "method": span.method,
+    span = Span.of(rig, parameter, between, start=start, method=method, tolerance=tolerance, step=step)
+    along, size = span.parameter.name, rig.unit(span.parameter.unit)
+    if begin is not None:
+        begin = number("begin", begin, at_least=span.low, at_most=span.high, hint=span.unit)
+    first = first_point(span, begin)
+    (down, low_end), (up, high_end) = (carried(span, first, until) for until in (span.low, span.high))
+    points = [*reversed(down), first, *up]
+    columns = {
+        name: labelled(title, along, [of(p) for p in points], unit) for name, (title, unit, of) in _COLUMNS.items()
     }
-    return xr.Dataset(
-        {
-            "amplitude": labelled(
-                "peak to peak of the spring force, per contact", along, [p.look.amplitude for p in points], "f_s"
-            ),
-            "period": labelled("period of the cycle", along, [p.look.period for p in points], "time"),
-            "largest_velocity": labelled("largest velocity of the slider", along, fastest, "x_s/time"),
-            "mean_force": labelled("mean spring force, per contact", along, [p.look.mean_force for p in points], "f_s"),
-            "linearly_unstable": labelled("whether smooth sliding is unstable by linear theory", along, unstable, "1"),
-        },
-        coords={along: labelled(along, along, [p.value for p in points], span.parameter.unit)},
-        attrs={"provenance": store.provenance("cycle_branch", arguments)},
-    )
+    arguments = {
+        "rig": rig.natural,
+        "parameter": along,
+        "between": [span.low / size, span.high / size],
+        "start": start,
+        "method": method,
+    }
+    attributes: dict[str, float | str] = {"provenance": store.provenance("cycle_branch", arguments)}
+    for name, edge in (("low", low_end), ("high", high_end)):
+        attributes |= {f"{name}_end": edge.kind}
+        attributes |= {f"{name}_decays_at": edge.decays_at, f"{name}_persists_at": edge.persists_at}
+    place = labelled(along, along, [p.value / size for p in points], span.parameter.unit)
+    return rig.in_its_units(xr.Dataset(columns, coords={along: place}, attrs=attributes))
 
 
-def first_point(span: Range, begin: float | None = None) -> Point:
+def _unstable(point: Point) -> float:
+    growing = point.verdict.linearly_unstable
+    return math.nan if growing is None else float(growing)
+
+
+_COLUMNS: dict[str, tuple[str, str, Callable[[Point], float]]] = {
+    "amplitude": ("peak to peak of the spring force, per contact", "f_s", lambda p: p.look.amplitude),
+    "period": ("period of the cycle", "time", lambda p: p.look.period),
+    "largest_velocity": (
+        "largest velocity of the slider",
+        "x_s/time",
+        lambda p: p.ride.drive.velocity * p.verdict.largest_velocity,
+    ),
+    "mean_force": ("mean spring force, per contact", "f_s", lambda p: p.look.mean_force),
+    "linearly_unstable": ("whether smooth sliding is unstable by linear theory", "1", _unstable),
+}
+"""Title, natural unit and value of each column of a branch."""
+
+
+def first_point(span: Span, begin: float | None = None) -> Point:
     """Look for a cycle from the start: at a value, or at the rig's own and then over the range from its middle on.
 
     Raises `UndecidedError` if there is none.
     """
-    low, high = span.low, span.high
-    if begin is not None:
-        values = [begin]
-    else:
-        own = span.parameter.get(span.rig)
-        grid = np.geomspace(low, high, 17).tolist()
-        grid[0], grid[-1] = low, high
-        values = [own] if low <= own <= high else []
-        values += sorted(grid, key=lambda value: abs(math.log(value / math.sqrt(low * high))))
-    for value in dict.fromkeys(values):
-        verdict, ride, look = settle(span.begin(value))
-        if verdict.has_cycle:
-            return Point(value, verdict, look, ride)
+    values = [begin] if begin is not None else _places(span)
+    for value in values:
+        point = span.settled(value)
+        if point.verdict.has_cycle:
+            return point
     raise UndecidedError(
         f"no cycle to follow: from {span.start} no oscillation persists at {span.parameter.name} = "
-        f"{', '.join(map(span.said, values))}; the last: {verdict}"
+        f"{span.said(*values)}; the last: {point.verdict}"
     )
 
 
-def carried(
-    parameter: Parameter, first: Point, until: float, step: float, tolerance: float, *, bold: bool = False
-) -> tuple[list[Point], Edge]:
+def _places(span: Span) -> list[float]:
+    own, middle = span.rig.value(span.parameter), math.sqrt(span.low * span.high)
+    grid = [span.low, *np.geomspace(span.low, span.high, 17)[1:-1].tolist(), span.high]
+    grid.sort(key=lambda value: abs(math.log(value / middle)))
+    return list(dict.fromkeys([own, *grid] if span.low <= own <= span.high else grid))
+
+
+def carried(span: Span, first: Point, until: float, *, bold: bool = False) -> tuple[list[Point], Edge]:
     """Carry the cycle on towards a value; the points, and the end of the branch.
 
     A bold search, for which the points do not matter, doubles its steps as long as the cycle persists. That it decays
     after such a step is believed only once it does after a short one, too.
     """
     points: list[Point] = []
-    here = first
+    here, failed, believed = first, list[Point](), True
     way = 1.0 if until > first.value else -1.0
-    stride = largest = math.log1p(number("step", step, above=0, below=1))
-    decays_at: float | None = None
-    unstable_beyond: bool | None = None
-    believed = True
-    while abs(math.log(until / here.value)) > 1e-12:
+    stride = largest = math.log1p(span.step)
+
+    def apart(value: float) -> float:
+        return abs(math.log(value / here.value))
+
+    while apart(until) > 1e-12:
         value = here.value * math.exp(way * stride)
         if way * (value - until) > -1e-12 * until:
             value = until
-        far = abs(math.log(value / here.value)) > 1.001 * largest
-        verdict, ride, look = settle(here.ride.turned(parameter.set(here.ride.rig, value)))
-        if verdict.has_cycle:
-            here = Point(value, verdict, look, ride)
+        far = apart(value) > 1.001 * largest
+        there = span.settled(value, here.ride)
+        if there.verdict.has_cycle:
+            here = there
             points.append(here)
-            if decays_at is not None:
-                stride = 0.5 * abs(math.log(decays_at / value))
-            elif bold:
-                stride = max(2.0 * stride, largest)
-            else:
-                stride = min(stride, largest)
-        elif verdict.sustained is False:
-            decays_at, unstable_beyond, believed = value, verdict.linearly_unstable, not far
-            stride = 0.5 * abs(math.log(decays_at / here.value))
+            stride = max(2.0 * stride, largest) if bold else largest
+        elif there.verdict.sustained is False:
+            failed, believed = [there], not far
         elif far:
             stride = largest
             continue
         else:
-            return points, Edge.between(value if decays_at is None else decays_at, here.value, "undecided")
-        if decays_at is not None and abs(math.log(decays_at / here.value)) <= tolerance:
-            if believed:
-                # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
-                gone = here.verdict.linearly_unstable and not unstable_beyond
-                return points, Edge.between(decays_at, here.value, "shrinks to nothing" if gone else "fold")
-            stride, decays_at = abs(math.log(decays_at / here.value)), None
+            return points, Edge.between((failed or [there])[0].value, here.value, "undecided")
+        if not failed:
+            continue
+        stride = 0.5 * apart(failed[0].value)
+        if 2.0 * stride <= span.tolerance and believed:
+            # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
+            gone = here.verdict.linearly_unstable and not failed[0].verdict.linearly_unstable
+            return points, Edge.between(failed[0].value, here.value, "shrinks to nothing" if gone else "fold")
+        if 2.0 * stride <= span.tolerance:
+            stride, failed = 2.0 * stride, []
     return points, Edge.at(here.value, "end of range")

@@ -1,13 +1,19 @@
-"""Ends of what is found along a parameter, and the intervals between them."""
+"""Where to look along a parameter, what is found there, and the edges between."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 from stickslip.answers import Answer
+from stickslip.cycles.ride import Look, Ride, check_rig
+from stickslip.cycles.verdict import Verdict, settle
+from stickslip.errors import number
+from stickslip.model import MasterEquation, Start
+from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.rig import Ends, Rig
 
 EdgeKind = Literal["decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"]
 
@@ -53,26 +59,20 @@ class Edge(Answer):
         """Half the width of the bracket."""
         return 0.5 * abs(self.decays_at - self.persists_at)
 
-    def scaled(self, size: float) -> Edge:
-        """Return the edge in a unit that is smaller by a factor."""
-        return replace(
-            self, value=self.value * size, decays_at=self.decays_at * size, persists_at=self.persists_at * size
-        )
-
     def __float__(self) -> float:
         return self.value
 
     def __str__(self) -> str:
-        match self.kind:
-            case "decay":
-                return f"{self.value:.4g} (± {self.error:.1g})"
-            case "fold":
-                return f"{self.value:.5g} (stick-slip decays: fold)"
-            case "linear":
-                return f"{self.value:.5g} (smooth sliding loses stability: linear)"
-            case "end of range":
-                return f"{self.value:.4g} (end of the range searched)"
-        return f"{self.value:.5g} ({self.kind})"
+        if self.kind == "decay":
+            return f"{self.value:.4g} (± {self.error:.1g})"
+        return f"{self.value:.5g} ({_KINDS.get(self.kind, self.kind)})"
+
+
+_KINDS = {
+    "fold": "stick-slip decays: fold",
+    "linear": "smooth sliding loses stability: linear",
+    "end of range": "end of the range searched",
+}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -85,39 +85,116 @@ class Interval(Answer):
     def __contains__(self, value: float) -> bool:
         return self.low.value <= value <= self.high.value
 
-    def scaled(self, size: float) -> Interval:
-        """Return the interval in a unit that is smaller by a factor."""
-        return Interval(low=self.low.scaled(size), high=self.high.scaled(size))
-
     def __str__(self) -> str:
         return f"from {self.low} to {self.high}"
 
 
-def scaled(values: tuple[float, float], size: float) -> tuple[float, float]:
-    """Return a range in a unit that is smaller by a factor."""
-    return values[0] * size, values[1] * size
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Along(Answer):
+    """Intervals that were found along a parameter, in the rig's own units: it iterates over them."""
+
+    parameter: str
+    unit: str
+    searched: tuple[float, float]
+
+    @property
+    def intervals(self) -> tuple[Interval, ...]:
+        """The intervals, rising."""
+        raise NotImplementedError
+
+    @property
+    def where(self) -> str:
+        """What was searched, in words."""
+        low, high = self.searched
+        return f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
+
+    def __iter__(self) -> Iterator[Interval]:
+        return iter(self.intervals)
+
+    def __len__(self) -> int:
+        return len(self.intervals)
+
+    def __contains__(self, value: float) -> bool:
+        return any(value in interval for interval in self.intervals)
 
 
-def halved(probe: Callable[[float], bool | None], decays_at: float, persists_at: float, tolerance: float) -> Edge:
-    """Halve between a value at which an oscillation decays and one at which it persists, to a relative width.
+class Point(NamedTuple):
+    """What a run settles at, at one value of a parameter."""
 
-    Where a run cannot tell, and `probe` returns None, the edge is bracketed as closely as can be.
+    value: float
+    verdict: Verdict
+    look: Look
+    ride: Ride
+
+
+@dataclass(frozen=True, eq=False)
+class Span:
+    """Where to look along a parameter, in the rig's own units, how runs begin there, and how closely to look."""
+
+    rig: Rig
+    parameter: Parameter
+    low: float
+    high: float
+    start: Start
+    method: MasterEquation
+    tolerance: float
+    step: float
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig,
+        parameter: Parameter | str,
+        between: Ends,
+        *,
+        start: Start,
+        method: MasterEquation,
+        tolerance: float,
+        step: float = 0.5,
+    ) -> Span:
+        """Raise `InputError` if no cycle can be followed on the rig, or the parameter or the range is invalid."""
+        check_rig(rig, start, method)
+        varied = parameter_named(parameter)
+        low, high = (end * rig.unit(varied.unit) for end in rig.span(varied, between))
+        tolerance = number("tolerance", tolerance, above=0, below=1)
+        return cls(rig, varied, low, high, start, method, tolerance, number("step", step, above=0, below=1))
+
+    @property
+    def unit(self) -> str:
+        """The rig's own unit of the parameter."""
+        return self.rig.unit_name(self.parameter.unit)
+
+    def settled(self, value: float, after: Ride | None = None) -> Point:
+        """What a run settles at: from the start, or carried on from another value."""
+        rig = self.parameter.set(self.rig, value / self.rig.unit(self.parameter.unit))
+        ride = Ride.begin(rig, self.start, self.method) if after is None else after.turned(rig)
+        return Point(value, *settle(ride))
+
+    def said(self, *values: float) -> str:
+        """Say values of the parameter in words."""
+        size = self.rig.unit(self.parameter.unit)
+        return ", ".join(self.rig.in_units(value / size, self.parameter.unit) for value in values)
+
+
+def halved(
+    probe: Callable[[float], bool | None], fails_at: float, holds_at: float, tolerance: float
+) -> tuple[float, float]:
+    """Halve between a value at which a test fails and one at which it holds, to a width of the logarithm.
+
+    Where `probe` cannot tell, and returns None, the change is bracketed as closely as can be.
     """
-    doubt: tuple[float, float] | None = None  # the end towards `decays_at`, the end towards `persists_at`
+    doubt: tuple[float, ...] = ()  # where it cannot tell, from the end towards `fails_at` to the other
     while True:
-        spans = [(decays_at, persists_at)]
-        if doubt is not None:
-            spans = [(decays_at, doubt[0]), (doubt[1], persists_at)]
+        spans = [(fails_at, doubt[0]), (doubt[-1], holds_at)] if doubt else [(fails_at, holds_at)]
         one, two = max(spans, key=lambda span: abs(math.log(span[0] / span[1])))
         if abs(math.log(one / two)) <= tolerance:
-            return Edge.between(decays_at, persists_at)
+            return fails_at, holds_at
         middle = math.sqrt(one * two)
         answer = probe(middle)
-        if answer is False:
-            decays_at = middle
+        if answer is None:
+            first, last = doubt or (middle, middle)
+            doubt = (middle, last) if one == fails_at else (first, middle)
         elif answer:
-            persists_at = middle
-        elif doubt is None:
-            doubt = middle, middle
+            holds_at = middle
         else:
-            doubt = (middle, doubt[1]) if one == decays_at else (doubt[0], middle)
+            fails_at = middle

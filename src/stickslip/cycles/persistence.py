@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip.answers import Answer
-from stickslip.cycles.edges import TOLERANCE, Edge, Interval, halved, scaled
-from stickslip.cycles.ride import METHOD, Range
-from stickslip.cycles.verdict import Verdict, settle
-from stickslip.errors import number
+from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span, halved
+from stickslip.cycles.ride import METHOD
+from stickslip.cycles.verdict import Verdict
 from stickslip.model import FromRest, MasterEquation, Start
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Sustained(Answer):
+class Sustained(Along):
     """Where an oscillation persists along a parameter, afresh from the same start at each value; nowhere is an answer.
 
     Attributes
@@ -36,39 +33,21 @@ class Sustained(Answer):
         Values at which a run could not tell.
     """
 
-    parameter: str
-    unit: str
-    searched: tuple[float, float]
     start: Start
     windows: tuple[Interval, ...]
     grid: tuple[tuple[float, Verdict], ...]
     undecided: tuple[float, ...] = ()
 
-    def in_units(self, rig: Rig) -> Sustained:
-        """Return what was found in natural units in those of a rig."""
-        size = rig.unit(self.unit)
-        return replace(
-            self,
-            unit=rig.unit_name(self.unit),
-            searched=scaled(self.searched, size),
-            windows=tuple(window.scaled(size) for window in self.windows),
-            grid=tuple((value * size, verdict.in_units(rig)) for value, verdict in self.grid),
-            undecided=tuple(value * size for value in self.undecided),
-        )
-
-    def __iter__(self) -> Iterator[Interval]:
-        return iter(self.windows)
-
-    def __len__(self) -> int:
-        return len(self.windows)
+    @property
+    def intervals(self) -> tuple[Interval, ...]:
+        """The windows."""
+        return self.windows
 
     def __str__(self) -> str:
-        low, high = self.searched
-        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}, from {self.start}"
         doubt = f"; undecided at {', '.join(f'{value:.4g}' for value in self.undecided)}" if self.undecided else ""
         if not self.windows:
-            return f"no oscillation persists {where} ({len(self.grid)} runs){doubt}"
-        return f"{where}, an oscillation persists {' and '.join(map(str, self.windows))}{doubt}"
+            return f"no oscillation persists {self.where}, from {self.start} ({len(self.grid)} runs){doubt}"
+        return f"{self.where}, from {self.start}, an oscillation persists {' and '.join(map(str, self))}{doubt}"
 
 
 def sustained(
@@ -110,7 +89,7 @@ def sustained(
     Raises
     ------
     InputError
-        If no cycle can be followed on the rig, or the parameter or the range is none.
+        If no cycle can be followed on the rig, or the parameter or the range is invalid.
 
     Examples
     --------
@@ -121,44 +100,30 @@ def sustained(
     >>> window.low.kind, round(window.low.value, 1)
     ('decay', 0.7)
     """
-    span = Range.of(rig, parameter, between, start, method)
-    tolerance = number("tolerance", tolerance, above=0, below=1)
+    span = Span.of(rig, parameter, between, start=start, method=method, tolerance=tolerance)
     known: dict[float, Verdict] = {}
 
     def persists(value: float) -> bool | None:
         if value not in known:
-            known[value] = settle(span.begin(value))[0]
+            known[value] = span.settled(value).verdict
         return known[value].sustained
 
     count = max(2, math.ceil(points * math.log10(span.high / span.low)) + 1)
-    values = np.geomspace(span.low, span.high, count).tolist()
-    values[0], values[-1] = span.low, span.high
-    told = [(value, persists(value)) for value in values]
-    windows = _windows(persists, told, tolerance)
-    found = Sustained(
+    values = [span.low, *np.geomspace(span.low, span.high, count)[1:-1].tolist(), span.high]
+    decided = [value for value in values if persists(value) is not None]
+    edges = [Edge.at(decided[0], "end of range")] if decided and persists(decided[0]) else []
+    for one, two in itertools.pairwise(decided):
+        if persists(one) != persists(two):
+            fails_at, holds_at = (two, one) if persists(one) else (one, two)
+            edges.append(Edge.between(*halved(persists, fails_at, holds_at, span.tolerance)))
+    if decided and persists(decided[-1]):
+        edges.append(Edge.at(decided[-1], "end of range"))
+    return Sustained(
         parameter=span.parameter.name,
-        unit=span.parameter.unit,
+        unit=span.unit,
         searched=(span.low, span.high),
         start=start,
-        windows=windows,
+        windows=tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True)),
         grid=tuple((value, known[value]) for value in values),
         undecided=tuple(sorted(value for value, verdict in known.items() if verdict.sustained is None)),
     )
-    return found.in_units(rig)
-
-
-def _windows(
-    persists: Callable[[float], bool | None], grid: list[tuple[float, bool | None]], tolerance: float
-) -> tuple[Interval, ...]:
-    """Windows between the edges that lie between decided values of the grid."""
-    decided = [(value, answer) for value, answer in grid if answer is not None]
-    edges = []
-    if decided and decided[0][1]:
-        edges.append(Edge.at(decided[0][0], "end of range"))
-    for (one, before), (two, after) in itertools.pairwise(decided):
-        if before != after:
-            decays_at, persists_at = (two, one) if before else (one, two)
-            edges.append(halved(persists, decays_at, persists_at, tolerance))
-    if decided and decided[-1][1]:
-        edges.append(Edge.at(decided[-1][0], "end of range"))
-    return tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True))

@@ -1,4 +1,4 @@
-"""A rig on its way under a constant drive: gone on with, looked at, and turned into another rig."""
+"""A run under a constant drive that can be continued, measured, and switched to other parameters."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from stickslip.errors import InputError, instance, number
 from stickslip.measure.periods import rises
 from stickslip.measure.verdict import TINY
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
-from stickslip.model.parameters import Parameter, parameter_named
-from stickslip.model.rig import Ends, Rig
-from stickslip.model.units import Scales, in_words
+from stickslip.model.rig import Rig
 from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
 
 if TYPE_CHECKING:
@@ -26,39 +24,30 @@ Array = NDArray[np.float64]
 
 METHOD = MasterEquation(rtol=1e-4)
 """The largest error that keeps the settled numbers; see `stickslip.cycles`."""
-
 MOST_TURNS = 1e11
 """Angle of a free oscillation of the slider in one cycle, above which times are not known to a part of a radian."""
-
 MOST_SAMPLES = 100_000
 """In one cycle: they cost little beside the steps of a slider that rings, and say nothing if it rings between them."""
-
 LOOK = 3.0
 """Cycles, by their expected length, between two looks at the amplitude."""
 
 
-def natural_rig(rig: Rig, start: Start, method: MasterEquation) -> Rig:
-    """Return the rig in natural units, if a cycle can be followed on it.
-
-    Raises `InputError` if it cannot, with what would be right.
-    """
+def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
+    """Raise `InputError`, with what would be right, if no cycle can be followed on a rig."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance("cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
     instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
-    natural = rig.natural
-    interface = natural.interface
-    instance("Rig.slider", natural.slider, Slider, "a Slider")
+    instance("Rig.slider", rig.slider, Slider, "a Slider")
     if method.memoryless:
         raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
-    if interface.ageing is not None:
+    if rig.interface.ageing is not None:
         raise InputError(
-            f"Interface.ageing = {interface.ageing}: cycles are followed for contacts that do not age only"
+            f"Interface.ageing = {rig.interface.ageing}: cycles are followed for contacts that do not age only"
         )
-    check_method(interface, method)
-    if natural.slider.mass == 0:
+    check_method(rig.interface, method)
+    if rig.slider.mass == 0:
         raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
-    number("velocity", natural.velocity, above=0, hint="x_s per time")
-    return natural
+    number("velocity", rig.velocity, above=0, hint=rig.unit_name("velocity"))
 
 
 class Look(NamedTuple):
@@ -74,40 +63,39 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """A rig on its way: where it is, and how it is pulled. Immutable, so that one can go back and try again."""
+    """A run under way, in natural units. Immutable, so that one can go back and try again."""
 
-    rig: Rig
+    rig: Rig  # with the scales that reasons are given in
     engine: Panels
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
     begun: Array | None = None  # rows of the cycle that the last look has left unfinished
-    scales: Scales | None = None  # in which to say what is found
 
     @classmethod
-    def begin(cls, rig: Rig, start: Start, method: MasterEquation, scales: Scales | None = None) -> Ride:
-        """Return a rig, in natural units, at its start; reasons are given in units of the scales.
+    def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Ride:
+        """Return a rig at its start.
 
         Raises `InputError` if a cycle lasts so long against the slider's own oscillation that no run could follow it.
         """
         from stickslip.kernels.drive import Quadratic
 
-        turns = rig.slider.frequency * _expected_cycle(rig) / rig.velocity
+        velocity, cycle = rig.natural.velocity, _expected_cycle(rig)
+        turns = rig.slider.frequency * cycle / velocity
         if turns > MOST_TURNS:
             raise InputError(
-                f"velocity = {in_words(rig.velocity, 'velocity', scales)}: the slider could oscillate {turns:.2g} rad "
+                f"velocity = {rig.in_units(velocity, 'velocity')}: the slider could oscillate {turns:.2g} rad "
                 "on its spring in one cycle, more than a run resolves; give at least "
-                f"{in_words(rig.velocity * turns / MOST_TURNS, 'velocity', scales, 2)}"
+                f"{rig.in_units(velocity * turns / MOST_TURNS, 'velocity', 2)}"
             )
-        beginning = Beginning(rig.interface, rig.slider, rig.velocity, start)
+        beginning = Beginning(rig.interface, rig.slider, velocity, start)
         engine = Panels(beginning, method)
-        drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), rig.velocity, 0.0)
-        return cls(rig, engine, drive, _expected_cycle(rig), scales=scales)
+        return cls(rig, engine, Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0), cycle)
 
     def on(self, travel: float) -> tuple[Ride, Array]:
         """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
         from stickslip.kernels.drive import Stop
 
-        slider, velocity = self.rig.slider, self.rig.velocity
+        slider, velocity = self.rig.slider, self.drive.velocity
         engine = self.engine.copy()
         begin, duration = engine.here()[0], travel / velocity
         each = self.cycle / velocity
@@ -123,7 +111,7 @@ class Ride:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
         travel = LOOK * self.cycle
         ride, rows = self.on(travel)
-        stiffness, velocity = self.rig.slider.stiffness, self.rig.velocity
+        stiffness, velocity = self.rig.slider.stiffness, self.drive.velocity
         # One by one cycles go on from look to look; what the look shows is its own.
         joined = rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         completed, rest = _cycles(joined, stiffness, velocity)
@@ -146,16 +134,17 @@ class Ride:
         engine = self.engine.turned(rig.interface, rig.slider)
         time, X = engine.here()
         stretched = self.drive.position + self.drive.velocity * (time - self.drive.start) - X
-        drive = Quadratic(time, X + stretched * self.rig.slider.stiffness / rig.slider.stiffness, rig.velocity, 0.0)
+        stretched *= self.rig.slider.stiffness / rig.slider.stiffness
+        drive = Quadratic(time, X + stretched, rig.natural.velocity, 0.0)
         cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
-        return Ride(rig, engine, drive, cycle, scales=self.scales)
+        return Ride(rig, engine, drive, cycle)
 
 
 def _expected_cycle(rig: Rig) -> float:
     """Expected travel of the drive in a cycle: a contact loaded to its threshold, or an oscillation of the slider."""
     slider: Slider = rig.slider
     stretch = rig.interface.threshold_distribution.moment(1)
-    return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.velocity * 2.0 * math.pi / slider.frequency)
+    return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.natural.velocity * 2.0 * math.pi / slider.frequency)
 
 
 def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]:
@@ -190,43 +179,3 @@ def extreme(t: Array, force: Array, slope: Array, i: int) -> float:
             if abs(force[j + 1] - force[j] - rise) < 0.2 * abs(turn) * apart:
                 return float(force[j] + 0.5 * slope[j] ** 2 / turn * apart)
     return float(force[i])
-
-
-@dataclass(frozen=True, eq=False)
-class Range:
-    """Where to look along a parameter, in natural units, and how runs begin there."""
-
-    parameter: Parameter
-    rig: Rig
-    low: float
-    high: float
-    start: Start
-    method: MasterEquation
-    scales: Scales | None
-
-    @classmethod
-    def of(
-        cls,
-        rig: Rig,
-        parameter: Parameter | str,
-        between: Ends,
-        start: Start,
-        method: MasterEquation,
-    ) -> Range:
-        """Return the range of a parameter that is given in the rig's own units.
-
-        Raises `InputError` if no cycle can be followed on the rig, or the range is none.
-        """
-        natural, varied = natural_rig(rig, start, method), parameter_named(parameter)
-        return cls(varied, natural, *rig.span(varied, between), start, method, rig.scales)
-
-    def begin(self, value: float) -> Ride:
-        """Return the rig with a value of the parameter, at its start."""
-        return Ride.begin(self.parameter.set(self.rig, value), self.start, self.method, self.scales)
-
-    def said(self, value: float) -> str:
-        """Say a value of the parameter in the units of the rig that was given."""
-        return in_words(value, self.parameter.unit, self.scales)
-
-    def __str__(self) -> str:
-        return f"{self.parameter.name} from {self.said(self.low)} to {self.said(self.high)}"

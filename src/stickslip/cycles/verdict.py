@@ -1,21 +1,21 @@
-"""Whether an oscillation persists: a run that is looked at until its fate is clear."""
+"""Whether an oscillation persists: runs until the amplitude has settled or decayed."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.answers import Answer
-from stickslip.cycles.ride import METHOD, Look, Ride, natural_rig
+from stickslip.cycles.ride import METHOD, Look, Ride, check_rig
 from stickslip.errors import InputError, UndecidedError, whole
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Delay, FromRest, MasterEquation, Start
 from stickslip.model.rig import Rig
-from stickslip.model.units import Scales, in_words
 from stickslip.sliding import kinetic_friction
 from stickslip.stability import count_unstable
 
@@ -23,12 +23,34 @@ Array = NDArray[np.float64]
 
 PATIENCE = 60
 """Looks after which what has not settled is undecided, unless its trend tells."""
-STEADY = 1e-3
-"""Change of ln(amplitude) from look to look that counts as none if it stays so small three times."""
-REST = 0.01
-"""... and that may still lie ahead, if the changes shrink geometrically."""
-_STEADY_CYCLES, _EACH, _AHEAD = 6, 2e-5, 1e-3
-"""So many changes of ln(amplitude) from cycle to cycle that are so small count as none, too; what may lie ahead."""
+
+
+class Settles(NamedTuple):
+    """When amplitudes have settled: their last steps in the logarithm are none, or shrink, with little left to go."""
+
+    steps: int
+    none: float  # a change by less is none, the error of the runs
+    ratio: float  # largest one from step to step, of steps that shrink geometrically
+    ahead: float  # less of a change may still lie ahead of them
+
+    def at(self, amplitudes: Array) -> float | None:
+        """The amplitude that the last of these lead to; None if they have not settled."""
+        last = amplitudes[-self.steps - 1 :]
+        if last.size <= self.steps or last.min() <= 0:
+            return None
+        step = np.diff(np.log(last))
+        if np.all(np.abs(step) < self.none):
+            return float(last[-1])
+        step, way = np.abs(step), np.sign(step)
+        ratio = float(np.max(step[1:] / np.maximum(step[:-1], 1e-300)))
+        if ratio > self.ratio or np.any(way != way[-1]):
+            return None
+        left = float(step[-1]) * ratio / (1.0 - ratio)
+        return float(last[-1] * math.exp(way[-1] * left)) if left < self.ahead else None
+
+
+CYCLES, LOOKS = Settles(6, 2e-5, 0.9, 1e-3), Settles(4, 1e-3, 0.7, 1e-2)
+"""One by one cycles are known to the error of the run; their median in a look also where they differ in turn."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -45,7 +67,7 @@ class Verdict(Answer):
     reason : str
         Why, in plain words.
     peak_to_peak : float
-        Of the spring force at the last look, in the unit of force: the median cycle.
+        Of the spring force, in the unit of force: where it settles; if it scatters, the median of the last looks.
     period : float
         In time; NaN without complete cycles.
     largest_velocity : float
@@ -73,15 +95,6 @@ class Verdict(Answer):
     def has_cycle(self) -> bool:
         """Whether there is an oscillation that can be followed."""
         return bool(self.sustained) and self.kind != "undecided"
-
-    def in_units(self, rig: Rig) -> Verdict:
-        """Return a verdict found in natural units in those of a rig."""
-        return replace(
-            self,
-            peak_to_peak=self.peak_to_peak * rig.unit("f_s"),
-            period=self.period * rig.unit("time"),
-            travel=self.travel * rig.unit("x_s"),
-        )
 
     def __str__(self) -> str:
         return f"{self.kind}: {self.reason}"
@@ -133,45 +146,39 @@ def is_sustained(
     >>> ss.cycles.is_sustained(rig).kind, ss.cycles.is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind
     ('stick-slip', 'smooth sliding')
     """
-    natural = natural_rig(rig, start, method)
-    whole("patience", patience, at_least=1)
-    return settle(Ride.begin(natural, start, method, rig.scales), patience)[0].in_units(rig)
+    check_rig(rig, start, method)
+    return settle(Ride.begin(rig, start, method), whole("patience", patience, at_least=1))[0]
 
 
-def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Ride, Look]:
+def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Look, Ride]:
     """Go on until it is clear whether the oscillation persists."""
-    travel, growing = 0.0, _linearly_unstable(ride.rig)
-    floor = TINY * _friction(ride.rig)
-    looks: list[Look] = []
-    fate: tuple[bool | None, str] | None = None
+    rig, looks, growing = ride.rig, list[Look](), _linearly_unstable(ride.rig)
+    floor = TINY * _friction(rig)
+    fate: tuple[bool | None, float, str] | None = None
     while fate is None:
         ride, look = ride.look()
         looks.append(look)
-        travel += look.travel
-        fate = _fate(looks, floor, growing, patience, ride.scales)
-    last, (answer, reason) = looks[-1], fate
-    limit = _limit(np.concatenate([look.cycles for look in looks]))
-    if answer and limit is not None:
-        last = last._replace(amplitude=limit)
+        fate = _fate(rig, looks, floor, growing, patience)
+    answer, amplitude, reason = fate
+    last = looks[-1]._replace(amplitude=amplitude)
     fastest = max(look.fastest for look in looks[-2:])
     kind: Kind = "undecided"
     if answer is False:
         kind = "smooth sliding"
-    elif answer and last.amplitude > floor:
+    elif answer and amplitude > floor:
         kind = "stick-slip" if fastest >= SLIP_VELOCITY else "sustained oscillation"
-    change = math.log(last.amplitude / looks[-2].amplitude) if len(looks) > 1 and last.amplitude > 0 else math.nan
     verdict = Verdict(
         sustained=answer,
         kind=kind,
         reason=reason,
-        peak_to_peak=last.amplitude,
-        period=last.period,
+        peak_to_peak=amplitude * rig.unit("f_s"),
+        period=last.period * rig.unit("time"),
         largest_velocity=fastest,
-        change=change,
-        travel=travel,
+        change=math.log(amplitude / looks[-2].amplitude) if len(looks) > 1 and amplitude > 0 else math.nan,
+        travel=sum(look.travel for look in looks) * rig.unit("x_s"),
         linearly_unstable=growing,
     )
-    return verdict, ride, last
+    return verdict, last, ride
 
 
 def _linearly_unstable(rig: Rig) -> bool | None:
@@ -186,75 +193,45 @@ def _friction(rig: Rig) -> float:
     interface = rig.interface
     if math.isinf(interface.delay.moment(1)):
         interface = replace(interface, delay=Delay(0.0))
-    return kinetic_friction(interface, rig.velocity)
+    return kinetic_friction(interface, rig.natural.velocity)
 
 
 def _fate(
-    looks: list[Look], floor: float, growing: bool | None, patience: int, scales: Scales | None = None
-) -> tuple[bool | None, str] | None:
-    """Whether it persists and why, as soon as the looks tell."""
-
-    def said(force: float, digits: int = 3) -> str:
-        return in_words(force, "force", scales, digits)
-
+    rig: Rig, looks: list[Look], floor: float, growing: bool | None, patience: int
+) -> tuple[bool | None, float, str] | None:
+    """Whether it persists, its amplitude, and why, as soon as the looks tell."""
     size = np.array([look.amplitude for look in looks])
-    now = said(size[-1], 4)
-    if size[-1] < 1e-9 * floor and growing is not True:
-        return False, "there is no oscillation left"
-    limit = _limit(np.concatenate([look.cycles for look in looks]))
-    if limit is not None and size[-1] > floor:
-        return True, f"the oscillation of the force settles at {said(limit)}"
+    now = float(size[-1])
+
+    def fate(answer: bool | None, what: str, amplitude: float = now) -> tuple[bool | None, float, str]:
+        said = what.format(rig.in_units(amplitude, "force", 3 if answer else 4))
+        return answer, amplitude, f"the oscillation of the force {said}"
+
+    if now < 1e-9 * floor and growing is not True:
+        return fate(False, "has decayed; none is left")
+    limit = CYCLES.at(np.concatenate([look.cycles for look in looks])) or LOOKS.at(size)
+    if limit is not None and now > floor:
+        return fate(True, "settles at {}", limit)
     if len(looks) < 3:
         return None
     step = np.diff(np.log(np.maximum(size, 1e-300)))
-    if size[-1] < floor:
-        if growing is not True and np.all(step[-2:] < 0):
-            return False, f"the oscillation of the force decays; it is down to {now}"
-    elif np.all(np.abs(step[-3:]) < STEADY) and len(looks) > 3:
-        return True, f"the oscillation of the force, {now}, no longer changes"
-    elif _left_to_go(step) < REST:
-        return True, f"the oscillation of the force settles at {said(size[-1])}"
-    elif len(looks) >= 10 and _has_no_trend(size[-8:]):
-        return True, f"the oscillation of the force scatters about {said(float(np.median(size[-8:])))} without a trend"
+    if now < floor and growing is not True and np.all(step[-2:] < 0):
+        return fate(False, "decays; it is down to {}")
+    if now > floor and len(looks) >= 10 and _has_no_trend(size[-8:]):
+        return fate(True, "scatters about {} without a trend", float(np.median(size[-8:])))
     # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
     if len(looks) < (5 * patience if growing else 3 * patience if drifts else patience):
         return None
     if growing:
-        return (
-            True,
-            f"smooth sliding is unstable by linear theory; the oscillation of the force, {now} so far, has not settled",
-        )
+        return fate(True, "has not settled, {} so far, but smooth sliding is unstable by linear theory")
     third = max(len(step) // 3, 2)
-    if np.all(step[-2 * third :] < 0) and step[-third:].mean() < step[-2 * third : -third].mean() - STEADY / 10:
-        return False, f"the oscillation of the force shrinks ever faster; it is down to {now}"
-    return None, f"after {len(looks)} looks the oscillation of the force, {now}, still changes by {step[-1]:.2g} a look"
-
-
-def _limit(cycles: Array) -> float | None:
-    """Amplitude at which the last cycles settle, one by one; None if they do not."""
-    last = cycles[-_STEADY_CYCLES - 1 :]
-    if last.size <= _STEADY_CYCLES or last.min() <= 0:
-        return None
-    step = np.diff(np.log(last))
-    left = 0.0 if np.all(np.abs(step) < _EACH) else _left_to_go(step, 5, 0.9)
-    return float(last[-1] * math.exp(math.copysign(left, step[-1]))) if left < _AHEAD else None
-
-
-def _left_to_go(step: Array, count: int = 4, slowest: float = 0.7) -> float:
-    """Change of ln(amplitude) still ahead if the last steps shrink geometrically, all one way; else infinite."""
-    last = step[-count:] * np.sign(step[-1])
-    if last.size < count or last.min() <= 0:
-        return math.inf
-    ratio = float(np.max(last[1:] / last[:-1]))
-    return math.inf if ratio > slowest else float(last[-1]) * ratio / (1.0 - ratio)
+    if np.all(step[-2 * third :] < 0) and step[-third:].mean() < step[-2 * third : -third].mean() - LOOKS.none / 10:
+        return fate(False, "shrinks ever faster; it is down to {}")
+    return fate(None, f"{{}}, still changes by {step[-1]:.2g} a look after {len(looks)} looks")
 
 
 def _has_no_trend(size: Array) -> bool:
     """Whether amplitudes scatter about a constant: no trend beyond twice its error, and no deep drop."""
-    x = np.arange(size.size) - 0.5 * (size.size - 1)
-    y = np.log(np.maximum(size, 1e-300))
-    slope = float(x @ y / (x @ x))
-    rest = y - y.mean() - slope * x
-    error = math.sqrt(float(rest @ rest) / (size.size - 2) / float(x @ x))
-    return size.min() > 0.5 * size.max() and abs(slope) < 2 * error
+    (slope, _), covariance = np.polyfit(np.arange(size.size), np.log(np.maximum(size, 1e-300)), 1, cov=True)
+    return bool(size.min() > 0.5 * size.max() and abs(slope) < 2.0 * math.sqrt(covariance[0, 0]))
