@@ -1,23 +1,27 @@
-"""Figure 1: the friction force on a rigid slider, by the master equation and by contacts.
+"""Figure 1: Force on a rigid slider.
+
+Friction force on a rigid slider against its displacement, for three widths of the initial forces and two of the
+thresholds: the master equation (lines) and contacts (dots). From a narrow start the force rises, overshoots and
+decreases; it tends to the kinetic friction.
 
 Eqs. (1)-(4), solved as a renewal equation, beside a thousand contacts followed one by one.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
+from scipy.signal import argrelmax, argrelmin
 
 import stickslip as ss
 from stickslip import plot
 from stickslip.model.distributions import Distribution
 from stickslip.paper.cases import FIG1
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
+from stickslip.paper.figure import Claim, Progress, at_least, at_most, figure, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel
 
 INITIAL_STDS = (0.01, 0.3)
@@ -26,7 +30,7 @@ DISTANCE = 8.0
 _POINTS = 1600  # of the curves
 
 # Widths of the start, from all contacts relaxed alike to the steady state of sliding.
-_STARTS = ("delta", "0.01", "0.03", "0.1", "0.3", "steady")
+_STARTS = {"delta": 0.0, "0.01": 0.01, "0.03": 0.03, "0.1": 0.1, "0.3": 0.3, "steady": None}
 
 _LATE = 60.0  # x_s, where the oscillation of the narrowest distribution below has fallen by exp(-2 pi^2 .1^2 60) = 7e-6
 _DISTRIBUTIONS: dict[str, Distribution] = {
@@ -51,16 +55,13 @@ _SETTLED = {
 }
 
 
-def _interface(initial: float, threshold: float) -> ss.Interface:
-    thresholds, start = ss.Gaussian(mean=1.0, std=threshold), ss.Gaussian(mean=0.0, std=initial)
-    return replace(FIG1.interface, thresholds=thresholds, initial=start)
-
-
-def _started(start: str, threshold: float) -> ss.Interface:
+def _interface(initial: float | None, threshold: float) -> ss.Interface:
+    """Interface by the standard deviations of start and thresholds; from the steady state of sliding for None."""
     thresholds = ss.Gaussian(mean=1.0, std=threshold)
-    if start == "steady":
-        return ss.Interface(thresholds=thresholds, initial=ss.model.SteadyState(thresholds=thresholds))
-    return _interface(0.0 if start == "delta" else float(start), threshold)
+    steady = ss.model.SteadyState(thresholds=thresholds)
+    return ss.Interface(
+        thresholds=thresholds, initial=steady if initial is None else ss.Gaussian(mean=0.0, std=initial)
+    )
 
 
 def _force(interface: ss.Interface, method: Any = ss.model.Renewal(_POINTS)) -> Array:
@@ -90,7 +91,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         np.array([[_force(_interface(i, t), method) for t in THRESHOLD_STDS] for i in INITIAL_STDS])
         for method in (ss.model.Renewal(_POINTS), ss.MasterEquation())
     )
-    starts = [[_force(_started(start, threshold)) for threshold in THRESHOLD_STDS] for start in _STARTS]
+    starts = [[_force(_interface(start, threshold)) for threshold in THRESHOLD_STDS] for start in _STARTS.values()]
     deviation = [_late_deviation(distribution) for distribution in _DISTRIBUTIONS.values()]
     force = grid(progress, contacts, counts, seeds, INITIAL_STDS, THRESHOLD_STDS)["force"]
     scatter = np.sqrt(np.mean((force - remembering) ** 2, axis=-1))
@@ -115,21 +116,18 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "threshold_std": (THRESHOLD_STDS, "standard deviation of thresholds [f_s]"),
             "contacts": (counts, "number of contacts [1]"),
             "seed": (seeds, "seed [1]"),
-            "start": (_STARTS, "start: standard deviation of initial forces, or steady sliding"),
+            "start": (list(_STARTS), "start: standard deviation of initial forces, or steady sliding"),
             "distribution": (list(_DISTRIBUTIONS), "distribution of thresholds"),
             "where": (["middle", "end"], f"half way to, and at, X = {_LATE:g} x_s"),
         },
     )
 
 
-def _turning_points(force: Array) -> tuple[float, float]:
-    """First maximum and the first minimum after it, by parabolas through three samples."""
-    rising = np.diff(force) > 0
-    top = int(np.argmax(rising[:-1] & ~rising[1:])) + 1
-    bottom = top + int(np.argmax(~rising[top:-1] & rising[top + 1 :])) + 1
-    left, y, right = (force[[top + i, bottom + i]] for i in (-1, 0, 1))
-    high, low = y - (right - left) ** 2 / (8.0 * (left - 2.0 * y + right))
-    return float(high), float(low)
+def _turning_points(force: Array) -> Array:
+    """First maximum and first minimum, by parabolas through three samples."""
+    at = np.array([argrelmax(force)[0][0], argrelmin(force)[0][0]])
+    left, y, right = force[at - 1], force[at], force[at + 1]
+    return np.asarray(y - (right - left) ** 2 / (8.0 * (left - 2.0 * y + right)))
 
 
 def _scatter(data: xr.Dataset) -> Claim:
@@ -180,12 +178,11 @@ def _delta_start(data: xr.Dataset) -> Claim:
         at_least(f"oscillation from a delta start over that from .01, thresholds {t:g}", ratio, 1.0)
         for t, ratio in zip(THRESHOLD_STDS, oscillations[0] / oscillations[1], strict=True)
     ]
-    for (initial, threshold), (top, bottom) in _SETTLED.items():
-        high, low = _turning_points(data["friction_force"].sel(initial_std=initial, threshold_std=threshold).to_numpy())
-        where = f"start {initial:g}, thresholds {threshold:g}"
+    for (initial, threshold), settled in _SETTLED.items():
+        force = data["friction_force"].sel(initial_std=initial, threshold_std=threshold).to_numpy()
         measured += [
-            near(f"first maximum, {where}", high, top, 2e-4, "f_s"),
-            near(f"first minimum, {where}", low, bottom, 2e-4, "f_s"),
+            near(f"first {which}, start {initial:g}, thresholds {threshold:g}", value, right, 2e-4, "f_s")
+            for which, value, right in zip(("maximum", "minimum"), _turning_points(force), settled, strict=True)
         ]
     wide = data["F_c_remembering"].sel(initial_std=0.3, threshold_std=0.3).to_numpy()
     measured.append(near("the same maximum where contacts remember", _turning_points(wide)[0], 0.56894, 2e-4, "f_s"))
@@ -198,8 +195,8 @@ def _delta_start(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
-    ax = figure.subplots()
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
+    ax = picture.subplots()
     X, f_s = data["displacement"], plot.unit_text("f_s")
     for (initial, threshold), colour in zip(_SETTLED, plot.PALETTE, strict=False):
         case = data.sel(initial_std=initial, threshold_std=threshold)
@@ -217,38 +214,32 @@ def _sketch(ax: Axes) -> None:
     """The model: a slider pulled by a spring over contacts, each a spring that breaks."""
     ax.set(xlim=(0, 10), ylim=(0, 3.2))
     ax.axis("off")
-    ax.add_patch(Rectangle((0.2, 0.0), 9.6, 0.5, facecolor="#D9D9D9", edgecolor=plot.BLACK, linewidth=0.7))
-    ax.add_patch(Rectangle((0.6, 1.7), 5.6, 1.1, facecolor=plot.SKY, alpha=0.5, edgecolor=plot.BLACK, linewidth=0.7))
-    ax.text(3.4, 2.25, "slider,  $M$", ha="center", va="center", fontsize=8)
-    ax.text(9.6, 0.25, "base", ha="right", va="center", fontsize=8)
-    for foot in (1.2, 2.3, 3.4, 4.5, 5.6):
-        _spring(ax, (foot - 0.25, 0.5), (foot + 0.15, 1.7), plot.VERMILLION)
+    box: dict[str, Any] = {"edgecolor": plot.BLACK, "linewidth": 0.7}
+    ax.add_patch(Rectangle((0.2, 0.0), 9.6, 0.5, facecolor="#D9D9D9", **box))
+    ax.add_patch(Rectangle((0.6, 1.7), 5.6, 1.1, facecolor=plot.SKY, alpha=0.5, **box))
+    for foot in np.arange(1.2, 5.7, 1.1):
+        _spring(ax, foot - 0.25 + 0.5j, foot + 0.15 + 1.7j, plot.VERMILLION)
         ax.plot(foot - 0.25, 0.5, "o", color=plot.VERMILLION, markersize=2.5)
-    ax.text(6.3, 1.05, "$N$ contacts,  $k$", ha="left", va="center", fontsize=8)
-    _spring(ax, (6.2, 2.25), (8.4, 2.25), plot.BLACK)
-    ax.text(7.3, 2.9, "$K$", ha="center", va="center", fontsize=8)
+    _spring(ax, 6.2 + 2.25j, 8.4 + 2.25j, plot.BLACK)
     arrow = {"arrowstyle": "-|>", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "color": plot.BLACK}
     ax.annotate("", (9.4, 2.25), (8.4, 2.25), arrowprops=arrow)
-    ax.text(9.45, 2.25, r"$v_\mathrm{d}$", ha="left", va="center", fontsize=8)
+    for x, y, words, side in (
+        (3.4, 2.25, "slider,  $M$", "center"),
+        (9.6, 0.25, "base", "right"),
+        (6.3, 1.05, "$N$ contacts,  $k$", "left"),
+        (7.3, 2.9, "$K$", "center"),
+        (9.45, 2.25, r"$v_\mathrm{d}$", "left"),
+    ):
+        ax.text(x, y, words, ha=side, va="center", fontsize=8)
 
 
-def _spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], colour: str) -> None:
-    """A zigzag from one point to another."""
+def _spring(ax: Axes, start: complex, end: complex, colour: str) -> None:
+    """A zigzag from one point of the plane to another."""
     along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])
     aside = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0]) * 0.13
-    way = complex(*end) - complex(*start)
-    places = complex(*start) + way * along + 1j * way / abs(way) * aside
+    way = end - start
+    places = start + way * along + 1j * way / abs(way) * aside
     ax.plot(places.real, places.imag, color=colour, linewidth=0.8)
 
 
-FIGURE = Figure(
-    name="fig1",
-    title="Force on a rigid slider",
-    height=3.6,
-    caption="Friction force on a rigid slider against its displacement, for three widths of the initial forces and "
-    "two of the thresholds: the master equation (lines) and contacts (dots). From a narrow start the force "
-    "rises, overshoots and decreases; it tends to the kinetic friction.",
-    data=_data,
-    drawing=_drawing,
-    claims=(_scatter, _limit, _steady_start, _delta_start),
-)
+FIGURE = figure(__name__, __doc__, 3.6, _data, _drawing, _scatter, _limit, _steady_start, _delta_start)

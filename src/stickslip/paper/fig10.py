@@ -1,4 +1,7 @@
-"""Figure 10: the velocities at which stick-slip begins and ends grow as the square of the rate of ageing.
+"""Figure 10: Critical velocities against the rate of ageing.
+
+Velocities at which stick-slip begins and ends on a ramp, against the rate of ageing, with fits to its square, and the
+linear stability limit of smooth sliding.
 
 Without inertia and damping that would be exact: the contacts know only ``v/beta^2``. Each ramp starts from smooth
 sliding and takes the same time in units of ``beta^-2``. Beside the ramps stands the velocity at which smooth sliding
@@ -17,7 +20,7 @@ import xarray as xr
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG10
-from stickslip.paper.figure import Claim, Figure, Progress, between, extremes, near, weighed
+from stickslip.paper.figure import Claim, Progress, between, extremes, figure, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel
 from stickslip.paper.ramps import loses_stability, ramped
 
@@ -88,8 +91,8 @@ def _squares(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
-    direct, scaled = figure.subplots(1, 2)
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
+    direct, scaled = picture.subplots(1, 2)
     rates = data["rate"].to_numpy()
     fine = np.linspace(0.6, 2.15, 100)
     for name, colour, mark in (("v1", plot.BLUE, "o"), ("v2", plot.VERMILLION, "s")):
@@ -110,13 +113,4 @@ def _drawing(figure: Picture, data: xr.Dataset) -> None:
     panel(scaled, r"(b) in units of $\beta^2$", data["rate"], words, xlim=(0.6, 2.15), ylim=(0.0, 1.5))
 
 
-FIGURE = Figure(
-    name="fig10",
-    title="Critical velocities against the rate of ageing",
-    height=3.0,
-    caption="Velocities at which stick-slip begins and ends on a ramp, against the rate of ageing, with fits to its "
-    "square, and the linear stability limit of smooth sliding.",
-    data=_data,
-    drawing=_drawing,
-    claims=(_squares,),
-)
+FIGURE = figure(__name__, __doc__, 3.0, _data, _drawing, _squares)

@@ -1,4 +1,8 @@
-"""Figure 11: friction and effective stiffness of ageing contacts against the velocity.
+"""Figure 11: Friction and effective stiffness of ageing contacts.
+
+Friction on a ramp of the velocity (a); force on newborn contacts pulled at constant velocity, renewal equation and
+contacts (b); its steepest decrease, the effective stiffness, against the velocity (c). Red: where it equals the
+stiffness of the spring.
 
 The paper does not define ``K_eff(v)``. Here all contacts are newborn at the start, the slider is pulled rigidly at a
 constant velocity, and ``K_eff`` is the steepest decrease of the force, ``max(-dF/dX)``. N contacts in small exact steps
@@ -16,7 +20,7 @@ from scipy import optimize
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.paper.cases import FIG11
-from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, weighed
+from stickslip.paper.figure import Claim, Progress, at_most, between, figure, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel, portions
 from stickslip.paper.ramps import ramped
 
@@ -131,9 +135,9 @@ def _crossing(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
-    places = figure.add_gridspec(2, 2)
-    friction, curves, stiffness = (figure.add_subplot(places[at]) for at in ((0, slice(None)), (1, 0), (1, 1)))
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
+    places = picture.add_gridspec(2, 2)
+    friction, curves, stiffness = (picture.add_subplot(places[at]) for at in ((0, slice(None)), (1, 0), (1, 1)))
     low, high = data["unstable"].to_numpy().tolist()
     K, crossing, v2 = FIG11.slider.stiffness, float(data["crossing"]), float(data["v2_ramp"])
 
@@ -161,14 +165,4 @@ def _drawing(figure: Picture, data: xr.Dataset) -> None:
     panel(stiffness, "(c) steepest fall in (b)", data["velocity"], data["K_eff"], **limits)
 
 
-FIGURE = Figure(
-    name="fig11",
-    title="Friction and effective stiffness of ageing contacts",
-    height=5.2,
-    caption="Friction on a ramp of the velocity (a); force on newborn contacts pulled at constant velocity, renewal "
-    "equation and contacts (b); its steepest decrease, the effective stiffness, against the velocity (c). "
-    "Red: where it equals the stiffness of the spring.",
-    data=_data,
-    drawing=_drawing,
-    claims=(_crossing,),
-)
+FIGURE = figure(__name__, __doc__, 5.2, _data, _drawing, _crossing)

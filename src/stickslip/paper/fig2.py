@@ -1,4 +1,7 @@
-"""Figure 2: the elastic instability of a slider on a spring, quasi-statically.
+"""Figure 2: Elastic instability.
+
+A slider on a spring, quasi-statically: forces, effective potential, Eq. (5), and effective stiffness, Eq. (7). The
+slider jumps where the friction force decreases more steeply than the spring can follow.
 
 Forces, effective potential of Eq. (5), condition of Eq. (6), and effective stiffness of Eq. (7).
 """
@@ -17,7 +20,7 @@ from scipy.optimize import brentq
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
+from stickslip.paper.figure import Claim, Progress, at_least, at_most, figure, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, panel
 from stickslip.rigid import effective_stiffness
 
@@ -131,9 +134,9 @@ def _rests_in_a_well(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
     K, critical = float(data.attrs["stiffness"]), float(data["K_critical"])
-    left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
+    left, right = picture.subplots(1, 2, width_ratios=(1.3, 1.0))
     _draw_forces(left, data.sel(displacement=slice(0.0, 1.6)), K)
     _draw_potential(left.inset_axes((0.66, 0.64, 0.34, 0.36)), data)
 
@@ -196,13 +199,4 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
     ax.set_ylabel(r"$V_\mathrm{eff}$", fontsize=7, labelpad=1)
 
 
-FIGURE = Figure(
-    name="fig2",
-    title="Elastic instability",
-    height=3.3,
-    caption="A slider on a spring, quasi-statically: forces, effective potential, Eq. (5), and effective "
-    "stiffness, Eq. (7). The slider jumps where the friction force decreases more steeply than the spring can follow.",
-    data=_data,
-    drawing=_drawing,
-    claims=(_unstable_from_X_star_on, _rests_in_a_well),
-)
+FIGURE = figure(__name__, __doc__, 3.3, _data, _drawing, _unstable_from_X_star_on, _rests_in_a_well)

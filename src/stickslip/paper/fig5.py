@@ -1,4 +1,7 @@
-"""Figure 5: the slider at and after the elastic instability, with contacts that never re-attach.
+"""Figure 5: At and after the elastic instability.
+
+The first slip, with contacts that never re-attach, by contacts and by the master equation, and the displacement after
+the instability beside Eq. (12).
 
 Eq. (11) for one slip, beside the displacement that Eq. (12) expects.
 """
@@ -13,7 +16,7 @@ from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, weighed
+from stickslip.paper.figure import Claim, Measured, Progress, at_most, between, figure, near, weighed
 from stickslip.paper.kit import Picture, dataset, panel, portions
 
 _TRACES = ("displacement", "velocity", "spring_force", "friction_force")
@@ -103,15 +106,14 @@ def _slip_by_eq_12(data: xr.Dataset) -> Claim:
         "after the instability the slider moves by v_d dt [1 + (Omega dt)^2/6]",
         *measured,
         printed=bool(factors.max() <= 1.1),
-        read=bool(errors.max() <= 0.1),
         reading="with the slider's velocity when it passes X*, 2 to 3 v_d, in place of v_d, and for Omega dt <= 1; "
         f"as printed it is too small by a factor {factors.min():.2g} to {factors.max():.2g}",
         evidence="runs with dampings 200, .3 Omega and 0, from the moment when X passes X*",
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
-    (forces, position), (velocity, ratio) = figure.subplots(2, 2)
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
+    (forces, position), (velocity, ratio) = picture.subplots(2, 2)
     run = data.sel(solver="master equation").sel(time=slice(0.9, 1.5))
     t, t_star, X_star = run["time"], float(data["t_star"]), float(data["X_star"])
     passed = float(data["passed"][0])
@@ -156,13 +158,4 @@ def _drawing(figure: Picture, data: xr.Dataset) -> None:
     plot.legend_above(ratio)
 
 
-FIGURE = Figure(
-    name="fig5",
-    title="At and after the elastic instability",
-    height=5.4,
-    caption="The first slip, with contacts that never re-attach, by contacts and by the master equation, and the "
-    "displacement after the instability beside Eq. (12).",
-    data=_data,
-    drawing=_drawing,
-    claims=(_slip_by_eq_12,),
-)
+FIGURE = figure(__name__, __doc__, 5.4, _data, _drawing, _slip_by_eq_12)

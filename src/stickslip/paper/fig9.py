@@ -1,4 +1,7 @@
-"""Figure 9: the velocity of the drive goes up and down over ageing contacts; stick-slip begins and ends, twice.
+"""Figure 9: Velocity up and down over ageing contacts.
+
+The velocity of the drive (red) goes up and down over ageing contacts (a); the onset of stick-slip (b) and its end on
+the way up (c), enlarged; peak to peak of the force on both ramps, with the level that defines v2 and v2' (d).
 
 The ramps start from smooth sliding. They are slow where a transition is awaited: stick-slip grows, or decays, over some
 tens of ``x_s`` of travel, and at the lower end of the way down that takes long.
@@ -13,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG9
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, extremes, weighed
+from stickslip.paper.figure import Claim, Progress, at_least, between, extremes, figure, weighed
 from stickslip.paper.kit import Picture, dataset, panel, portions
 from stickslip.paper.ramps import draw_around, draw_mark, draw_ramp, loses_stability, ramped, time_of
 
@@ -82,9 +85,9 @@ def _four_transitions(data: xr.Dataset) -> Claim:
     )
 
 
-def _drawing(figure: Picture, data: xr.Dataset) -> None:
-    grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
-    sweep = figure.add_subplot(grid[0, :])
+def _drawing(picture: Picture, data: xr.Dataset) -> None:
+    grid = picture.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
+    sweep = picture.add_subplot(grid[0, :])
     draw_ramp(sweep, data, r"(a) up and down, $\beta$ = 1.5", -0.6, 1.3)
     # The transitions may be close together: two lines of text, v2 and v2' to either side.
     places = {"v2": (1.14, "right"), "v2_down": (1.14, "left")}
@@ -95,11 +98,11 @@ def _drawing(figure: Picture, data: xr.Dataset) -> None:
             at = time_of(data, v, down=name.endswith("down"))
             draw_mark(sweep, at, f"${symbol}$ = {v:.3g}", height, 0.82, side)
     for column, (name, title, span) in enumerate((("v1", "(b) at $v_1$", 24.0), ("v2", "(c) at $v_2$", 10.0))):
-        ax = figure.add_subplot(grid[1, column])
+        ax = picture.add_subplot(grid[1, column])
         draw_around(ax, data, time_of(data, float(data[name][0])), 0.6 * span, 0.4 * span)
         ax.xaxis.set_major_locator(MaxNLocator(3, integer=True))
         panel(ax, title, data["time"], data["spring_force"])
-    oscillation = figure.add_subplot(grid[1, 2])
+    oscillation = picture.add_subplot(grid[1, 2])
     oscillation.plot(data["v"], data["up"], color=plot.ORANGE, label="up")
     oscillation.plot(data["v"], data["down"], color=plot.SKY, label="down")
     oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
@@ -107,14 +110,4 @@ def _drawing(figure: Picture, data: xr.Dataset) -> None:
     panel(oscillation, "(d) hysteresis", data["v"], words, "best", xlim=(0.0, 4.0), ylim=(0.0, None))
 
 
-FIGURE = Figure(
-    name="fig9",
-    title="Velocity up and down over ageing contacts",
-    height=5.4,
-    caption="The velocity of the drive (red) goes up and down over ageing contacts (a); the onset of stick-slip (b) "
-    "and its end on the way up (c), enlarged; peak to peak of the force on both ramps, with the level that "
-    "defines v2 and v2' (d).",
-    data=_data,
-    drawing=_drawing,
-    claims=(_four_transitions,),
-)
+FIGURE = figure(__name__, __doc__, 5.4, _data, _drawing, _four_transitions)

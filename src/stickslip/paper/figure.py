@@ -167,16 +167,19 @@ def weighed(
     *measured: Measured,
     evidence: str,
     printed: bool | None = None,
-    read: bool = False,
+    read: bool = True,
     reading: str = "",
     exact: str = "",
 ) -> Claim:
-    """Return a claim with its verdict; if nothing else is said, it holds as printed where its numbers are met."""
-    met = all(m.ok for m in measured) if printed is None else printed
+    """Return a claim with its verdict.
+
+    If nothing else is said it holds as printed where its numbers are met; and, where that is said to be otherwise,
+    under the stated reading if they are.
+    """
+    met = all(m.ok for m in measured)
+    found = verdict(printed=met if printed is None else printed, read=bool(reading) and read and met)
     words = {"evidence": evidence, "reading": reading, "exact": exact}
-    return Claim(
-        number=number, statement=statement, verdict=verdict(printed=met, read=read), measured=measured, **words
-    )
+    return Claim(number=number, statement=statement, verdict=found, measured=measured, **words)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,3 +248,18 @@ class Figure:
         made_by = store.read_provenance(data)
         if made_by["call"] != "paper" or made_by["arguments"].get("figure") != self.name:
             raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
+
+
+def figure(
+    module: str,
+    doc: str | None,
+    height: float,
+    data: Callable[[Progress, bool], xr.Dataset],
+    drawing: Callable[[matplotlib.figure.Figure, xr.Dataset], None],
+    *claims: Callable[[xr.Dataset], Claim],
+) -> Figure:
+    """Return the figure of a module, whose docstring says the title in its first line, then the caption."""
+    heading, _, text = (doc or "").partition("\n\n")
+    title, caption = heading.partition(": ")[2].removesuffix("."), " ".join(text.partition("\n\n")[0].split())
+    words = {"name": module.rpartition(".")[2], "title": title, "caption": caption}
+    return Figure(height=height, data=data, drawing=drawing, claims=claims, **words)
