@@ -273,6 +273,13 @@ def test_a_mistake_names_its_key_its_value_and_its_remedy(document, path, value,
     assert caught.value.place == (keys[0] if len(keys) == 1 else "")
 
 
+@pytest.mark.parametrize("interface", [3, {"thresholds": {"distribution": [1.0]}}])
+def test_a_fitted_value_may_stand_in_a_table_that_cannot_be_read(document, interface):
+    fitted = {"interface.thresholds.std": DRAWS | {"draws": [1.0]}}
+    with pytest.raises(ss.InputError, match=r"interface = 3: must be|distribution = \[1\.0\]: must be one of"):
+        rigs.from_document(document | {"interface": interface, "fitted": fitted})
+
+
 def test_all_missing_keys_are_told_at_once_each_with_a_value_that_it_could_have():
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document({}, "rig.toml")

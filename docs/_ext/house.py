@@ -8,6 +8,8 @@ import json
 import re
 import shutil
 import sys
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -60,36 +62,40 @@ class Commands(_Made):
 
 
 def rig_keys() -> str:
-    """Every key that a rig file may hold, from the tables that it is read by."""
+    """Every key that a rig file may hold, from the tables that it is read by, with the words of rig-keys.toml."""
     from stickslip.io import rig_keys as keys
     from stickslip.model.activation import ACTIVATIONS
     from stickslip.model.ageing import AGEING_MODELS
     from stickslip.model.delays import RandomDelay
     from stickslip.model.distributions import DISTRIBUTIONS
 
-    lines = ["### At the top of the file", "", *_table(keys.TOP)]
+    words = tomllib.loads((Path(__file__).parents[1] / "reference" / "rig-keys.toml").read_text())
+    lines = ["### At the top of the file", "", *_table(keys.TOP, words["top"])]
     for name, table in keys.TABLES.items():
-        lines += [f"### `[{name}]`", "", *_table(table)]
+        lines += [f"### `[{name}]`", "", *_table(table, (words["chain"] if name == "sheet" else {}) | words[name])]
         if name == "interface":
-            for kind, record in DISTRIBUTIONS.items():
-                heading = f'#### `thresholds`, `initial` and `newborn` with `distribution = "{kind}"`'
-                lines += [heading, "", *_table(keys.keys_of(record))]
-            lines += ["#### `interface.delay` as a table", "", *_table(keys.keys_of(RandomDelay))]
-            for kind, record in AGEING_MODELS.items():
-                lines += [f'#### `interface.ageing` with `model = "{kind}"`', "", *_table(keys.keys_of(record))]
-            for kind, record in ACTIVATIONS.items():
-                lines += [f'#### `interface.temperature` with `kind = "{kind}"`', "", *_table(keys.keys_of(record))]
+            heads = {
+                '#### `thresholds`, `initial` and `newborn` with `distribution = "{}"`': DISTRIBUTIONS,
+                "#### `interface.delay` as a table": {"random": RandomDelay},
+                '#### `interface.ageing` with `model = "{}"`': AGEING_MODELS,
+                '#### `interface.temperature` with `kind = "{}"`': ACTIVATIONS,
+            }
+            for head, records in heads.items():
+                for kind, record in records.items():
+                    own = words["fields"] | words.get(kind, {})
+                    lines += [head.format(kind), "", *_table(keys.keys_of(record), own)]
         if name == "drive":
-            lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE)]
+            lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE, words["piece"])]
         if name == "simulation":
-            lines += ["#### `simulation.start` as a table", "", *_table(keys.START)]
+            lines += ["#### `simulation.start` as a table", "", *_table(keys.START, words["start"])]
     return "\n".join(lines)
 
 
-def _table(keys: Any) -> list[str]:
+def _table(keys: Any, words: Any) -> list[str]:
     rows = ["| key | value | for example | if left out | meaning |", "|---|---|---|---|---|"]
     for name, key in keys.items():
-        cells = (f"`{name}`", _kind(key), _code(key.example), _left_out(key), " ".join(key.meaning.split()))
+        meaning, otherwise = ([words[name], ""] if isinstance(words[name], str) else words[name])[:2]
+        cells = (f"`{name}`", _kind(key), _code(key.example), _left_out(key, otherwise), meaning)
         rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return [*rows, ""]
 
@@ -100,12 +106,10 @@ def _code(value: Any) -> str:
     return f"`{toml(value)}`"
 
 
-def _left_out(key: Any) -> str:
+def _left_out(key: Any, otherwise: str) -> str:
     """What is taken if a key is left out."""
-    if key.required:
-        return "must be given"
-    if key.default is None:
-        return str(key.otherwise) or "must be given"
+    if key.required or key.default is None:
+        return otherwise or "must be given"
     return "none" if key.default == "" else _code(f"0 {_si(key)}" if key.unit and key.default == 0 else key.default)
 
 
@@ -119,9 +123,9 @@ def _kind(key: Any) -> str:
     """What may stand in place of a key's value, in words."""
     if key.unit:
         words = [f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *map(_code, key.words)]
-        return " or ".join([*words, "a table, see below"] if key.or_table else words)
+        return " or ".join([*words, "a table, see below"] if Mapping in key.also else words)
     if key.choices:
-        return " or ".join([*map(_code, key.choices), *(["a table, see below"] if key.or_table else [])])
+        return " or ".join([*map(_code, key.choices), *(["a table, see below"] if Mapping in key.also else [])])
     if key.is_table:
         return "list of tables, see below" if isinstance(key.example, list) else "a table, see below"
     kinds = {str: "text", int: "whole number", list: "list of numbers", tuple: "list of numbers"}

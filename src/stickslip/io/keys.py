@@ -21,12 +21,11 @@ DECADES = 15
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a file: its meaning for the reference page, and an example as it stands in an SI file.
+    """One key of a file, by an example as it stands in an SI file.
 
     The type of the example is the type of the key: a mapping stands for a table, a list for a list of its first item.
     """
 
-    meaning: str
     example: Any
     _: KW_ONLY
     unit: str = ""  # natural unit of a quantity; without one the value is a pure number, a text, a list
@@ -34,11 +33,9 @@ class Key:
     sign: Sign = ""
     choices: tuple[str, ...] = ()  # all that may be written, if that is known
     words: tuple[str, ...] = ()  # what may stand there in place of a number
-    or_table: bool = False
-    or_list: bool = False
+    also: tuple[type, ...] = ()  # besides: `Mapping` for a table, `list` for a list
     default: Any = None
     required: bool = False
-    otherwise: str = ""  # in words, what is taken if a key without a default is left out
     measure: str = ""  # how to measure a property of the bench that has a default
     longest: int = 2_000  # characters of a text
 
@@ -49,44 +46,72 @@ class Key:
 
     def is_left(self, value: object) -> bool:
         """Whether a value is read elsewhere: a table, or a word in place of a number."""
-        other = (Mapping,) * self.or_table + (list,) * self.or_list
-        return self.is_table or value in self.words or isinstance(value, other)
+        return self.is_table or value in self.words or isinstance(value, self.also)
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
         """Return the value: a quantity in SI units, or in natural ones if the file is in those.
 
         Raises `InputError` if it cannot be.
         """
-        if isinstance(self.example, list) and isinstance(value, list):
+        kind = type(self.example)
+        if kind is list and isinstance(value, list):
             one = replace(self, example=self.example[0])
             return tuple(one.read(item, f"{place}[{i}]", natural=natural) for i, item in enumerate(value))
-        if (self.unit or self.si) and not isinstance(self.example, list):
+        if (self.unit or self.si) and kind is not list:
             try:
-                unit = self.si or si_unit(self.unit)
-                return quantity_of(value, unit, str(self.example), self.sign, natural=natural and not self.si)
+                return self._quantity(value, self.si or si_unit(self.unit), natural=natural and not self.si)
             except InputError as error:
                 raise InputError(f"{place} = {shown(value)}: {error}", place) from None
-        if isinstance(self.example, float):
-            return _pure(value, place, self.sign)
+        if kind is float:
+            bounds: dict[str, Any] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}}.get(self.sign, {})
+            found = number(place, value, **bounds)
+            if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
+                raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)
+            return found
         if self.choices:
-            fits, wrong = value in self.choices, " or ".join([*map(repr, self.choices), *["a table"] * self.or_table])
+            fits, wanted = (
+                value in self.choices,
+                " or ".join([*map(repr, self.choices), *["a table" for _ in self.also]]),
+            )
         else:
-            fits = type(value) is type(self.example) and not (isinstance(value, str) and len(value) > self.longest)
-            wrong = {
-                str: f"text in quotes, of at most {self.longest} characters",
-                bool: "true or false",
-                int: "a whole number",
-            }.get(type(self.example), f"a list, such as {toml(self.example)}")
+            fits = type(value) is kind and not (isinstance(value, str) and len(value) > self.longest)
+            text = f"text in quotes, of at most {self.longest} characters"
+            a_list = f"a list, such as {toml(self.example)}"
+            wanted = {str: text, bool: "true or false", int: "a whole number"}.get(kind, a_list)
         if not fits:
-            raise InputError(f"{place} = {shown(value)}: must be {wrong}", place)
+            raise InputError(f"{place} = {shown(value)}: must be {wanted}", place)
         return value
 
+    def _quantity(self, value: object, unit: str, *, natural: bool) -> float:
+        """A quantity: text with a unit in SI files, a plain number in natural ones; errors do not name the place."""
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if not natural:
+                raise InputError(f"has no unit; write it as a string, such as {self.example!r}")
+            result = float(value) if abs(value) <= sys.float_info.max else math.inf
+        elif not isinstance(value, str):
+            raise InputError(f"must be a quantity, such as {self.example!r}")
+        elif natural:
+            raise InputError("must be a plain number, as the file says units = 'natural'")
+        else:
+            result = read_quantity(value, unit, self.example)
+        if not math.isfinite(result):
+            raise InputError("must be finite")
+        if refusal := extreme(result):
+            raise InputError(f"{refusal} (in {unit})")
+        if not self.takes(result):
+            raise InputError(f"must be {self.sign}")
+        return result
 
-def quantity(meaning: str, example: str, sign: Sign = "above 0", **rest: Any) -> Key:
-    """The key of a quantity that is no field of a record; the example says in which unit it is measured."""
+    def takes(self, value: float) -> bool:
+        """Whether a number has the sign that it must have."""
+        return {"above 0": value > 0, "at least 0": value >= 0, "": True}[self.sign]
+
+
+def quantity(example: str, sign: Sign = "above 0", **rest: Any) -> Key:
+    """The key of a quantity; the example says in which unit it is measured."""
     measured = _exponents(example.partition(" ")[2])
     unit = next(unit for unit, (*_, si) in UNITS.items() if _exponents(si) == measured)
-    return Key(meaning, example, unit=unit, sign=sign, **rest)
+    return Key(example, unit=unit, sign=sign, **rest)
 
 
 def _exponents(unit: str) -> dict[str, int]:
@@ -94,57 +119,19 @@ def _exponents(unit: str) -> dict[str, int]:
     return size[1] if size else {"": 1}
 
 
-def quantity_of(value: object, unit: str, example: str, sign: Sign = "above 0", *, natural: bool = False) -> float:
-    """Read a quantity: text with a unit in SI files, a plain number in natural ones; errors do not name the place."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        if not natural:
-            raise InputError(f"has no unit; write it as a string, such as {example!r}")
-        result = float(value) if abs(value) <= sys.float_info.max else math.inf
-    elif not isinstance(value, str):
-        raise InputError(f"must be a quantity, such as {example!r}")
-    elif natural:
-        raise InputError("must be a plain number, as the file says units = 'natural'")
-    else:
-        result = read_quantity(value, unit, example)
-    if not math.isfinite(result):
-        raise InputError("must be finite")
-    if refusal := extreme(result):
-        raise InputError(f"{refusal} (in {unit})")
-    if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
-        raise InputError(f"must be {sign}")
-    return result
-
-
-def _pure(value: object, place: str, sign: Sign) -> float:
-    bounds: dict[Sign, dict[str, Any]] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}, "": {}}
-    found = number(place, value, **bounds[sign])
-    if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
-        raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)
-    return found
-
-
-Way = tuple[str, ...]
-
-
 @dataclass(frozen=True)
 class Either:
     """Keys of a table that exclude each other: one way is taken, with all of its keys."""
 
-    ways: tuple[Way, ...]  # the first is asked for where none is given
+    ways: tuple[tuple[str, ...], ...]
     _: KW_ONLY
-    needed: bool = True
-    natural: int = 0  # which way is asked for in a file of natural units
+    needed: bool = True  # where none is given, the first way is asked for
+    natural: int | None = 0  # the way that is asked for in a file of natural units; None where the rule is none there
     because: str = ""  # why not both, if that is not plain
 
-    def given(self, content: Mapping[str, Any]) -> list[Way]:
+    def given(self, content: Mapping[str, Any]) -> list[tuple[str, ...]]:
         """The ways of which a table has some key."""
         return [way for way in self.ways if any(name in content for name in way)]
-
-    def others(self, name: str) -> str:
-        """What is given in place of a key, in words; empty if the rule does not know it."""
-        if not any(name in way for way in self.ways):
-            return ""
-        return " or ".join(listed(f"`{each}`" for each in way) for way in self.ways if name not in way)
 
     @property
     def clash(self) -> str:
@@ -161,13 +148,12 @@ def listed(names: Any) -> str:
 def toml(value: Any) -> str:
     """A value as it stands in a file, in one line."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_bare(key)} = {toml(item)}" for key, item in value.items()) + " }"
+        bare = re.compile(r"[\w-]+").fullmatch
+        return (
+            "{ " + ", ".join(f"{key if bare(key) else toml(key)} = {toml(each)}" for key, each in value.items()) + " }"
+        )
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(toml, value)) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
-def _bare(key: str) -> str:
-    return key if re.fullmatch(r"[\w-]+", key) else f'"{key}"'

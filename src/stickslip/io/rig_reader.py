@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial, reduce
 from typing import Any
@@ -11,9 +11,9 @@ from typing import Any
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key, toml
-from stickslip.io.rig_keys import COEFFICIENTS, INTERFACE, MATERIAL, SHAPE, START, TABLES, keys_of
+from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, RENAMED, SCALES, SHAPE, START, TABLES, keys_of
 from stickslip.io.tables import MistakesError, Tables
-from stickslip.model import Delay, FromRest, FromSliding, Interface, Method, Output, Prestressed, Slider
+from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
@@ -31,7 +31,6 @@ Values = dict[str, Any]
 _START = "simulation.start"
 _MOST_DRAWS = 10_000
 """Draws of a fitted value: their 90 % interval is then known to 1 % of its width, and predictions take seconds."""
-_EXAMPLES = {"delay": {"model": "random", "mean": "2 ms", "std": "1 ms"}}
 _SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
 
 
@@ -47,37 +46,46 @@ def rig_from(document: Mapping[str, Any], place: str) -> Rig:
 class _Reader:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document = document
-        self.file = Tables(natural=document.get("units") == "natural", renamed=rig_keys.RENAMED)
+        natural = document.get("units") == "natural"
+        left_out = dict.fromkeys(SCALES if natural else (), "leave it out, as it is 1 where units = 'natural'")
+        renamed = {**RENAMED, **{f"interface.{name}": why for name, why in left_out.items()}}
+        self.file = Tables(natural=natural, renamed=renamed)
         self.scales: Scales | None = None
-        self.body = "slider"
+        self.body = next((name for name in reversed(["slider", *BODIES]) if name in document), "slider")
 
     def rig(self) -> Rig:
         """The rig that the file describes."""
         file = self.file
-        top = file.table(self.document, rig_keys.keys_at_the_top())
+        bodies = {name: Key({}) for name in BODIES}
+        top = file.table(self.document, {**bodies, **rig_keys.TOP})
         slider, interface, drive, simulation = self._tables(top)
-        self._check(slider, drive)
+        # What cannot be read is noted, and the rest is looked through.
         parts = {
-            name: file.part(self._record, interface.get(name), f"interface.{name}")
+            name: file.part(partial(self._record, interface.get(name), f"interface.{name}"))
             for name in ("initial", "thresholds", "newborn")
         }
-        file.part(lambda *_: self._scale(slider, interface, drive, parts), True, "")
-        for name, read in {"delay": self._delay, "ageing": self._record, "temperature": self._record}.items():
-            parts[name] = file.part(read, interface.get(name), f"interface.{name}")
+        file.part(partial(self._scale, slider, interface, drive, parts))
+        for name in ("delay", "ageing", "temperature"):
+            parts[name] = file.part(partial(self._record, interface.get(name), f"interface.{name}"))
         assumed, fitted = self._assumed(top.get("assumed", {})), self._fitted(top.get("fitted", {}))
         feasible = self._feasible(top.get("feasible", {}))
-        prestress = self._prestress(simulation)
+        prestress = self._prestress(simulation["start"]) if "start" in simulation else {}
         file.stop()
 
-        body = self._body(slider, self._in_natural)
+        method = METHODS[simulation["method"]]
+        given = {"contacts": 10_000 if self.body == "slider" else 100} | self._natural(
+            simulation, rig_keys.keys_of_simulation(simulation["method"])
+        )
+        of_method = {name: given[key] for name, key in rig_keys.fields_of_method(method).items() if key in given}
+        body = self._body(slider)
         return Rig(
             interface=self._interface(interface, parts),
             slider=body,
             drive=self._drive(drive),
-            operation=self._operation(drive, feasible),
-            method=self._method(simulation),
-            start=self._start(simulation, prestress, body),
-            output=file.make("simulation", lambda: Output(interval=self._natural(simulation.get("interval"), "time"))),
+            operation=file.make("drive", lambda: Operation(**self._speeds_in_use(drive), feasible=feasible)),
+            method=file.make("simulation", lambda: method(**of_method), {"count": "contacts"}),
+            start=self._start(given["start"], prestress, body),
+            output=file.make("simulation", lambda: Output(interval=given.get("interval"))),
             scales=None if file.natural else self.scales,
             name=top["name"],
             source=top["source"],
@@ -89,61 +97,53 @@ class _Reader:
 
     def _tables(self, top: Mapping[str, Any]) -> list[Values]:
         """The values of the tables of what slides, of the interface, the drive and the simulation."""
-        kinds = [name for name in ("slider", *BODIES) if name in self.document] or ["slider"]
+        file, kinds = self.file, [name for name in ("slider", *BODIES) if name in self.document]
         if len(kinds) > 1:
-            self.file.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
-        self.body = kinds[-1]
-        given = top.get("simulation", {})
-        method = given.get("method", TABLES["simulation"]["method"].default) if isinstance(given, Mapping) else None
+            file.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
+        given = {name: top.get(name, {}) for name in (self.body, "interface", "drive", "simulation")}
+        of_tables = {name: content if isinstance(content, Mapping) else {} for name, content in given.items()}
+        method = of_tables["simulation"].get("method", TABLES["simulation"]["method"].default)
         keys = {**rig_keys.tables(), "simulation": rig_keys.keys_of_simulation(method)}
+        if file.natural:
+            keys["interface"] = {name: key for name, key in TABLES["interface"].items() if name not in SCALES}
+        values = {name: file.table(content, keys[name], name) for name, content in given.items()}
+        for name, content in of_tables.items():
+            told = not isinstance(given[name], Mapping) or any(f"{name}.{key}" in RENAMED for key in content)
+            for rule in () if told else rig_keys.RULES.get(name, ()):
+                file.choose(content, rule, TABLES[name], name)
         for name in ("contacts", "seed", "rtol"):
             methods = rig_keys.methods_with(name)
-            others = [each for each in METHODS if each not in methods]
-            if isinstance(given, Mapping) and name in given and method in others:
+            if name in of_tables["simulation"] and method in [each for each in METHODS if each not in methods]:
                 words = " or ".join(map(repr, methods))
-                self.file.wrong(f"simulation.{name}", f"belongs to method = {words}; leave it out with {method!r}")
-        names = (self.body, "interface", "drive", "simulation")
-        return [self.file.table(top.get(name, {}), keys[name], name) for name in names]
+                file.wrong(f"simulation.{name}", f"belongs to method = {words}; leave it out with {method!r}")
+        self._check(values, of_tables[self.body])
+        return list(values.values())
 
-    def _check(self, slider: Values, drive: Values) -> None:
-        """Note what contradicts each other, and what is missing."""
-        file, given = self.file, {name: self.document.get(name, {}) for name in (self.body, "interface", "drive")}
-        for name, content in given.items():
-            if not isinstance(content, Mapping):
-                given[name] = {}  # told of already
-                continue
-            rules = rig_keys.RULES.get(name, ())
-            if name == "interface" and not file.natural:
-                rules = (rig_keys.STRENGTH, *rules)
-            if not any(f"{name}.{key}" in rig_keys.RENAMED for key in content):
-                for rule in rules:
-                    file.choose(content, rule, TABLES[name], name)
-        if file.natural:
-            for name in [name for name in rig_keys.SCALES if name in given["interface"]]:
-                file.wrong(f"interface.{name}", "leave it out, as it is 1 where units = 'natural'")
-        elif "breaking_displacement" not in given["interface"]:
-            file.missing("interface.breaking_displacement", INTERFACE["breaking_displacement"])
-        if "damping_ratio" in slider and slider.get("mass") == 0:
+    def _check(self, values: Mapping[str, Values], body: Mapping[str, Any]) -> None:
+        """Note what is wrong with what slides, and with the speeds of the drive, beyond each key and the rules."""
+        file, drive = self.file, values["drive"]
+        if "damping_ratio" in values[self.body] and values[self.body].get("mass") == 0:
             file.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
-        if self.body in BODIES:
-            material = MATERIAL.get(self.body, {})
-            for name in SHAPE if set(material.values()) & set(given[self.body]) else ():
-                if name not in given[self.body]:
+        if not body.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
+            for name in SHAPE:
+                if name not in body:
                     file.missing(f"{self.body}.{name}", TABLES[self.body][name])
-        drive["pieces"] = file.part(self._pieces, drive.get("pieces"), "drive.pieces")
-        drive |= file.part(self._speeds, drive.get("velocity"), "drive.velocity") or {}
+        drive["pieces"] = file.part(partial(self._pieces, drive.get("pieces"), "drive.pieces"))
+        drive |= file.part(partial(self._speeds, drive.get("velocity"), "drive.velocity")) or {}
         if drive.get("velocity") == 0 and "duration" not in drive:
             file.wrong("drive.velocity", "is 0; give a velocity above 0, or a duration")
 
-    def _pieces(self, content: Any, place: str) -> list[Values]:
+    def _pieces(self, content: Any, place: str) -> list[Values] | None:
         """The pieces of a drive, in the units of the file."""
+        if content is None:
+            return None
         if not isinstance(content, list) or not content:
             self.file.refuse(place, content, "must be a list of at least one table")
         return [self.file.table(piece, rig_keys.PIECE, f"{place}[{i}]") for i, piece in enumerate(content)]
 
     def _speeds(self, content: Any, place: str) -> Values:
         """Of a list or a range of speeds, one that is simulated, and all of them, in the units of the file."""
-        key = replace(rig_keys.DRIVE["velocity"], sign="above 0", or_list=False, or_table=False, required=True)
+        key = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
         if isinstance(content, list) and content:
             each = replace(key, example=[key.example])
             speeds = self.file.make("drive", lambda: each.read(content, place, natural=self.file.natural))
@@ -162,47 +162,57 @@ class _Reader:
 
     def _scale(self, slider: Values, interface: Values, drive: Values, parts: Values) -> None:
         """Find the scales, unless what they need could not be read; forces are per contact of a block."""
-        if self.file.natural:
+        file = self.file
+        if file.natural:
             self.scales = Scales(force=1.0, stretching=1.0)
-        if self.file.natural or self.file.mistakes:
+        if file.natural or file.mistakes:
             return
         if "normal_load" in interface:
             from stickslip.io.friction import thresholds_of
 
             coefficients = (interface[name] for name in COEFFICIENTS)
-            parts["thresholds"], strength = self.file.make(
+            parts["thresholds"], strength = file.make(
                 "interface.mu_s", lambda: thresholds_of(*coefficients, parts["initial"])
             )
             interface["contact_strength"] = strength * interface["normal_load"]
-        blocks = 1 if self.body == "slider" else self._body(slider, lambda values, _: values).size
+        blocks = 1 if self.body == "slider" else self._body(slider, scaled=False).size
         for name in ("contact_strength", "sliding_force"):
             interface[name] /= blocks
         velocities = [piece[end] for piece in drive["pieces"] or () for end in ("start", "end")] or [drive["velocity"]]
         fastest, x_s = max(map(abs, velocities)), interface["breaking_displacement"]
         # The unit of time drops out of every result; this one keeps the numbers near 1.
-        self.scales = self.file.make(
+        self.scales = file.make(
             "interface",
             lambda: Scales(force=interface["contact_strength"], stretching=x_s, time=x_s / fastest if fastest else 1.0),
             {"force": "contact_strength", "stretching": "breaking_displacement"},
         )
 
-    def _natural(self, value: Any, unit: str) -> Any:
-        """A value of the file in natural units."""
+    def _in(self, value: Any, unit: str) -> Any:
+        """A value of the file, or some, in natural units."""
         if self.scales is None:
             raise MistakesError  # they could not be read
+        if isinstance(value, tuple):
+            return tuple(self._in(each, unit) for each in value)
         return value / self.scales.unit(unit) if unit and isinstance(value, float) else value
 
-    def _in_natural(self, values: Values, keys: Mapping[str, Key]) -> Values:
+    def _natural(self, values: Values, keys: Mapping[str, Key]) -> Values:
         """The values of a table in natural units."""
-        return {name: self._natural(value, keys[name].unit) for name, value in values.items() if name in keys}
+        return {name: self._in(value, keys[name].unit) for name, value in values.items() if name in keys}
 
-    # -------------------------------------------------- records that a table names
+    # -------------------------------------------------- records
 
     def _record(self, content: Any, place: str) -> Any:
-        """The record that a table names, in natural units."""
+        """The record that a table names, in natural units; a delay may be a time or a word."""
         file, name = self.file, place.rpartition(".")[2]
+        if content is None:
+            return None
+        if name == "delay" and not isinstance(content, Mapping):
+            of_word: dict[Any, DelayModel] = {"never": Delay(math.inf), "on arrest": OnArrest()}
+            return of_word.get(content) or file.make(place, lambda: Delay(self._in(content, "time")))
         word, kinds = rig_keys.KINDS[name]
-        kind: Any = file.kind(content, place, word, kinds, _EXAMPLES.get(name, INTERFACE[name].example))
+        if name == "delay":
+            content = {word: "random", **content}
+        kind: Any = file.kind(content, place, word, kinds, TABLES["interface"][name].example)
         keys, before = keys_of(kind), len(file.mistakes)
         written = {name: value for name, value in content.items() if name != word}
         values, instead = file.table(written, keys, place), rig_keys.INSTEAD.get(kind)
@@ -213,7 +223,8 @@ class _Reader:
             for name, value in values.items()
         }
         file.stop(before)
-        values = self._in_natural(values, keys) if any(key.unit for key in keys.values()) else values
+        if any(key.unit for key in keys.values()):  # distributions are read before the scales
+            values = self._natural(values, keys)
         if rig_keys.by_time(kind):
             time = values.pop("time")
             return file.make(place, lambda: kind(rate=1.0, **values).with_time(time), {"rate": "time"})
@@ -224,18 +235,8 @@ class _Reader:
             names = dict.fromkeys(instead.fields, next(iter(instead.keys)))
         return file.make(place, lambda: kind(**values), names)
 
-    def _delay(self, content: Any, place: str) -> DelayModel:
-        if content in ("never", "on arrest"):
-            return OnArrest() if content == "on arrest" else Delay(math.inf)
-        if isinstance(content, Mapping):
-            made: DelayModel = self._record({"model": "random", **content}, place)
-            return made
-        return self.file.make(place, lambda: Delay(self._natural(content, "time")))
-
-    # -------------------------------------------------- records of the rig
-
     def _interface(self, interface: Values, parts: Values) -> Interface:
-        values = self._in_natural(interface, INTERFACE) | parts
+        values = self._natural(interface, TABLES["interface"]) | parts
         fields = {name: values[name] for name in Interface.__dataclass_fields__ if name in values}
         made = self.file.make("interface", lambda: Interface(**fields))
         if "v_half" not in interface:
@@ -243,13 +244,13 @@ class _Reader:
 
         def delay() -> Delay:
             # By way of seconds, so that a file in SI units can hold exactly this delay.
-            seconds = half_distance(made) / interface["v_half"] / self._natural(1.0, "x_s")
-            return Delay(self._natural(seconds, "time"))
+            seconds = half_distance(made) / interface["v_half"] / self._in(1.0, "x_s")
+            return Delay(self._in(seconds, "time"))
 
         return replace(made, delay=self.file.make("interface.v_half", delay))
 
-    def _body(self, values: Values, convert: Callable[[Values, Mapping[str, Key]], Values]) -> Any:
-        """What slides: properties of the material become springs and masses of blocks."""
+    def _body(self, values: Values, *, scaled: bool = True) -> Any:
+        """What slides, in natural units or in those of the file: the material becomes springs and masses of blocks."""
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
         # A spring from a block to the top is as long as the bar is high, one from row to row as a row is wide.
         shape = {
@@ -260,56 +261,44 @@ class _Reader:
         }
         # Products in the units of the file: what follows from the material can be written into it again, bit for bit.
         material = {direct: name for direct, name in MATERIAL.get(self.body, {}).items() if name in values}
-        values = values | {direct: values[name] * shape[direct] for direct, name in material.items()}
-        kind: Any = BODIES.get(self.body, Slider)
-        made = convert(values, rig_keys.tables()[self.body])
+        made = values | {direct: values[name] * shape[direct] for direct, name in material.items()}
+        made = self._natural(made, rig_keys.tables()[self.body]) if scaled else made
         if "damping_ratio" in made:
             held = self.file.make("slider", lambda: Slider(stiffness=made["stiffness"], mass=made["mass"], damping=0.0))
             made["damping"] = 2.0 * made["damping_ratio"] * held.frequency
+        kind: Any = BODIES.get(self.body, Slider)
         return self.file.make(self.body, lambda: kind(**{name: made[name] for name in declared(kind) if name in made}))
 
     def _drive(self, drive: Values) -> Drive:
         if drive["pieces"]:
-            pieces = [self._in_natural(piece, rig_keys.PIECE) for piece in drive["pieces"]]
+            pieces = [self._natural(piece, rig_keys.PIECE) for piece in drive["pieces"]]
             return reduce(
                 Drive.then,
                 [self.file.make(f"drive.pieces[{i}]", partial(ramp, **piece)) for i, piece in enumerate(pieces)],
             )
-        given = self._in_natural(drive, TABLES["drive"])
+        given = self._natural(drive, TABLES["drive"])
         velocity, key = given["velocity"], next((key for key in ("duration", "distance") if key in given), "velocity")
         duration = given["duration"] if key == "duration" else given.get("distance", USUAL_DISTANCE) / abs(velocity)
         return self.file.make(f"drive.{key}", lambda: constant(velocity, duration))
 
-    def _operation(self, drive: Values, feasible: list[tuple[str, float, float]]) -> Operation:
-        speeds, between = (
-            tuple(self._natural(speed, "x_s/time") for speed in drive.get(name, ())) for name in ("speeds", "between")
-        )
-        return self.file.make(
-            "drive", lambda: Operation(speeds=speeds, between=between or None, feasible=tuple(feasible))
-        )
-
-    def _method(self, simulation: Values) -> Method:
-        kind = METHODS[simulation["method"]]
-        usual = {"contacts": 10_000 if self.body == "slider" else 100}
-        given = usual | simulation
-        fields = {name: given[key] for name, key in rig_keys.fields_of_method(kind).items() if key in given}
-        made: Method = self.file.make("simulation", lambda: kind(**fields), {"count": "contacts"})
-        return made
+    def _speeds_in_use(self, drive: Values) -> Values:
+        """The speeds at which the rig works, in natural units."""
+        return {name: self._in(drive[name], "x_s/time") for name in ("speeds", "between") if name in drive}
 
     # -------------------------------------------------- the start of a run
 
-    def _prestress(self, simulation: Values) -> Values:
+    def _prestress(self, content: Any) -> Values:
         """The values of a prestressed start; none for another one."""
-        if not isinstance(simulation.get("start"), Mapping):
+        if not isinstance(content, Mapping):
             return {}
         if self.body == "slider":
             self.file.wrong(_START, f'as a table is for {" or ".join(BODIES)}; write "from rest" or "sliding"')
-        return self.file.table(simulation["start"], START, _START)
+        return self.file.table(content, START, _START)
 
-    def _start(self, simulation: Values, prestress: Values, body: Any) -> Start:
+    def _start(self, word: Any, prestress: Values, body: Any) -> Start:
         if not prestress:
-            return FromSliding() if simulation["start"] == "sliding" else FromRest()
-        values = self._in_natural(prestress, START)
+            return FromSliding() if word == "sliding" else FromRest()
+        values = self._natural(prestress, START)
         if isinstance(values["stretching"], list):
             values["stretching"] = self._profile(values["stretching"], body.size)
         return self.file.make(_START, lambda: Prestressed(**values))
@@ -319,9 +308,7 @@ class _Reader:
         runs, place, key = [], f"{_START}.stretching", START["stretching"]
         for i, item in enumerate(content):
             run = item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item}
-            runs.append(
-                self.file.table(run, {"blocks": Key("", 20, required=True), "stretching": key}, f"{place}[{i}]")
-            )
+            runs.append(self.file.table(run, {"blocks": Key(20, required=True), "stretching": key}, f"{place}[{i}]"))
             if runs[-1].get("blocks", 1) < 1:
                 self.file.wrong(f"{place}[{i}].blocks", "must be at least 1")
         self.file.stop()
@@ -332,36 +319,33 @@ class _Reader:
 
     # -------------------------------------------------- what is said of the rig
 
-    def _feasible(self, content: object) -> list[tuple[str, float, float]]:
+    def _feasible(self, content: object) -> tuple[tuple[str, float, float], ...]:
         """The ranges within which parameters could be set, in natural units."""
-        keys = {}
-        for name, parameter in BY_NAME.items():
-            unit = "" if parameter.unit == "1" else parameter.unit
-            keys[name] = Key("", [f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0")
-        found: list[tuple[str, float, float]] = []
+        units = {name: "" if each.unit == "1" else each.unit for name, each in BY_NAME.items()}
+        examples: dict[str, Any] = {name: f"2 {si_unit(unit)}" if unit else 1.0 for name, unit in units.items()}
+        keys = {name: Key([examples[name]] * 2, unit=unit, sign="above 0") for name, unit in units.items()}
+        found = []
         for name, ends in self.file.table(content, keys, "feasible").items():
             if len(ends) != 2 or ends[0] > ends[1]:
                 self.file.wrong(f"feasible.{name}", "must be two values, the lowest first")
             elif self.scales is not None:
-                low, high = (self._natural(end, keys[name].unit) for end in ends)
-                found.append((name, low, high))
-        return found
+                found.append((name, *self._in(ends, units[name])))
+        return tuple(found)
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
         """What the file marks as assumed, then the defaults that were taken; each with its value."""
         found: dict[str, Assumption] = {}
-        text = Key("", "text")
         for path, how in self._paths(content, "assumed"):
             try:
-                words = text.read(how, f"assumed.{path}", natural=True)
+                words = Key("text").read(how, f"assumed.{path}", natural=True)
                 found[path] = Assumption(self._value_at(path), words)
             except InputError as error:
                 self.file.mistakes.append(error)
         given = self.document.get("interface")
-        for name, key in INTERFACE.items():
+        for name, key in TABLES["interface"].items():
             here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
             if key.measure and not here and f"interface.{name}" not in found:
-                value = "0 s" if key.unit and not self.file.natural else _plainly(key.default)
+                value = "0 s" if key.unit and not self.file.natural else toml(key.default)
                 found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
         return found
 
@@ -370,11 +354,12 @@ class _Reader:
         found: dict[str, Fitted] = {}
         for path, entry in self._paths(content, "fitted"):
             values = self.file.table(entry, rig_keys.FITTED, f"fitted.{path}")
-            if len(values.get("draws", ())) > _MOST_DRAWS:
+            draws = values.get("draws", ())
+            if len(draws) > _MOST_DRAWS:
                 self.file.wrong(f"fitted.{path}.draws", f"more than {_MOST_DRAWS} values; give every tenth, say")
-            key, least = rig_keys.key_at(path, self.document), min(values.get("draws", ()), default=1.0)
-            if key and ((key.sign == "above 0" and least <= 0) or (key.sign == "at least 0" and least < 0)):
-                self.file.wrong(f"fitted.{path}.draws", f"holds {least:g}; {path} must be {key.sign}")
+            key = rig_keys.key_at(path, self.document)
+            if key and draws and not key.takes(min(draws)):
+                self.file.wrong(f"fitted.{path}.draws", f"holds {min(draws):g}; {path} must be {key.sign}")
             if len(values) == len(rig_keys.FITTED):
                 found[path] = Fitted(self._value_at(path), **values)
         if len({len(one.draws) for one in found.values() if one.draws}) > 1:
@@ -401,8 +386,4 @@ class _Reader:
             if not isinstance(node, Mapping) or part not in node:
                 return ""
             node = node[part]
-        return _plainly(node)
-
-
-def _plainly(value: Any) -> str:
-    return value if isinstance(value, str) else toml(value)
+        return node if isinstance(node, str) else toml(node)

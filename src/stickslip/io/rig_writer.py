@@ -11,7 +11,7 @@ from typing import Any
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key
-from stickslip.io.rig_keys import keys_of
+from stickslip.io.rig_keys import TABLES, keys_of
 from stickslip.model import Delay, ElasticBody, FromRest, FromSliding, Prestressed, Slider
 from stickslip.model.body import BODIES
 from stickslip.model.delays import OnArrest
@@ -37,7 +37,6 @@ class RigWriter:
     def document(self, damping_ratio: bool | None) -> Document:
         """The content of the file."""
         rig = self.rig
-        top = {"name": rig.name, "units": "natural" if self.natural else "", "source": rig.source}
         feasible = {
             name: [self._quantity(end, parameter_named(name).unit) for end in ends]
             for name, *ends in rig.operation.feasible
@@ -51,7 +50,9 @@ class RigWriter:
             },
         }
         return (
-            {key: text for key, text in top.items() if text or key == "name"}
+            {"name": rig.name}
+            | ({"units": "natural"} if self.natural else {})
+            | ({"source": rig.source} if rig.source else {})
             | self._body(damping_ratio)
             | {"interface": self._interface(), "drive": self._drive(), "simulation": self._simulation()}
             | {name: table for name, table in optional.items() if table}
@@ -66,22 +67,20 @@ class RigWriter:
         """The fields of a record that its table has keys for; those that have their default may be left out."""
         found: Document = {}
         usual = {field.name: field.default for field in fields(record)}
+        by_time, time = rig_keys.by_time(type(record)), self.scales.unit("time")
         for name, key in keys.items():
-            value, same = getattr(record, name, None), None
+            value = getattr(record, name, None)
             if value is None or value == -math.inf or (not defaults and value in (key.default, usual[name])):
                 continue
-            if name == "time" and rig_keys.by_time(type(record)):
-                same = self._same_rate(record)
             if is_dataclass(value):
                 found[name] = self._named(name, value)
             elif isinstance(value, tuple):
                 found[name] = [self._number(item) for item in value]
+            elif name == "time" and by_time:
+                found[name] = self._quantity(value, "time", lambda si: record.with_time(si / time) == record)
             else:
-                found[name] = self._quantity(value, key.unit, same) if key.unit else self._number(value)
+                found[name] = self._quantity(value, key.unit) if key.unit else self._number(value)
         return found
-
-    def _same_rate(self, record: Any) -> Same:
-        return lambda time: record.with_time(time / self.scales.unit("time")) == record
 
     def _named(self, key: str, record: Any) -> Any:
         """A record that a table names, or the word or the time that says it."""
@@ -104,7 +103,7 @@ class RigWriter:
                 return {name: self._values(slider, rig_keys.tables()[name], defaults=False)}
         if not isinstance(slider, Slider):
             raise self._refuse(f"the impedance {shown(slider)} in place of a Slider")
-        found = self._values(slider, {name: rig_keys.SLIDER[name] for name in ("mass", "stiffness", "damping")})
+        found = self._values(slider, {name: TABLES["slider"][name] for name in ("mass", "stiffness", "damping")})
         short = float(f"{slider.damping_ratio:.4g}")
         if damping_ratio is None:
             damping_ratio = slider.mass > 0 and 2.0 * short * slider.frequency == slider.damping
@@ -122,7 +121,7 @@ class RigWriter:
             found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == scales.stretching)
         # A default that was taken is left out, so that it is taken, and told of, again.
-        found |= self._values(interface, rig_keys.INTERFACE, defaults=False)
+        found |= self._values(interface, TABLES["interface"], defaults=False)
         if self.digits is not None:
             found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}
         if force := interface.sliding_force:
@@ -141,10 +140,8 @@ class RigWriter:
             return {"pieces": [self._values(piece, rig_keys.PIECE) for piece in pieces]}
         velocity, duration = pieces[0].start, pieces[0].duration
         speeds = [self._quantity(speed, "x_s/time") for speed in operation.between or operation.speeds or (velocity,)]
-        if operation.between is not None:
-            found: Document = {"velocity": dict(zip(("from", "to"), speeds, strict=True))}
-        else:
-            found = {"velocity": speeds if operation.speeds else speeds[0]}
+        of_range = dict(zip(("from", "to"), speeds, strict=True)) if operation.between else None
+        found: Document = {"velocity": of_range or (speeds if operation.speeds else speeds[0])}
         if self.digits is None and velocity and duration == USUAL_DISTANCE / abs(velocity):
             return found  # a default, too
         size, way = self.scales.unit("x_s"), abs(velocity) * duration
@@ -155,11 +152,12 @@ class RigWriter:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
             raise self._refuse("a start with a perturbation, or with blocks at rest,")
-        name = next((name for name, kind in METHODS.items() if type(method) is kind), None)
+        kind: Any = type(method)
+        name = next((name for name, known in METHODS.items() if kind is known), None)
         if name is None or getattr(method, "memoryless", False):
             raise self._refuse(f"the method {shown(method)}")
-        keys = rig_keys.fields_of_method(type(method))
-        found: Document = {"method": name, **{key: getattr(method, field) for field, key in keys.items()}}
+        written = self._values(method, keys_of(kind))
+        found = {"method": name, **{key: written[field] for field, key in rig_keys.fields_of_method(kind).items()}}
         words = {FromRest: "from rest", FromSliding: "sliding"}
         found["start"] = self._prestressed(start) if isinstance(start, Prestressed) else words[type(start)]
         if output.interval is not None:
@@ -194,18 +192,15 @@ class RigWriter:
 
     def _exact(self, value: float, unit: str, fits: list[Same]) -> Any:
         """The shortest text of which the first condition, or a later one, is true; None if there is none."""
-        if self.natural or unit == "1":
-            if self.digits is not None:
-                return self._number(value)
-            return next((way for same in fits for way in _ways(value) if same(way)), None)
-        size, name = self.scales.unit(unit), si_unit(unit)
+        name = "" if self.natural or unit == "1" else si_unit(unit)
+        si = value * self.scales.unit(unit) if name else value
         if self.digits is not None:
-            return engineering(value * size, name, self.digits)
-        texts = [(text, read_quantity(text, name, text)) for text in _ways(value * size, name)]
-        return next((text for same in fits for text, si in texts if same(si)), None)
+            return engineering(si, name, self.digits) if name else self._number(si)
+        ways = [(way, read_quantity(way, name, way) if name else way) for way in _ways(si, name)]
+        return next((way for same in fits for way, read in ways if same(read)), None)
 
 
-def _ways(value: float, unit: str = "") -> list[Any]:
+def _ways(value: float, unit: str) -> list[Any]:
     """A number, with its unit if there is one, of few digits, of more, and of all; then its neighbours."""
     low, high = (math.nextafter(value, way) for way in (-math.inf, math.inf))
     near = [value, low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf)] if value else []

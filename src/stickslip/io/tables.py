@@ -69,10 +69,9 @@ class Tables:
     With `natural`, quantities are plain numbers; `renamed` says of keys that were, by their paths, what to write now.
     """
 
-    def __init__(self, *, natural: bool = False, renamed: Mapping[str, str] | None = None) -> None:
-        self.natural = natural
+    def __init__(self, *, natural: bool, renamed: Mapping[str, str]) -> None:
+        self.natural, self._renamed = natural, renamed
         self.mistakes: list[InputError] = []
-        self._renamed = renamed or {}
 
     def wrong(self, place: str, what: str) -> None:
         """Note a mistake."""
@@ -115,16 +114,14 @@ class Tables:
                 found[name] = key.default
         return found
 
-    def choose(self, content: object, rule: Either, keys: Mapping[str, Key], place: str) -> None:
+    def choose(self, content: Mapping[str, Any], rule: Either, keys: Mapping[str, Key], place: str) -> None:
         """Note what a rule has against a table."""
-        if not isinstance(content, Mapping):
-            return  # told of already
+        usual = rule.natural if self.natural else 0
         given = rule.given(content)
         if len(given) > 1:
             self.wrong(place, rule.clash)
-        elif given or rule.needed:
-            way = given[0] if given else rule.ways[rule.natural if self.natural else 0]
-            for name in way:
+        elif (given or rule.needed) and usual is not None:
+            for name in given[0] if given else rule.ways[usual]:
                 if name not in content:
                     self.missing(f"{place}.{name}", keys[name])
 
@@ -132,10 +129,11 @@ class Tables:
         """The record that a table names."""
         if not isinstance(content, Mapping):
             self.refuse(place, content, f"must be a table, such as {toml(example)}")
-        if content.get(word) in tuple(kinds):
-            return kinds[str(content[word])]
+        named = content.get(word)
+        if isinstance(named, str) and named in kinds:
+            return kinds[named]
         key = f"{place}.{word}"
-        given = f"{key} = {shown(content[word])}" if word in content else key
+        given = f"{key} = {shown(named)}" if word in content else key
         known = f"must be one of the known {word}s {', '.join(map(repr, kinds))}, as in {toml(example)}"
         self.mistakes.append(InputError(f"{given}: {known}", key))
         raise MistakesError
@@ -150,10 +148,10 @@ class Tables:
             self.mistakes.append(error.at(f"{place}.{key}" if key else place))
             raise MistakesError from None
 
-    def part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
+    def part(self, read: Callable[[], Made]) -> Any:
         """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
         with suppress(MistakesError):
-            return None if content is None else read(content, place)
+            return read()
 
     def stop(self, before: int = 0) -> None:
         """Read no further if there was a mistake, besides the first so many."""
@@ -161,12 +159,10 @@ class Tables:
             raise MistakesError
 
     def in_one_line(self, place: str) -> InputError:
-        """One error for every mistake in a file, as far as a line reaches."""
+        """One error for every mistake in a file, as far as a line reaches; what is missing comes last, together."""
         missing = [mistake for mistake in self.mistakes if isinstance(mistake, MissingError)]
-        lines = [str(mistake) for mistake in self.mistakes if not isinstance(mistake, MissingError)]
-        if len(missing) == 1:
-            lines.append(str(missing[0]))
-        elif missing:
+        lines = [str(mistake) for mistake in self.mistakes if len(missing) == 1 or mistake not in missing]
+        if len(missing) > 1:
             examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
             lines.append(f"missing, here with example values: {examples}")
         key = self.mistakes[0].place if len(self.mistakes) == 1 else ""

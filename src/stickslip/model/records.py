@@ -45,58 +45,47 @@ class Part:
 
 
 @lru_cache(maxsize=256)
-def _parts(record: type) -> list[tuple[str, Any, Part]]:
-    """The fields of a record that hold others, each with what it may be, as a type and in words."""
+def _marked(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
+    """Each field of a record, with its type and what is declared of it, or of the numbers in it; None if nothing is."""
     hints = get_type_hints(record, include_extras=True)
-    return [
-        (field.name, get_args(hints[field.name])[0], mark)
-        for field in fields(record)
-        for mark in getattr(hints[field.name], "__metadata__", ())
-        if isinstance(mark, Part)
-    ]
-
-
-@lru_cache(maxsize=256)
-def declared(record: type) -> Mapping[str, tuple[Any, Number | None]]:
-    """Each field of a record, with its type and what is declared of its number or numbers; None if nothing is."""
-    hints = get_type_hints(record, include_extras=True)
-    found: dict[str, tuple[Any, Number | None]] = {}
+    found: dict[str, tuple[Any, Number | Part | None]] = {}
     for field in fields(record):
         kind = hints[field.name]
-        plain = get_args(kind)[0] if hasattr(kind, "__metadata__") else kind
-        found[field.name] = plain, next(_marks(kind), None)
+        found[field.name] = kind.__origin__ if hasattr(kind, "__metadata__") else kind, next(_marks(kind), None)
     return found
 
 
-def _marks(kind: Any) -> Iterator[Number]:
-    """What is declared of numbers in a type, in a tuple or a union, too."""
-    yield from (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, Number))
+def _marks(kind: Any) -> Iterator[Number | Part]:
+    """What is declared of a type, or of the numbers in a tuple or a union."""
+    yield from (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, Number | Part))
     for inner in get_args(kind):
         yield from _marks(inner)
+
+
+def declared(record: type) -> Mapping[str, tuple[Any, Number | None]]:
+    """Each field of a record, with its type and what is declared of its number or numbers; None if nothing is."""
+    marked = _marked(record)
+    return {name: (kind, mark if isinstance(mark, Number) else None) for name, (kind, mark) in marked.items()}
 
 
 def check(record: Any) -> None:
     """Check every number, choice and part of a record on construction, and keep numbers as Python numbers."""
     record_type: Any = type(record)
-    for name, kind, part in _parts(record_type):
-        instance(part.place or f"{record_type.__name__}.{name}", getattr(record, name), kind, part.hint)
-    for name, (kind, mark) in declared(record_type).items():
-        value, place = getattr(record, name), f"{record_type.__name__}.{name}"
-        optional = value is None and type(None) in get_args(kind)
-        if choices := _choices(kind):
-            if not optional and value not in choices:
-                raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
+    for name, (kind, mark) in _marked(record_type).items():
+        value, place = getattr(record, name), getattr(mark, "place", "") or f"{record_type.__name__}.{name}"
+        if isinstance(mark, Part):
+            instance(place, value, kind, mark.hint)
+        elif value is None and type(None) in get_args(kind):
+            continue
+        elif (choices := choices_of(kind)) and value not in choices:
+            raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
         elif kind is bool and not isinstance(value, bool):
             raise InputError(f"{place} = {shown(value)}: must be True or False", place)
-        if mark is None or optional:
-            continue
-        place = mark.place or place
-        if any(get_origin(each) is tuple for each in (kind, *get_args(kind))):
+        elif mark is not None and any(get_origin(each) is tuple for each in (kind, *get_args(kind))):
             items = enumerate(sequence(place, value, mark.hint))
-            checked: Any = tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items)
-        else:
-            checked = _number(kind, place, value, mark)
-        object.__setattr__(record, name, checked)
+            object.__setattr__(record, name, tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items))
+        elif mark is not None:
+            object.__setattr__(record, name, _number(kind, place, value, mark))
 
 
 def _number(kind: Any, place: str, value: object, mark: Number) -> float:
@@ -110,7 +99,7 @@ def _number(kind: Any, place: str, value: object, mark: Number) -> float:
     return number(place, value, **bounds, infinite=mark.infinite, hint=hint)
 
 
-def _choices(kind: Any) -> tuple[str, ...]:
+def choices_of(kind: Any) -> tuple[str, ...]:
     """All that a field may be, if its type says so."""
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 

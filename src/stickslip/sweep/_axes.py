@@ -26,8 +26,8 @@ OTHERS = {
     "start": "start of the run",
 }
 """What can be an axis besides the parameters of a rig."""
-START = Key("", FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
-SPACING = Key("", "linear", choices=("linear", "log"))
+START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
+SPACING = Key("linear", choices=("linear", "log"))
 
 
 class Axis(NamedTuple):
@@ -97,14 +97,14 @@ class AxisReader:
             return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
         parameter = BY_NAME[name]
         if parameter.unit == "1":
-            return self.quantity(Key("", 1.0), value, place)
+            return self.quantity(Key(1.0), value, place)
         unit = self.rig.unit_name(parameter.unit)
         try:
             example = engineering(self.rig.value(name), unit, 3)
         except InputError:  # the rig has none: the plan will say so
             example = f"1 {unit}"
         sign: Sign = "at least 0" if parameter.zero else "above 0"
-        return self.quantity(Key("", example, unit=parameter.unit, sign=sign), value, place)
+        return self.quantity(Key(example, unit=parameter.unit, sign=sign), value, place)
 
 
 def check_axes(content: object) -> None:

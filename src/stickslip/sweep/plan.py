@@ -26,7 +26,7 @@ from stickslip.errors import InputError, instance, number, shown, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
-from stickslip.io.rig_keys import SIMULATION, methods_with
+from stickslip.io.rig_keys import TABLES, methods_with
 from stickslip.io.tables import read_toml, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider, parameter_named
 from stickslip.model.methods import DRAWN
@@ -305,7 +305,7 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         given = {**given, "drive": {"velocity": last}}
     own = given.get("simulation", {})
     if isinstance(own, Mapping):
-        method = run.get("method", own.get("method", SIMULATION["method"].default))
+        method = run.get("method", own.get("method", TABLES["simulation"]["method"].default))
         left = [key for key in ("contacts", "seed", "rtol") if "method" in run and method not in methods_with(key)]
         asked = {key: run[key] for key in _SIMULATED if key in run}
         given = {**given, "simulation": {key: own[key] for key in own if key not in left} | asked}
@@ -362,8 +362,8 @@ def _plan(
     )
 
 
-_DISTANCE = Key("", "2 mm", unit="x_s", sign="above 0")
-_DURATION = Key("", "2 ms", unit="time", sign="above 0")
+_DISTANCE = Key("2 mm", unit="x_s", sign="above 0")
+_DURATION = Key("2 ms", unit="time", sign="above 0")
 
 
 def _lasting(reader: AxisReader, key: Key, value: float | str | None, place: str, usual: float) -> float:
