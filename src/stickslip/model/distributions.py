@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, number, numbers, sequence, whole
+from stickslip.errors import InputError, number, numbers, whole
 from stickslip.model.distribution import DISTRIBUTIONS, NEGLIGIBLE, Distribution, excess, register
 from stickslip.model.quadrature import panels, transforms_of_bins, transforms_on_a_path
 from stickslip.model.records import Number
@@ -50,7 +50,8 @@ LARGEST_STRETCHING = 1e12
 
 
 # The twentieth power of the largest stretching is still a number.
-Stretching = Annotated[float, Number(at_least=-LARGEST_STRETCHING, at_most=LARGEST_STRETCHING, hint="in x_s")]
+_BOUNDS: Any = {"at_least": -LARGEST_STRETCHING, "at_most": LARGEST_STRETCHING}
+Stretching = Annotated[float, Number(**_BOUNDS, hint="in x_s")]
 Width = Annotated[float, Number(at_least=0, at_most=LARGEST_STRETCHING, hint="in x_s")]
 Above0 = Annotated[float, Number(above=0, at_most=LARGEST_STRETCHING, hint="in x_s")]
 
@@ -253,41 +254,70 @@ class Uniform(_Histogram):
         return Uniform(*edges.tolist())
 
 
-@register("exponential")
-@dataclass(frozen=True)
-class Exponential(Distribution):
-    """Exponential distribution: a contact that has no memory of its stretching."""
+class _PowerOfGamma(Distribution):
+    """Values ``scale t**(1/power)``, `t` of a gamma distribution of the given shape and the scale 1."""
 
-    mean: Above0
+    @property
+    def _form(self) -> tuple[float, float, float]:
+        """Scale, shape and power."""
+        raise NotImplementedError
 
     def density(self, x: ArrayLike) -> Array:
-        x = np.asarray(x, dtype=float)
-        return np.where(x >= 0, np.exp(-np.maximum(x, 0.0) / self.mean) / self.mean, 0.0)
+        scale, shape, power = self._form
+        u = np.asarray(x, dtype=float) / scale
+        inside = np.maximum(u, np.finfo(float).tiny)
+        rest = (shape * power - 1.0) * np.log(inside) - special.gammaln(shape)
+        return np.where(u >= 0, power / scale * np.exp(rest - inside**power), 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        u = np.maximum(np.asarray(x, dtype=float), 0.0) / self.mean
-        scale = self.mean**order * math.factorial(order)
-        return np.asarray(scale * special.gammaincc(order + 1.0, u))
+        scale, shape, power = self._form
+        with np.errstate(over="ignore"):  # beyond all numbers nothing is left
+            t = (np.maximum(np.asarray(x, dtype=float), 0.0) / scale) ** power
+        more = order / power
+        return np.asarray(scale**order * special.poch(shape, more) * special.gammaincc(shape + more, t))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        return np.asarray(-self.mean * np.log(np.asarray(probability, dtype=float)))
+        (scale, shape, power), p = self._form, np.asarray(probability, dtype=float)
+        t = -np.log(p) if shape == 1 else special.gammainccinv(shape, p)
+        return np.asarray(scale * t ** (1.0 / power))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        return rng.exponential(self.mean, size)
+        scale, shape, power = self._form
+        # An underflow to zero is lifted to the smallest number.
+        return np.maximum(scale * rng.standard_gamma(shape, size) ** (1.0 / power), np.finfo(float).tiny)
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return 1.0 / (1.0 + self.mean * q), self.mean / (1.0 + self.mean * q) ** 2
+        scale, shape, power = self._form
+        if power == 1:
+            base = 1.0 + scale * q
+            return base**-shape, np.asarray(scale * shape * base ** (-shape - 1.0))
+        t = np.exp(np.arange(-40.0, 4.8, 0.05) - 0.7j * min(1.0, power))  # turned off the real axis
+        weight = t**shape * np.exp(-t)
+        return transforms_on_a_path(q, scale * t ** (1.0 / power), weight / weight.sum())
 
     @property
     def leftmost(self) -> float:
-        return -1.0 / self.mean
+        scale, _, power = self._form
+        return 0.0 if power < 1 else -1.0 / scale if power == 1 else -math.inf
 
     knots = (0.0,)
 
 
+@register("exponential")
+@dataclass(frozen=True)
+class Exponential(_PowerOfGamma):
+    """Exponential distribution: a contact that has no memory of its stretching."""
+
+    mean: Above0
+
+    @property
+    def _form(self) -> tuple[float, float, float]:
+        return self.mean, 1.0, 1.0
+
+
 @register("gamma")
 @dataclass(frozen=True)
-class Gamma(Distribution):
+class Gamma(_PowerOfGamma):
     """Gamma distribution with the given mean and standard deviation."""
 
     mean: Above0
@@ -303,33 +333,22 @@ class Gamma(Distribution):
         """Scale parameter ``std**2/mean``."""
         return self.std**2 / self.mean
 
-    def density(self, x: ArrayLike) -> Array:
-        u = np.asarray(x, dtype=float) / self.scale
-        inside = np.maximum(u, np.finfo(float).tiny)
-        bell = np.exp((self.shape - 1) * np.log(inside) - inside - special.gammaln(self.shape)) / self.scale
-        return np.where(u >= 0, bell, 0.0)
+    @property
+    def _form(self) -> tuple[float, float, float]:
+        return self.scale, self.shape, 1.0
 
-    def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        u = np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale
-        scale = self.scale**order * float(special.poch(self.shape, order))
-        return np.asarray(scale * special.gammaincc(self.shape + order, u))
 
-    def inverse_survival(self, probability: ArrayLike) -> Array:
-        return np.asarray(self.scale * special.gammainccinv(self.shape, np.asarray(probability, dtype=float)))
+@register("weibull")
+@dataclass(frozen=True)
+class Weibull(_PowerOfGamma):
+    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
 
-    def sample(self, rng: np.random.Generator, size: int) -> Array:
-        # An underflow to zero is lifted to the smallest number.
-        return np.maximum(rng.gamma(self.shape, self.scale, size), np.finfo(float).tiny)
-
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        base = 1.0 + self.scale * q
-        return base**-self.shape, np.asarray(self.mean * base ** (-self.shape - 1.0))
+    scale: Above0
+    shape: Annotated[float, Number(at_least=0.1)]
 
     @property
-    def leftmost(self) -> float:
-        return -1.0 / self.scale
-
-    knots = (0.0,)
+    def _form(self) -> tuple[float, float, float]:
+        return self.scale, 1.0, self.shape
 
 
 @register("lognormal")
@@ -381,46 +400,6 @@ class LogNormal(Distribution):
     leftmost = 0.0
 
 
-@register("weibull")
-@dataclass(frozen=True)
-class Weibull(Distribution):
-    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
-
-    scale: Above0
-    shape: Annotated[float, Number(at_least=0.1)]
-
-    def density(self, x: ArrayLike) -> Array:
-        u = np.asarray(x, dtype=float) / self.scale
-        inside = np.maximum(u, np.finfo(float).tiny)
-        bell = self.shape / self.scale * inside ** (self.shape - 1) * np.exp(-(inside**self.shape))
-        return np.where(u >= 0, bell, 0.0)
-
-    def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        with np.errstate(over="ignore"):  # beyond all numbers nothing is left
-            u = (np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale) ** self.shape
-        a = 1.0 + order / self.shape
-        return np.asarray(self.scale**order * special.gamma(a) * special.gammaincc(a, u))
-
-    def inverse_survival(self, probability: ArrayLike) -> Array:
-        return np.asarray(self.scale * (-np.log(np.asarray(probability, dtype=float))) ** (1 / self.shape))
-
-    def sample(self, rng: np.random.Generator, size: int) -> Array:
-        # An underflow to zero is lifted to the smallest number.
-        return np.maximum(self.scale * rng.weibull(self.shape, size), np.finfo(float).tiny)
-
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        # x = scale t^(1/shape), with t = exp(y) turned
-        t = np.exp(np.arange(-40.0, 4.8, 0.05) - 0.7j * min(1.0, self.shape))
-        weight = t * np.exp(-t)
-        return transforms_on_a_path(q, self.scale * t ** (1 / self.shape), weight / weight.sum())
-
-    @property
-    def leftmost(self) -> float:
-        return 0.0 if self.shape < 1 else -1.0 / self.scale if self.shape == 1 else -math.inf
-
-    knots = (0.0,)
-
-
 @register("empirical")
 @dataclass(frozen=True)
 class Empirical(_Histogram):
@@ -438,16 +417,12 @@ class Empirical(_Histogram):
     Empirical.from_samples : make the histogram from measured values.
     """
 
-    edges: tuple[float, ...]
-    weights: tuple[float, ...]
+    edges: tuple[Annotated[float, Number(**_BOUNDS, hint="edges of bins, in x_s")], ...]
+    weights: tuple[Annotated[float, Number(at_least=0, hint="weights of bins")], ...]
 
     def __post_init__(self) -> None:
-        edges, weights = (
-            sequence(f"Empirical.{name}", getattr(self, name), "a list of numbers") for name in ("edges", "weights")
-        )
-        bounds: Any = {"at_least": -LARGEST_STRETCHING, "at_most": LARGEST_STRETCHING, "hint": "in x_s"}
-        edges = tuple(number(f"Empirical.edges[{i}]", edge, **bounds) for i, edge in enumerate(edges))
-        weights = tuple(number(f"Empirical.weights[{i}]", weight, at_least=0) for i, weight in enumerate(weights))
+        super().__post_init__()
+        edges, weights = self.edges, self.weights
         if len(edges) != len(weights) + 1 or len(weights) == 0:
             raise InputError(
                 f"Empirical: {len(edges)} edges and {len(weights)} weights: must be one edge more than weights"
@@ -459,7 +434,6 @@ class Empirical(_Histogram):
             raise InputError("Empirical.weights: must have a positive sum")
         if abs(total - 1.0) <= 4e-16:
             total = 1.0  # normalised already: a distribution made again from its fields is the same distribution
-        object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "weights", tuple(w / total for w in weights))
 
     @classmethod

@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
 
+if TYPE_CHECKING:
+    from stickslip.model.distribution import Distribution
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-
-class HasDensity(Protocol):
-    """What the integrals of a density need."""
-
-    def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
-        ...
-
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """Where the density jumps."""
-        ...
 
 
 def hashable(record: object) -> Any:
@@ -77,7 +67,7 @@ _FIRST = np.unique(np.concatenate([_OCTAVES[:-1, None] * np.linspace(1, 2, 9), [
 
 
 @lru_cache(maxsize=64)
-def table_of(distribution: HasDensity) -> Table:
+def table_of(distribution: Distribution) -> Table:
     """Return the table of a distribution, its panels halved until halving changes nothing.
 
     Raises `InputError` if the density is negative or no number somewhere, or its integral is not 1: peaks narrower than
@@ -122,7 +112,7 @@ def table_of(distribution: HasDensity) -> Table:
     return Table(edges[held[0] : held[-1] + 2], x[part], weight, survival, total)
 
 
-def _density(distribution: HasDensity, x: Array) -> Array:
+def _density(distribution: Distribution, x: Array) -> Array:
     with np.errstate(all="ignore"):
         density = np.asarray(distribution.density(x), dtype=float)
     wrong = ~(np.isfinite(density) & (density >= 0))
@@ -135,7 +125,7 @@ def _density(distribution: HasDensity, x: Array) -> Array:
     return density
 
 
-def partial_moment_of(distribution: HasDensity, x: ArrayLike, order: int) -> Array:
+def partial_moment_of(distribution: Distribution, x: ArrayLike, order: int) -> Array:
     """Integral of ``y**order`` times the density over ``y > x``."""
     table = table_of(hashable(distribution))
     low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
@@ -148,7 +138,7 @@ def partial_moment_of(distribution: HasDensity, x: ArrayLike, order: int) -> Arr
     return np.asarray(rest + beyond[panel + 1])
 
 
-def inverse_survival_of(distribution: HasDensity, probability: ArrayLike) -> Array:
+def inverse_survival_of(distribution: Distribution, probability: ArrayLike) -> Array:
     """Stretching exceeded with the given probability, by root finding within a panel."""
     from scipy.optimize import elementwise
 
@@ -175,7 +165,7 @@ _NODES = 1 << 20
 """Most nodes of a transform."""
 
 
-def transforms_of(distribution: HasDensity, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def transforms_of(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Means of ``exp(-q x)`` and of ``x exp(-q x)``, on panels as fine as `q` needs them."""
     flat, result = q.ravel(), np.empty((2, q.size), dtype=complex)
     scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
@@ -184,18 +174,20 @@ def transforms_of(distribution: HasDensity, q: ComplexArray) -> tuple[ComplexArr
         least = float(np.min(flat[own].real))
         if least >= 0:  # few different ones: the nodes are kept
             least = 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
-        x, weight = _fine_nodes(hashable(distribution), power, least)
-        kernel = np.stack([weight, weight * x], axis=1)
-        for start in range(0, own.size, 128):
-            some = own[start : start + 128]
-            with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
-                result[:, some] = (np.exp(-np.multiply.outer(flat[some], x)) @ kernel).T
+        result[:, own] = _sums(flat[own], *_fine_nodes(hashable(distribution), power, least))
     mean, slope = result.reshape(2, *q.shape)
     return mean, slope
 
 
+def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray) -> ComplexArray:
+    """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2, q.size)."""
+    kernel, parts = np.stack([weight, weight * x], axis=1), np.array_split(q, max(q.size // 128, 1))
+    with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
+        return np.concatenate([(np.exp(-np.multiply.outer(part, x)) @ kernel).T for part in parts], axis=1)
+
+
 @lru_cache(maxsize=64)
-def _fine_nodes(distribution: HasDensity, power: float, least: float) -> tuple[Array, Array]:
+def _fine_nodes(distribution: Distribution, power: float, least: float) -> tuple[Array, Array]:
     """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
     table = table_of(hashable(distribution))
     left, right = table.edges[:-1], table.edges[1:]
@@ -229,13 +221,7 @@ def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray)
     """
     # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
     below = q.imag < 0
-    upper = np.where(below, np.conj(q), q).ravel()
-    both = np.empty((2, upper.size), dtype=complex)
-    kernel = np.stack([weight, weight * x], axis=1)
-    for start in range(0, upper.size, 256):
-        part = slice(start, start + 256)
-        both[:, part] = (np.exp(-upper[part, None] * x) @ kernel).T
-    mean, slope = both.reshape(2, *q.shape)
+    mean, slope = _sums(np.where(below, np.conj(q), q).ravel(), x, weight).reshape(2, *q.shape)
     return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)
 
 
