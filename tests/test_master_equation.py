@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.io import datasets, rig_files
 from stickslip.model import OnArrest
 
 
@@ -75,19 +74,3 @@ def test_an_arrest_in_a_hold_is_seen_by_all_methods_or_refused(ratio):
     assert len(peaks) == (4 if ratio == 0.9 else 1 if ratio == 0.97 else 0)
     assert all("no arrest at which contacts re-attach" in refusal for refusal in refusals)
     assert peaks == pytest.approx([0.822] * len(peaks), abs=5 * 0.5 / math.sqrt(2000))
-
-
-def test_a_rig_file_with_cells_says_what_to_write_now(tmp_path):
-    place = tmp_path / "rig.toml"
-    text = rig_files.example_file("pmma_slider").read_text()
-    assert "[simulation]" in text
-    place.write_text(text.replace("[simulation]", "[simulation]\ncells = 400"))
-    with pytest.raises(ss.InputError, match=r"simulation\.cells: is gone; write rtol, the error of the force"):
-        ss.read_rig(place)
-
-
-def test_a_run_of_old_says_what_to_do():
-    plain = datasets.encode(ss.MasterEquation())
-    plain["cells"] = plain.pop("rtol")
-    with pytest.raises(ss.InputError, match=r"MasterEquation\.cells, which is gone; make the run again with an rtol"):
-        datasets.decode(plain, datasets.records())

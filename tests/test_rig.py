@@ -212,7 +212,6 @@ MISTAKES = [
     ("slider.mass", 75, "slider.mass = 75", "has no unit"),
     ("slider.mass", True, "slider.mass = True", "quantity"),
     ("slider.damping", "3 1/s", "slider", "give damping_ratio or damping, not both"),
-    ("slider.relative_damping", 0.3, "slider.relative_damping", "half of what relative_damping was"),
     (
         "interface.thresholds",
         {"distribution": "gausian", "std": 0.1},
@@ -228,7 +227,6 @@ MISTAKES = [
     ("interface.thresholds", {"distribution": "empirical"}, "interface.thresholds.samples", "missing"),
     ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "interface.initial", "nearer to 0"),
     ("interface.contact_strength", "768 kg", "interface.contact_strength", "unit of 'N'"),
-    ("interface.friction_coefficient", 0.4, "interface.friction_coefficient", "mu_s and mu_k beside normal_load"),
     ("interface.mu_s", 0.4, "interface", "give contact_strength or normal_load, mu_s and mu_k, not both"),
     ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),

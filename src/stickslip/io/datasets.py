@@ -87,8 +87,6 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
         if kind is None:
             raise InputError(f"provenance names the record {name!r}, which this version does not have")
         known = {field.name for field in fields(kind) if field.init and field.compare}
-        if name == "MasterEquation" and "cells" in content:
-            raise InputError("provenance has MasterEquation.cells, which is gone; make the run again with an rtol")
         if strange := sorted(set(content) - known):
             raise InputError(f"provenance of {name} has the field {strange[0]!r}, unknown to this version")
         try:

@@ -201,16 +201,6 @@ FITTED: Mapping[str, Key] = {
 }
 """Keys of each entry of `fitted`."""
 
-RENAMED: Mapping[str, str] = {
-    "slider.relative_damping": "is gone; write damping_ratio = eta/(2 Omega), half of what relative_damping was",
-    "interface.friction_coefficient": (
-        "is gone, as it was no measured coefficient; write mu_s and mu_k beside normal_load, "
-        "or contact_strength = coefficient x normal_load"
-    ),
-    "simulation.cells": "is gone; write rtol, the error of the force, such as 1e-4",
-}
-"""Keys that were, and what to write now."""
-
 
 def tables() -> dict[str, Mapping[str, Key]]:
     """The tables of a file by their names, those of bodies of the user's own besides."""

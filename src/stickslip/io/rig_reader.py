@@ -11,7 +11,7 @@ from typing import Any
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key, toml
-from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, RENAMED, SCALES, SHAPE, START, TABLES, keys_of
+from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, SCALES, SHAPE, START, TABLES, keys_of
 from stickslip.io.tables import MistakesError, Tables
 from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
 from stickslip.model.body import BODIES
@@ -46,10 +46,7 @@ def rig_from(document: Mapping[str, Any], place: str) -> Rig:
 class _Reader:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document = document
-        natural = document.get("units") == "natural"
-        left_out = dict.fromkeys(SCALES if natural else (), "leave it out, as it is 1 where units = 'natural'")
-        renamed = {**RENAMED, **{f"interface.{name}": why for name, why in left_out.items()}}
-        self.file = Tables(natural=natural, renamed=renamed)
+        self.file = Tables(natural=document.get("units") == "natural")
         self.scales: Scales | None = None
         self.body = next((name for name in reversed(["slider", *BODIES]) if name in document), "slider")
 
@@ -106,10 +103,10 @@ class _Reader:
         keys = {**rig_keys.tables(), "simulation": rig_keys.keys_of_simulation(method)}
         if file.natural:
             keys["interface"] = {name: key for name, key in TABLES["interface"].items() if name not in SCALES}
+            file.refused |= {f"interface.{name}": "leave it out, as it is 1 where units = 'natural'" for name in SCALES}
         values = {name: file.table(content, keys[name], name) for name, content in given.items()}
-        for name, content in of_tables.items():
-            told = not isinstance(given[name], Mapping) or any(f"{name}.{key}" in RENAMED for key in content)
-            for rule in () if told else rig_keys.RULES.get(name, ()):
+        for name, content in given.items():
+            for rule in rig_keys.RULES.get(name, ()):
                 file.choose(content, rule, TABLES[name], name)
         for name in ("contacts", "seed", "rtol"):
             methods = rig_keys.methods_with(name)

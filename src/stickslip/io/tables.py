@@ -66,12 +66,13 @@ _MOST_READ = 1_000
 class Tables:
     """Reads the tables of a file one after the other, and notes every mistake on the way.
 
-    With `natural`, quantities are plain numbers; `renamed` says of keys that were, by their paths, what to write now.
+    With `natural`, quantities are plain numbers.
     """
 
-    def __init__(self, *, natural: bool, renamed: Mapping[str, str]) -> None:
-        self.natural, self._renamed = natural, renamed
+    def __init__(self, *, natural: bool) -> None:
+        self.natural = natural
         self.mistakes: list[InputError] = []
+        self.refused: dict[str, str] = {}  # why a key that others have is unknown, by its path
 
     def wrong(self, place: str, what: str) -> None:
         """Note a mistake."""
@@ -97,7 +98,7 @@ class Tables:
         path = f"{place}." if place else ""
         for i, name in enumerate(str(name) for name in content if name not in keys):
             what = f"unknown key; {unknown(name, keys)}" if i < _MOST_EACH else "unknown key"  # a word takes its time
-            self.wrong(path + name[:60], self._renamed.get(path + name, what))
+            self.wrong(path + name[:60], self.refused.get(path + name, what))
         found: dict[str, Any] = {}
         for name, key in keys.items():
             if name in content:
@@ -114,10 +115,11 @@ class Tables:
                 found[name] = key.default
         return found
 
-    def choose(self, content: Mapping[str, Any], rule: Either, keys: Mapping[str, Key], place: str) -> None:
+    def choose(self, content: object, rule: Either, keys: Mapping[str, Key], place: str) -> None:
         """Note what a rule has against a table."""
-        usual = rule.natural if self.natural else 0
-        given = rule.given(content)
+        if not isinstance(content, Mapping):
+            return  # told of already
+        usual, given = rule.natural if self.natural else 0, rule.given(content)
         if len(given) > 1:
             self.wrong(place, rule.clash)
         elif (given or rule.needed) and usual is not None:

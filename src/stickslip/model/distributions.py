@@ -212,18 +212,6 @@ class _Histogram(Distribution):
 
     leftmost = -math.inf
 
-    def positive(self) -> Self:
-        edges, weights = self._bins
-        if edges[0] >= 0:
-            return self
-        if edges[-1] <= 0:
-            kind = type(self).__name__
-            raise InputError(f"{kind}: its largest value is {edges[-1]:g}; thresholds need values above 0")
-        first = int(np.searchsorted(edges, 0.0, side="right")) - 1
-        kept = weights[first:].copy()
-        kept[0] *= edges[first + 1] / (edges[first + 1] - edges[first])
-        return self._of(np.append(0.0, edges[first + 1 :]), kept)
-
     @property
     def knots(self) -> tuple[float, ...]:
         return tuple(self._bins[0].tolist())
@@ -338,19 +326,6 @@ class Gamma(_PowerOfGamma):
         return self.scale, self.shape, 1.0
 
 
-@register("weibull")
-@dataclass(frozen=True)
-class Weibull(_PowerOfGamma):
-    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
-
-    scale: Above0
-    shape: Annotated[float, Number(at_least=0.1)]
-
-    @property
-    def _form(self) -> tuple[float, float, float]:
-        return self.scale, 1.0, self.shape
-
-
 @register("lognormal")
 @dataclass(frozen=True)
 class LogNormal(Distribution):
@@ -398,6 +373,19 @@ class LogNormal(Distribution):
         return transforms_on_a_path(q, x, weight / weight.sum())
 
     leftmost = 0.0
+
+
+@register("weibull")
+@dataclass(frozen=True)
+class Weibull(_PowerOfGamma):
+    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
+
+    scale: Above0
+    shape: Annotated[float, Number(at_least=0.1)]
+
+    @property
+    def _form(self) -> tuple[float, float, float]:
+        return self.scale, 1.0, self.shape
 
 
 @register("empirical")

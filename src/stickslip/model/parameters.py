@@ -56,40 +56,30 @@ class Parameter:
         object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
-def _of_slider(attribute: str, unit: str, title: str, *, zero: bool = False) -> Parameter:
-    def get(rig: Rig) -> float:
-        if not hasattr(rig.slider, attribute):
-            raise InputError(
-                f"Rig.slider = {rig.slider!r}: has no {attribute} to vary; use a Slider, or a Parameter of your own"
-            )
-        return float(getattr(rig.slider, attribute))
+def _of(
+    name: str, unit: str, title: str, part: str = "", read: str = "", write: str = "", *, zero: bool = False
+) -> Parameter:
+    """Parameter of the slider, or of a part of the interface: its field, or what it knows to read and to set itself."""
 
-    def set_(rig: Rig, value: float) -> Rig:
-        get(rig)
-        return replace(rig, slider=replace(rig.slider, **{attribute: value}))
-
-    return Parameter(name=attribute, unit=unit, title=title, zero=zero, get=get, set=set_)
-
-
-def _of_interface(name: str, unit: str, title: str, part: str, read: str, write: str) -> Parameter:
-    """Parameter of a part of the interface: a field of that name, or what it knows to read and set itself."""
-
-    def value(rig: Rig) -> Any:
-        held = getattr(rig.interface, part)
-        if not (hasattr(held, write) or name in getattr(held, "__dataclass_fields__", ())):
-            raise InputError(f"Interface.{part} = {held!r}: has no {name} to vary; give a Parameter of your own")
-        return held
+    def held(rig: Rig) -> Any:
+        found = getattr(rig.interface, part) if part else rig.slider
+        if not (hasattr(found, name) or hasattr(found, write)):
+            place = f"Interface.{part}" if part else "Rig.slider"
+            raise InputError(f"{place} = {found!r}: has no {name} to vary; give a Parameter of your own")
+        return found
 
     def get(rig: Rig) -> float:
-        held = getattr(value(rig), read)
-        return float(held() if callable(held) else held)
+        value = getattr(held(rig), read or name)
+        return float(value() if callable(value) else value)
 
     def set_(rig: Rig, new: float) -> Rig:
-        held = value(rig)
-        changed = getattr(held, write)(new) if hasattr(held, write) else replace(held, **{name: new})
-        return replace(rig, interface=replace(rig.interface, **{part: changed}))
+        found = held(rig)
+        changed = getattr(found, write)(new) if hasattr(found, write) else replace(found, **{name: new})
+        if part:
+            return replace(rig, interface=replace(rig.interface, **{part: changed}))
+        return replace(rig, slider=changed)
 
-    return Parameter(name=name, unit=unit, title=title, zero=part == "delay", get=get, set=set_)
+    return Parameter(name=name, unit=unit, title=title, zero=zero, get=get, set=set_)
 
 
 def _get_velocity(rig: Rig) -> float:
@@ -108,19 +98,19 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     return replace(rig, drive=rig.drive.faster(value / before))
 
 
-STIFFNESS = _of_slider("stiffness", "k", "stiffness of the driving spring")
+STIFFNESS = _of("stiffness", "k", "stiffness of the driving spring")
 """Stiffness of the driving spring ``K/N``."""
-MASS = _of_slider("mass", "f_s time^2/x_s", "mass of the slider", zero=True)
+MASS = _of("mass", "f_s time^2/x_s", "mass of the slider", zero=True)
 """Mass ``M/N``, at constant ``eta``."""
-DAMPING = _of_slider("damping", "1/time", "damping eta", zero=True)
+DAMPING = _of("damping", "1/time", "damping eta", zero=True)
 """``eta`` of Eq. (11)."""
 VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_velocity, set=_set_velocity)
 """Velocity of the drive at its beginning; the path of the drive stays."""
-DELAY = _of_interface("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean")
+DELAY = _of("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean", zero=True)
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
-STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresholds", "std", "with_std")
+STD = _of("std", "1", "standard deviation of the thresholds", "thresholds", "standard_deviation", "with_std")
 """Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else as it is."""
-AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
+AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 
@@ -169,9 +159,9 @@ UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
 """Parameters of a rig in SI units that are 1 in natural ones, and are varied alone."""
 
 _OF_BODIES = (
-    _of_slider("coupling", "k", "coupling of neighbouring blocks"),
-    _of_slider("leaf", "k", "stiffness of the spring from each block to the drive", zero=True),
-    _of_slider("side", "k", "stiffness of the spring from the first block to the drive", zero=True),
+    _of("coupling", "k", "coupling of neighbouring blocks"),
+    _of("leaf", "k", "stiffness of the spring from each block to the drive", zero=True),
+    _of("side", "k", "stiffness of the spring from the first block to the drive", zero=True),
 )
 _SHIPPED = (*PARAMETERS, *_OF_BODIES, *UNITS_OF_A_RIG)
 
