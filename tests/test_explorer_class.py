@@ -38,8 +38,8 @@ def test_a_shared_app_is_behind_a_token(lesson):
             connection.close()
 
     assert get(path) == 200
-    assert get(f"{path}static/explorer.js") == 200
-    for wrong in ("/", "/static/explorer.js", path[:-2] + "/", path + "x/", path.rstrip("/"), "/session", path.upper()):
+    assert get(f"{path}explorer.js") == 200
+    for wrong in ("/", "/explorer.js", path[:-2] + "/", path + "x/", path.rstrip("/"), "/session", path.upper()):
         assert get(wrong) in (403, 404), wrong
     assert get(path, Host="evil.example") == 403
     assert get(path, Origin="http://evil.example") == 403

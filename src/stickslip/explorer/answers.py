@@ -8,11 +8,12 @@ waits for any more by raising.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from functools import partial
 
 from stickslip.explorer import fronts, simulate, stability, traces
+from stickslip.explorer.plain import Plain, Watch
 
-ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
+ANSWERS: Mapping[str, Callable[[Plain, Watch], Iterator[Plain]]] = {
     "run": simulate.run,
     "law": simulate.law,
     "stretchings": simulate.stretchings,
@@ -21,13 +22,11 @@ ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
     "chart": stability.chart,
     "band": stability.band,
     "advice": stability.advice,
+    "fronts": fronts.fronts,
     "trace": traces.trace,
+    "sample": traces.sample,
     "fit": traces.fit,
     "posterior": traces.posterior,
-    "download": simulate.download,
-    "fronts": fronts.fronts,
-    "sample": traces.sample,
-}
-"""What a worker can be asked; the last argument of each is its watch."""
-QUICK, SLOW = ("run", "law", "stretchings", "contacts", "edit"), ("chart", "band", "advice", "fronts")
-"""Questions of a window."""
+} | {form: partial(simulate.download, form) for form in ("nc", "png", "svg", "toml")}
+"""What a window can ask."""
+SLOW = ("chart", "band", "advice", "fronts", "posterior")

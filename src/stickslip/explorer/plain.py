@@ -57,6 +57,18 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     }
 
 
+def within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
+    """A number of a request, within bounds."""
+    value = request.get(key)
+    number = float(value) if isinstance(value, (int, float)) and math.isfinite(value) else usual
+    return min(max(number, low), high)
+
+
+def width_of(request: Plain) -> int:
+    """Pixels of the screen that asks."""
+    return int(within(request, "width", 100, 4_000, 1_000))
+
+
 def axis(variable: xr.DataArray) -> Plain:
     """Name and unit of an axis; SI units get the prefix that suits the values, which `factor` divides out."""
     name = name_of(variable)

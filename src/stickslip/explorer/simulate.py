@@ -18,7 +18,7 @@ import xarray as xr
 from stickslip import plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents, replay
-from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, packed
+from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, packed, width_of, within
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay
@@ -46,7 +46,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
     made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
     watch(1.0)
-    answer = force_trace(made, int(_within(request, "width", 100, 4_000, 1_000)))
+    answer = force_trace(made, width_of(request))
     undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
     goes_on = undecided and documents.extended(rig, seconds) is not None
     yield {
@@ -127,7 +127,7 @@ def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Frames of the contacts one by one, from the cursor on; see `replay`."""
     rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
     documents.check_size(rig, documents.seconds_of(request))
-    yield {"frames": next(replay.frames(rig, _within(request, "cursor", 0.0, 1.0, 0.0), watch))}
+    yield {"frames": next(replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), watch))}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -214,39 +214,25 @@ def _friction(rig: Rig) -> Plain:
 _static_friction = lru_cache(maxsize=64)(rigid.static_friction)
 _critical_stiffness = lru_cache(maxsize=64)(rigid.critical_stiffness)
 
-FORMATS = {
-    "nc": "application/x-netcdf",
-    "png": "image/png",
-    "svg": "image/svg+xml",
-    "toml": "application/toml",
-}
 
-
-def download(document: object, form: str, duration: object, seconds: float, watch: Watch) -> Iterator[bytes]:
+def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
     """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a picture."""
-    rig = documents.rig_of(document)
-    if form == "toml":
-        yield rigs.to_toml(rig).encode()
-        return
-    rig = documents.of_duration(rig, duration)
-    made = _run(rig, watch, seconds)
-    made.attrs["rig"] = rigs.to_toml(rig)
+    rig = documents.rig_of(request.get("document"))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"
-        if form == "nc":
-            store.save(made, file)
+        if form == "toml":
+            file.write_text(rigs.to_toml(rig), "utf-8")
         else:
-            plot.save(plot.overview(made), file)
-        yield file.read_bytes()
+            rig = documents.of_duration(rig, request.get("duration"))
+            made = _run(rig, watch, documents.seconds_of(request))
+            made.attrs["rig"] = rigs.to_toml(rig)
+            if form == "nc":
+                store.save(made, file)
+            else:
+                plot.save(plot.overview(made), file)
+        yield {"name": rig.name, "file": packed(np.frombuffer(file.read_bytes(), "u1"), "u1")}
 
 
 def _look(request: Plain, rig: Rig) -> float:
     """Time of the cursor; just before the end at the latest, where rounding could take it beyond."""
-    return _within(request, "cursor", 0.0, 0.9999, 1.0) * rig.drive.duration
-
-
-def _within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
-    """A number of a request, within bounds."""
-    value = request.get(key)
-    number = float(value) if isinstance(value, (int, float)) and math.isfinite(value) else usual
-    return min(max(number, low), high)
+    return within(request, "cursor", 0.0, 0.9999, 1.0) * rig.drive.duration

@@ -17,9 +17,9 @@ import numpy as np
 import xarray as xr
 
 from stickslip import fitting, measure
-from stickslip.errors import InputError, number, shown, whole
+from stickslip.errors import InputError, instance, number, shown, whole
 from stickslip.explorer import documents
-from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed
+from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
 from stickslip.fitting.known import newtons
 from stickslip.fitting.known import seconds as seconds_in
 from stickslip.fitting.rigs import compared
@@ -34,10 +34,6 @@ from stickslip.model.units import engineering
 from stickslip.plot.style import envelope
 from stickslip.simulation import simulate
 
-Options = Mapping[str, str]
-
-LARGEST_TRACE = 50_000_000
-"""Bytes of a measured trace that the page may send."""
 _COARSE = 2_000  # draws of a table that is quick to make
 _SHOWN = 8  # slips in the overlay
 _SERIES = 60  # of slips, for the distribution of drops
@@ -51,37 +47,46 @@ _DAMPING = 0.15
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def trace(content: bytes, name: str, options: Options, width: int, watch: Watch) -> Iterator[Plain]:
-    """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
+def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Analyse a measured trace, as it was sent."""
     watch(0.0)
-    data = _read(content, name, options)
+    data = _read(request)
     found = measure.drops(data)
     yield {
-        **force_trace(data, width),
-        "name": name,
+        **force_trace(data, width_of(request)),
+        "name": _name(request),
         "rows": int(data.attrs["rows"]),
         "note": str(data.attrs.get("note", "")),
         "statistics": [["found", measure.counted(found)], *(list(line) for line in measure.statistics(found))],
     }
 
 
-def _read(content: bytes, name: str, options: Options) -> xr.Dataset:
-    step = None
-    if text := options.get("step", "").strip():
+def _name(request: Plain) -> str:
+    return Path(str(request.get("name", ""))).name[:100] or "trace"
+
+
+def _options(request: Plain) -> dict[str, str]:
+    """What was filled in: the columns (force, time) or the time from row to row (step); what is known for a fit."""
+    instance("options", options := request.get("options", {}), dict, "a table of texts")
+    return {key: text for key, value in options.items() if (text := str(value).strip())}
+
+
+def _read(request: Plain) -> xr.Dataset:
+    """The trace of a request, from its content and the columns that were named."""
+    options, step = _options(request), None
+    if text := options.get("step"):
         try:
             step = read_quantity(text, "s", "0.5 ms", bare=True)
         except InputError as error:
             raise InputError(f"step = {shown(text)}: {error}") from None
-    columns = {key: text for key in ("force", "time") if (text := options.get(key, "").strip())}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
-        file.write_bytes(content)
+        file.write_bytes(request["content"])
         try:
-            return measure.read_trace(
-                file, force=columns.get("force"), time=None if step is not None else columns.get("time"), step=step
-            )
+            time = options.get("time") if step is None else None
+            return measure.read_trace(file, force=options.get("force"), time=time, step=step)
         except InputError as error:
-            words = str(error).replace(str(file), name)
+            words = str(error).replace(str(file), _name(request))
             raise InputError(re.sub(r"\(--(force|time|step)\b[^)]*\)", _field_of, words)) from None
 
 
@@ -90,20 +95,11 @@ def _field_of(option: re.Match[str]) -> str:
     return f"(in the field {'seconds per row' if option[1] == 'step' else f'{option[1]} column'})"
 
 
-def sample(watch: Watch) -> Iterator[bytes]:
+def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
     """A trace to try: slips of a rig whose truth is known, as a force sensor with noise would have recorded them."""
-    watch(0.0)
     run = fitting.synthetic_trace()
     rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)]
-    yield "\n".join(["time [s],force [N]", *rows, ""]).encode()
-
-
-def too_large(size: float, most: float) -> str:
-    """Say that a file is too large."""
-    return (
-        f"this file has {size / 1e6:.3g} MB, more than {most / 1e6:g}; keep every n-th row or a part of it, "
-        "or use `stickslip measure`"
-    )
+    yield {"text": "\n".join(["time [s],force [N]", *rows, ""])}
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -111,11 +107,10 @@ def too_large(size: float, most: float) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def fit(content: bytes, name: str, options: Options, seconds: float, watch: Watch) -> Iterator[Plain]:
+def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The readings of a trace, the rig that they make by closed forms, and what intervals would take."""
     watch(0.0)
-    events = fitting.pick_events(_read(content, name, options))
-    given: dict[str, Any] = {key: text.strip() for key, text in options.items() if text.strip()}
+    events, given = fitting.pick_events(_read(request)), _options(request)
     try:
         zeta = read_number(given["damping"]) if "damping" in given else _DAMPING
     except InputError as error:
@@ -134,7 +129,7 @@ def fit(content: bytes, name: str, options: Options, seconds: float, watch: Watc
     if missing := [title for key, title in _NEEDED.items() if key not in given]:
         yield {"missing": f"For a rig, give {listed(missing)}: a force trace alone tells no length, time or mass."}
     else:
-        yield {"quick": _quick(events, readings | given | {"damping": zeta}, seconds, watch)}
+        yield {"quick": _quick(events, readings | given | {"damping": zeta}, documents.seconds_of(request), watch)}
     yield {"table": _plan(events)}
 
 
@@ -261,22 +256,20 @@ def _plan(events: fitting.Events) -> Plain:
     return {"sizes": [{"draws": draws, "seconds": max(draws - ready, 0) * each} for draws in (_COARSE, DRAWS)]}
 
 
-def posterior(content: bytes, name: str, options: Options, may_simulate: bool, watch: Watch) -> Iterator[Plain]:
+def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The fit with its intervals: what the trace says of each parameter, series of its draws, and the rig."""
     watch(0.0)
-    events = fitting.pick_events(_read(content, name, options))
-    draws = whole(
-        "draws", int(text) if (text := options.get("draws", "")).isdecimal() else text, at_least=_COARSE, at_most=DRAWS
-    )
-    if not may_simulate and draws_kept(fitting.Prior(), SLIPS) < draws:
+    events, options = fitting.pick_events(_read(request)), _options(request)
+    draws = whole("draws", request.get("draws"), at_least=_COARSE, at_most=DRAWS)
+    if not request.get("table") and draws_kept(fitting.Prior(), SLIPS) < draws:
         raise InputError(
             "intervals need a table of simulations that takes minutes; a shared explorer does not make it: run "
             "`stickslip fit` on this machine once, or a fit in an explorer that is not shared"
         )
-    known = {key: text for key in ("stiffness", "speed", "mass") if (text := options.get(key, "").strip())}
+    known = {key: options[key] for key in _NEEDED if key in options}
     found = fitting.fit(events, known=known, draws=draws, progress=watch)
     try:
-        rig = _rig(found.rig(name=f"fit of {name}"))
+        rig = _rig(found.rig(name=f"fit of {_name(request)}"))
     except InputError as error:
         rig = {"no_rig": str(error)}
     yield {

@@ -17,9 +17,8 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,12 +38,11 @@ REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg.
 _STOP = "stop"
 
 
-@dataclass(frozen=True)
-class Job:
-    """A question: what kind, with what, and for how many seconds it may be worked on."""
+class Job(NamedTuple):
+    """A question, its kind, and for how many seconds it may be worked on."""
 
     kind: str
-    arguments: tuple[Any, ...]
+    request: Plain
     seconds: float
 
 
@@ -202,7 +200,7 @@ def _answer(line: Connection, job: Job) -> None:
             line.send(("reply", {"progress": share}))
 
     try:
-        for content in answers.ANSWERS[job.kind](*job.arguments, watch):
+        for content in answers.ANSWERS[job.kind](job.request, watch):
             line.send(("reply", content))
         line.send(("reply", {"done": True}))
     except _StoppedError:

@@ -1,10 +1,10 @@
 /* The page begins here. Its whole state is one document, the content of a rig file: shown in the fields, sent whole with
    every question, kept in the address. */
 
-import { $, element, fileName, notice, parts, save, state, tellParts } from "./page.js";
+import { $, element, parts, save, state, tellParts, unpacked } from "./page.js";
 import { address, complain, keepHere, remember } from "./rig.js";
 import { lasted } from "./simulate.js";
-import { connect } from "./talk.js";
+import { ask, connect, on } from "./talk.js";
 import "./map.js";
 import "./stop.js";
 import "./trace.js";
@@ -41,13 +41,9 @@ $("glossary-open").onclick = () => $("glossary").showModal();
 $("glossary-close").onclick = () => $("glossary").close();
 
 for (const button of document.querySelectorAll("[data-download]")) {
-  button.onclick = async () => {
-    const form = button.dataset.download, duration = form !== "toml" && state.shown.run ? lasted() : null;
-    const answer = await fetch(`download/${form}`, { method: "POST", body: JSON.stringify({ document: state.doc, duration }) }).catch(() => null);
-    if (!answer) return notice("The server is gone. Start `stickslip explore` again; this page will find it.");
-    if (!answer.ok) return complain((await answer.json()).errors);
-    save(await answer.blob(), `${fileName(state.doc.name)}.${form}`);
-  };
+  const form = button.dataset.download;
+  button.onclick = () => ask(form, { duration: form !== "toml" && state.shown.run ? lasted() : null });
+  on(form, ({ name, file }) => save(unpacked(file), name, form), complain);
 }
 $("link").onclick = async () => {
   const link = location.origin + location.pathname + address();

@@ -2,16 +2,16 @@
 
 import { axis, colour, draw, label, upright } from "./figures.js";
 import { split } from "./fields.js";
-import { $, complainAt, element, field, fileName, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
+import { $, complainAt, element, field, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
 import { begin, wait } from "./rig.js";
-import { saying } from "./talk.js";
+import { ask, drop, on, saying } from "./talk.js";
 import { source } from "./trace.js";
 
 const SAMPLE = { stiffness: "350", speed: "1.5", mass: "0.0756" };
 const inputs = {};
-let known = {}, pending, fitted = null, quick = null, found = null, running = null, quickly = null, sizes = [];
+let known = {}, pending, fitted = null, quick = null, found = null, running = "", sizes = [];
 
-function ask(key, { read, missing, ...words }) {
+function input(key, { read, missing, ...words }) {
   const made = field(`fit-${key}`, words, (text, input) => {
     if (text === "") delete input.dataset.own;
     compute();
@@ -22,54 +22,35 @@ function ask(key, { read, missing, ...words }) {
 }
 
 /* The trace, and what is known: readings of the trace itself are left to the server. */
-function request(more = {}) {
-  const { file, query } = source(), given = {};
+function request() {
+  const { options, ...trace } = source(), given = {};
   for (const [key, { unit, read }] of Object.entries(known)) {
     const value = inputs[key].value.trim();
     if (value && (!read || "own" in inputs[key].dataset)) {
       given[key] = unit && !split(value)[1] ? `${value} ${inputs[key].nextSibling.textContent}` : value;
     }
   }
-  return [`fit?${new URLSearchParams({ ...query, ...given, ...more })}`, file];
+  return { ...trace, options: { ...options, ...given } };
 }
-/* Lines of JSON as they come; ends early when it is stopped. */
-async function stream([address, body], signal, each) {
-  const answer = await fetch(address, { method: "POST", body, signal }), reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
-  let rest = "";
-  for (;;) {
-    const { value, done } = await reader.read();
-    const lines = (rest + (value ?? "")).split("\n");
-    rest = done ? "" : lines.pop();
-    for (const text of lines) if (text) each(JSON.parse(text));
-    if (done) return;
-  }
-}
+const values = () => JSON.stringify(request().options);
 
 // ------------------------------------------------------------------------------------------------ by closed forms
 
-async function compute() {
-  quickly?.abort();
-  const mine = (quickly = new AbortController());
+function compute() {
   mark("fit", "computing", quick ? "Computing … what stands here is about the values before." : "Reading the slips …");
-  if (found && found.of !== request()[0]) mark("posterior", "computing", "These intervals are of the values before: fit again.");
-  try {
-    await stream(request(), mine.signal, (reply) => {
-      if (mine !== quickly) return;
-      if (reply.errors) return refuse(saying(reply.errors));
-      if (reply.readings) read(reply);
-      if (reply.missing) { $("quick").hidden = true; quick = null; mark("fit", "", reply.missing); complainAt("fit-complaint", ""); }
-      if (reply.quick) showQuick(reply.quick);
-      if (reply.table) offer(reply.table);
-    });
-  } catch (error) {
-    if (error.name !== "AbortError") refuse("The server is gone, or the trace could not be sent.");
-  }
+  if (found && found.of !== values()) mark("posterior", "computing", "These intervals are of the values before: fit again.");
+  ask("fit", request());
 }
-function refuse(text) {
-  complainAt("fit-complaint", text);
+on("fit", (reply) => {
+  if (reply.readings) read(reply);
+  if (reply.missing) { $("quick").hidden = true; quick = null; mark("fit", "", reply.missing); complainAt("fit-complaint", ""); }
+  if (reply.quick) showQuick(reply.quick);
+  if (reply.table) offer(reply.table);
+}, (errors) => {
+  complainAt("fit-complaint", saying(errors));
   mark("fit", "refused", quick ? "Refused: what stands here is about the values before." : "");
   if (!quick) $("quick").hidden = true;
-}
+});
 function read({ slips, readings }) {
   list("fit-slips", slips);
   for (const [key, value] of Object.entries(readings)) if (!("own" in inputs[key].dataset)) inputs[key].value = value;
@@ -108,34 +89,30 @@ function offer(plan) {
   complainAt("posterior-complaint", plan.refused ? `No intervals: ${plan.refused}` : "");
   for (const button of [$("fit-coarse"), $("fit-full")]) {
     const size = sizes[button.dataset.size], name = button.dataset.size === "0" ? "Coarse" : "Full";
-    button.disabled = !size || running !== null;
+    button.disabled = !size || running;
     if (size) button.textContent = `${name}: ${size.draws.toLocaleString("en")} simulations, ${took(size.seconds)}${size.seconds < 1 ? "" : " once"}`;
   }
 }
-async function fit(size) {
-  const mine = (running = new AbortController());
+function fit(size) {
+  running = values();
   for (const id of ["fit-coarse", "fit-full"]) $(id).disabled = true;
   $("fit-stop").hidden = false;
-  $("fit-state").textContent = size.seconds < 1 ? "fitting …" : "simulating …";
+  $("fit-state").textContent = size.seconds < 1 ? "fitting …" : "simulating, then comparing with the trace …";
   complainAt("posterior-complaint", "");
   progress("fit", NaN);
   if (found) mark("posterior", "computing", "Computing … these intervals are of the fit before.");
-  const of = request()[0];
-  let words = "";
-  try {
-    await stream(request({ intervals: "yes", draws: size.draws }), mine.signal, (reply) => {
-      if (reply.progress !== undefined) {
-        progress("fit", reply.progress);
-        if (reply.progress >= 1) $("fit-state").textContent = "comparing with the trace …";
-      } else if (reply.errors) {
-        complainAt("posterior-complaint", saying(reply.errors));
-        if (found) mark("posterior", "refused", "Refused: these intervals are of the fit before.");
-      } else if (reply.parameters) showPosterior({ ...reply, of });
-    });
-  } catch (error) {
-    words = error.name === "AbortError" ? "Stopped; what was simulated is kept." : "The server is gone.";
-  }
-  running = null;
+  ask("posterior", { ...request(), draws: size.draws });
+}
+on("posterior", (reply) => {
+  showPosterior({ ...reply, of: running });
+  ended();
+}, (errors) => {
+  complainAt("posterior-complaint", saying(errors));
+  if (found) mark("posterior", "refused", "Refused: these intervals are of the fit before.");
+  ended();
+}, "fit");
+function ended(words = "") {
+  running = "";
   $("fit-stop").hidden = true;
   $("fit-state").textContent = words;
   progress("fit", null);
@@ -179,7 +156,11 @@ function drawPosterior() {
 }
 $("fit-coarse").onclick = () => fit(sizes[0]);
 $("fit-full").onclick = () => fit(sizes[1]);
-$("fit-stop").onclick = () => running?.abort();
+$("fit-stop").onclick = () => stop("Stopped; what was simulated is kept.");
+function stop(words) {
+  drop("posterior");
+  ended(words);
+}
 
 // ----------------------------------------------------------------------------------------------------- what to do
 
@@ -190,7 +171,7 @@ function openRig(rig) {
   $("tab-simulate").click();
   window.scrollTo(0, 0);
 }
-const saveRig = (rig) => save(new Blob([rig.toml], { type: "application/toml" }), `${fileName(rig.document.name)}.toml`);
+const saveRig = (rig) => save(rig.toml, rig.document.name, "toml");
 $("quick-open").onclick = () => openRig(quick);
 $("quick-save").onclick = () => saveRig(quick);
 $("fit-open").onclick = () => openRig(found);
@@ -198,7 +179,8 @@ $("fit-save").onclick = () => saveRig(found);
 
 /* Another trace: its readings are its own; of the sample, the bench is known. */
 function begun(file) {
-  running?.abort();
+  fitted = null;
+  if (running) stop("");
   quick = found = null;
   $("posterior").hidden = $("quick").hidden = true;
   $("fit-none").hidden = file !== null;
@@ -213,7 +195,7 @@ function begun(file) {
 parts.fit = {
   greeted({ fit: given }) {
     known = given;
-    $("fit-fields").replaceChildren(...Object.entries(known).map(([key, words]) => ask(key, words)));
+    $("fit-fields").replaceChildren(...Object.entries(known).map(([key, words]) => input(key, words)));
   },
   open() {
     $("source").hidden = false;
@@ -223,6 +205,7 @@ parts.fit = {
     if (found) drawPosterior();
   },
   close() { $("source").hidden = true; },
+  lost() { if (running) ended("The server is gone."); },
   measured(file) {
     if (state.page === "fit") begun(file);
     else pending = file; // nothing is computed for a page that nobody looks at

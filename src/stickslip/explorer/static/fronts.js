@@ -2,7 +2,7 @@
 
 import { axis, colour, cursorOver, draw, label, timeAt, upright } from "./figures.js";
 import { at, numeric, put, short } from "./fields.js";
-import { $, complainAt, element, field, fileName, mark, parts, pretty, progress, save, state, table, unpacked } from "./page.js";
+import { $, complainAt, element, field, mark, parts, pretty, progress, save, state, table, unpacked } from "./page.js";
 import { ask, drop, on, saying } from "./talk.js";
 
 const { shown } = state;
@@ -67,7 +67,7 @@ $("fronts-stop").onclick = () => {
   mark("fronts", "refused", "Stopped; change a number, or choose a bar, to go on.");
 };
 $("bar-save").onclick = () => {
-  if (shown.fronts) save(new Blob([shown.fronts.toml], { type: "application/toml" }), `${fileName(shown.fronts.name)}.toml`);
+  if (shown.fronts) save(shown.fronts.toml, shown.fronts.name, "toml");
 };
 
 // ------------------------------------------------------------------------------------------------------ the events

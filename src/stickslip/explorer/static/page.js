@@ -19,7 +19,7 @@ export const state = {
 
 /* The parts of the page, by name. What they have of these is called as things happen: `greeted` (the server said hello),
    `open` and `close` (a page), `changed` (the rig is another), `drawn` (its run has come; whether it is the last of it),
-   `refused`, `chosen` (a preset), `measured` (a trace was read), `recolour`. */
+   `refused`, `chosen` (a preset), `measured` (a trace was read), `lost` (the server is gone), `recolour`. */
 export const parts = {};
 export function tellParts(what, ...content) {
   for (const part of Object.values(parts)) part[what]?.(...content);
@@ -96,9 +96,10 @@ export function showRegime(prefix, regime, often = "") {
 
 // ---------------------------------------------------------------------------------------------------------- files
 
-export function save(blob, name) {
-  const url = URL.createObjectURL(blob);
+/* Save a text, or bytes, as a file that is named after a rig. */
+export function save(content, title, form) {
+  const url = URL.createObjectURL(new Blob([content])), name = `${fileName(title)}.${form}`;
   element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
-export const fileName = (title) => String(title ?? "rig").toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "") || "rig";
+const fileName = (title) => String(title ?? "rig").toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "") || "rig";

@@ -1,7 +1,7 @@
 /* Questions to the server, and its answers. Each kind of question has a lane in which only the newest counts; answers
    carry the number of their question. */
 
-import { $, notice, progress, state } from "./page.js";
+import { $, notice, progress, state, tellParts } from "./page.js";
 
 const FRAME = 400; // ms after which a question is asked anew although the last is not answered
 
@@ -13,6 +13,7 @@ const kinds = {}; // kind -> {answer, refused, bar}
 export function on(kind, answer, refused = () => {}, bar = null) {
   kinds[kind] = { answer, refused, bar };
 }
+/* Ask a question; a file goes with it in the same message, after the first line. */
 export function ask(kind, content = {}) {
   const lane = (lanes[kind] ??= { id: 0, answered: 0, sent: 0 });
   lane.waiting = { kind, id: ++counter, document: state.doc, width: Math.max(300, $("pages").clientWidth), ...content };
@@ -27,7 +28,8 @@ function pump(lane) {
   if (left > 0) return void (lane.waiter = setTimeout(pump, left, lane));
   lane.id = lane.waiting.id;
   lane.sent = performance.now();
-  socket.send(JSON.stringify(lane.waiting));
+  const { file, ...question } = lane.waiting, text = JSON.stringify(question);
+  socket.send(file ? new Blob([text, "\n", file]) : text);
   lane.waiting = null;
 }
 export function drop(kind) {
@@ -44,6 +46,7 @@ export function connect() {
   };
   socket.onclose = () => {
     notice("The server is gone, or has no room for another window. This page will find it again.");
+    tellParts("lost");
     setTimeout(connect, 2000);
   };
   socket.onmessage = (event) => receive(JSON.parse(event.data));

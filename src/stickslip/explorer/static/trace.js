@@ -3,36 +3,34 @@
 import { draw, forceLayout, forceTraces } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, showRegime, state, table, tellParts } from "./page.js";
-import { saying } from "./talk.js";
+import { ask, on, saying } from "./talk.js";
 
-const LARGEST = 50e6;
 const { shown } = state;
-let file = null;
+let file = null, largest = 0;
 
 /* The file, and how it is to be read; null before there is one. */
-export const source = () => file && { file, query: { name: file.name, width: Math.max(300, $("pages").clientWidth),
-  force: $("column-force").value, time: $("column-time").value, step: $("step").value } };
+export const source = () => file && { file, name: file.name,
+  options: { force: $("column-force").value, time: $("column-time").value, step: $("step").value } };
 
 async function analyse(chosen) {
-  file = chosen;
-  $("again").hidden = false;
-  if (file.size > LARGEST) {
-    return complain(`${file.name} has ${Math.round(file.size / 1e6)} MB, more than ${LARGEST / 1e6}; keep every n-th row or a part of it, or use stickslip measure`);
+  $("again").hidden = file === null;
+  if (chosen.size > largest) {
+    return complain(`${chosen.name} has ${Math.round(chosen.size / 1e6)} MB, more than ${largest / 1e6}; keep every n-th row or a part of it, or use stickslip measure`);
   }
-  $("trace-state").textContent = `reading ${file.name} …`;
+  $("trace-state").textContent = `reading ${chosen.name} …`;
   if (shown.trace) mark("trace", "computing", `Reading … this is ${shown.trace.name}.`);
-  try {
-    const answer = await fetch(`trace?${new URLSearchParams(source().query)}`, { method: "POST", body: file });
-    if (file !== chosen) return;
-    const found = await answer.json();
-    if (found.errors) return complain(saying(found.errors));
-    shown.trace = found;
-    show(found);
-    tellParts("measured", chosen);
-  } catch {
-    complain(`${chosen.name} could not be read, or the server is gone`);
-  }
+  const bytes = await chosen.arrayBuffer().catch(() => null);
+  if (!bytes) return complain(`${chosen.name} could not be read`);
+  file = new File([bytes], chosen.name); // a copy: the file may go, or change
+  $("again").hidden = false;
+  ask("trace", source());
 }
+on("trace", (reply) => {
+  shown.trace = reply;
+  show(reply);
+  tellParts("measured", file);
+}, (errors) => complain(saying(errors)));
+on("sample", ({ text }) => analyse(new File([text], "sample.csv")));
 function complain(text) {
   $("trace-state").textContent = "";
   $("trace-complaint").textContent = text;
@@ -55,10 +53,7 @@ function show(found) {
 }
 
 $("file").onchange = () => { if ($("file").files[0]) analyse($("file").files[0]); $("file").value = ""; };
-$("sample").onclick = async () => {
-  const answer = await fetch("sample.csv").catch(() => null);
-  if (answer?.ok) analyse(new File([await answer.blob()], "sample.csv"));
-};
+$("sample").onclick = () => ask("sample");
 $("again").onclick = () => analyse(file);
 for (const kind of ["dragover", "drop"]) {
   window.addEventListener(kind, (event) => { // anywhere on the page, so that a miss does not leave it
@@ -72,6 +67,7 @@ for (const kind of ["dragover", "drop"]) {
 window.addEventListener("dragleave", () => $("drop").classList.remove("over"));
 
 parts.trace = {
+  greeted(reply) { largest = reply.largest; },
   open() { $("source").hidden = false; if (shown.trace) show(shown.trace); },
   close() { $("source").hidden = true; },
 };
