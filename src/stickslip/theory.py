@@ -17,10 +17,10 @@ from stickslip.errors import InputError, instance, number, numbers
 from stickslip.kernels.langevin import Langevin
 from stickslip.kernels.langevin_steady import pull_newborns
 from stickslip.model import Interface, Slider
+from stickslip.model.newborn import mean_life
 from stickslip.sliding import kinetic_friction
 from stickslip.sliding.langevin import ageing_constants as ageing_constants
 from stickslip.sliding.law import at_each
-from stickslip.sliding.unaged import ClosedForm
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,8 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
         raise InputError(
             "velocity = 0: with an infinite delay the limit of slow sliding does not exist; give one above 0"
         )
-    return at_each(ClosedForm(interface=interface).fractions, speed)
+    path, delay = mean_life(interface).path, interface.delay.moment(1)
+    return at_each(lambda speeds: 1.0 / (1.0 + speeds * delay / path), speed)
 
 
 def driving_force(interface: Interface, slider: Slider, velocity: float) -> float:

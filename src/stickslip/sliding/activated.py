@@ -1,9 +1,7 @@
 """Steady sliding of contacts that break by temperature, or whose thresholds grow by a fixed rule.
 
-With ``M_j`` the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached
-contacts, ``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``. A perturbation ``eps exp(s t)`` of the
-slider changes the hazard of a contact by its rate's slope along its life, and moves the moment at which it meets its
-threshold. With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
+A perturbation ``eps exp(s t)`` of the slider changes the hazard of a contact by its rate's slope along its life, and
+moves the moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
 
     U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx',  Rc = Int_0^x r_x dx'
     L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>,   Y the same with x before it
@@ -18,151 +16,51 @@ per contact, in units of ``k``, with ``S^, W`` the transforms of the survival an
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
-from stickslip.errors import InputError
 from stickslip.model import Bell, Interface
-from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
-from stickslip.sliding.response import (
-    STEP,
-    Array,
-    ComplexArray,
-    Parts,
-    Precision,
-    Response,
-    Sliding,
-    check_delay,
-    speed_by_speed,
-    whole_axis,
-)
-
-if TYPE_CHECKING:
-    from stickslip.kernels.lives import Lives
+from stickslip.sliding.lives import MeanLives, gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
+from stickslip.sliding.response import STEP, Array, ComplexArray, Parts, Perturbed, Precision, Response
 
 
-class _Lives(NamedTuple):
-    """Lives of each kind of contacts: mean way and work, their slopes in ln v, and how much of the force is theirs."""
-
-    way: Array
-    work: Array
-    longer: Array
-    more: Array
-    weight: Array
+def mean_lives(interface: Interface, velocity: float) -> MeanLives:
+    """Return the mean life of contacts that break by temperature, or whose thresholds grow by a fixed rule."""
+    lives = lives_of(interface, velocity)
+    survival, slope = lives.weight * lives.survival, lives.weight * lives.slope
+    longer, more = slope.sum() + lives.cap_slope.sum(), lives.x @ slope + lives.cap_x @ lives.cap_slope
+    return MeanLives(*np.array([[survival.sum(), lives.x @ survival, longer, more, 1.0]]).T)
 
 
-class _OverLives(Sliding):
-    """Steady sliding of which the force is the mean work over the mean way, detached contacts included."""
+def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLives:
+    """Return the mean lives of contacts of different areas: of each area, or of all if newborns draw a new one."""
+    from stickslip.kernels import lives as kernel
 
-    @abstractmethod
-    def _lives(self, velocity: float) -> _Lives:
-        """Return the lives of contacts at a speed."""
+    areas, hazard = interface.threshold_distribution, hazard_of(interface.temperature)
+    low, high = areas.support
+    if areas.single:
+        node, weight = np.array([areas.moment(1)]), np.ones(1)
+    else:
+        start = max(low, 0.0)
+        places = [(start, 1e-6), *((knot, 0.05) for knot in areas.knots)]  # the root of a small area is steep
+        node, weight = gauss_nodes(panel_edges(areas, start, high, places, math.inf))
+        weight = weight * areas.density(node)
+    stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
+    # Without temperature the speed does not matter to a life.
+    lives = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)
+    whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
 
-    def _mean(self, velocity: float) -> tuple[float, float]:
-        """Force, and its slope in ln v."""
-        away = velocity * self.interface.delay.moment(1) if velocity > 0 else 0.0
-        if math.isinf(away):
-            return self.interface.sliding_force, 0.0
-        lives, pulled = self._lives(velocity), self.interface.sliding_force * away
-        length = lives.way + away
-        if np.any(length <= 0):
-            return 0.0, 0.0  # contacts break as soon as they attach
-        force = (lives.work + pulled) / length
-        slope = (lives.more + pulled - force * (lives.longer + away)) / length
-        return float(lives.weight @ force), float(lives.weight @ slope)
+    def of_each(value: Array) -> Array:
+        return np.asarray(np.bincount(whose, weights=lives.weight * value, minlength=node.size), dtype=float)
 
-    def force(self, velocity: Array) -> Array:
-        """Force per contact."""
-        return np.array([self._mean(v)[0] for v in velocity.tolist()])
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in ln v."""
-        return np.array([self._mean(v)[1] for v in velocity.tolist()])
-
-
-class ByLives(_OverLives):
-    """Steady sliding of contacts with temperature, or whose thresholds grow by a fixed rule."""
-
-    def __post_init__(self) -> None:
-        grows = "of thresholds that grow" if self.interface.temperature is None else "with temperature"
-        self.interface.allow(("temperature", "sliding_force"), f"smooth sliding {grows}")
-
-    @property
-    def slow_limit(self) -> str | None:
-        """Why there is no limit of slow sliding."""
-        return super().slow_limit if self.interface.ageing else "at a temperature no slow limit is left"
-
-    def _lives(self, velocity: float) -> _Lives:
-        lives = lives_of(self.interface, velocity)
-        longer = lives.weight @ lives.slope + lives.cap_slope.sum()
-        more = (lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope
-        return _Lives(*np.array([[*mean_life_and_work(lives), longer, more, 1.0]]).T)
-
-    def response(self) -> ActivatedResponse:
-        """Return the linear response."""
-        check_delay(self.interface.delay)
-        return ActivatedResponse(interface=self.interface)
-
-
-class OfAreas(_OverLives):
-    """Steady sliding of contacts of different areas: a mean of the work over one of the length, or of their ratio."""
-
-    def __post_init__(self) -> None:
-        self.interface.allow(("temperature", "areas", "sliding_force"), "smooth sliding of areas")
-        if self.interface.ageing is not None:
-            raise InputError(
-                f"Interface.areas = {self.interface.areas!r}: smooth sliding is not known together with ageing = "
-                f"{self.interface.ageing}; simulate with Contacts",
-                "Interface.areas",
-            )
-
-    @property
-    def slow_limit(self) -> str | None:
-        """Why there is no limit of slow sliding, if so."""
-        if self.interface.temperature is not None:
-            return "at a temperature no slow limit is left"
-        return None if math.isfinite(self.interface.delay.moment(1)) else "the delay is infinite"
-
-    def _lives(self, velocity: float) -> _Lives:
-        from stickslip.kernels import lives as kernel
-
-        areas, hazard = self.interface.threshold_distribution, hazard_of(self.interface.temperature)
-        low, high = areas.support
-        if areas.single:
-            node, weight = np.array([areas.moment(1)]), np.ones(1)
-        else:
-            start = max(low, 0.0)
-            places = [(start, 1e-6), *((knot, 0.05) for knot in areas.knots)]  # the root of a small area is steep
-            node, weight = gauss_nodes(panel_edges(areas, start, high, places, math.inf))
-            weight = weight * areas.density(node)
-        stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
-        # Without temperature the speed does not matter to a life.
-        lives = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)
-        whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
-
-        def of_each(value: Array) -> Array:
-            return np.asarray(np.bincount(whose, weights=lives.weight * value, minlength=node.size), dtype=float)
-
-        way, longer = of_each(lives.survival), of_each(lives.slope)
-        work, more = (stiffness * of_each(lives.x * value) for value in (lives.survival, lives.slope))
-        if self.interface.areas == "fresh":  # one kind of site, with the mean life
-            return _Lives(*np.array([[weight @ value for value in (way, work, longer, more)] + [1.0]]).T)
-        return _Lives(way, work, longer, more, weight)
-
-    def response(self) -> Response:
-        """Refuse: the linear response is of contacts of one stiffness."""
-        self.interface.allow(self.interface.mechanisms - {"areas"}, "the linear response")
-        raise AssertionError
-
-
-def mean_life_and_work(lives: Lives) -> tuple[float, float]:
-    """Return how far the slider goes in the mean life of a contact, and the mean integral of the stretching over it."""
-    held = lives.weight * lives.survival
-    return float(held.sum()), float(held @ lives.x)
+    way, longer = of_each(lives.survival), of_each(lives.slope)
+    work, more = (stiffness * of_each(lives.x * value) for value in (lives.survival, lives.slope))
+    if interface.areas == "fresh":  # one kind of site, with the mean life
+        return MeanLives(*np.array([[weight @ value for value in (way, work, longer, more)] + [1.0]]).T)
+    return MeanLives(way, work, longer, more, weight)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,14 +72,8 @@ class ActivatedResponse(Response):
     # From octave to octave of the frequency the panels change.
     precision: ClassVar[Precision] = Precision(accuracy=1e-8, step=1e-4, settled=1e-9, slack=1e-6)
 
-    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Return kappa."""
-        return speed_by_speed(self._kappa, velocity, s)
-
-    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        """Return frequencies that follow every turn of kappa, and its parts there."""
-        del top
-        return whole_axis(self, velocity)
+    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        return self._joined(velocity, s, self._transforms(velocity, s / velocity))
 
     def along_axis(self, velocity: float) -> tuple[Array, Parts]:
         """Sample the response. Lives, which are dear and turn more slowly than delays, are interpolated."""
@@ -199,13 +91,8 @@ class ActivatedResponse(Response):
         kappa = self._joined(velocity, 1j * omega, np.concatenate(parts, axis=1))
         return omega, Parts(kappa, np.ones_like(kappa))
 
-    def _kappa(self, v: float, s: ComplexArray) -> ComplexArray:
-        kappa, moves = np.zeros(s.shape, dtype=complex), s != 0
-        kappa[moves] = self._joined(v, s[moves], self._transforms(v, s[moves] / v))
-        return kappa
-
     def _transforms(self, v: float, q: ComplexArray) -> ComplexArray:
-        """Transforms of a life under a perturbation, shape (4, n)."""
+        """`Perturbed` of a life, as one array."""
         from stickslip.kernels.lives import perturbed
 
         # Octaves of the wave number have panels of their own.
@@ -219,15 +106,9 @@ class ActivatedResponse(Response):
         return found
 
     def _joined(self, v: float, s: ComplexArray, transforms: ComplexArray) -> ComplexArray:
-        """Kappa from the transforms of a life and of the delay."""
-        lost, work, breaks, yields = transforms
-        rest, delay = mean_life_and_work(lives_of(self.interface, v))[0], self.interface.delay
-        q, missing = s / v, np.asarray(delay.absence(s))
-        back = 1.0 - missing
-        births = q * back * breaks / (missing + back * q * (rest - lost))
-        attached = births * (rest - lost) - breaks
-        found = lost + births * work - yields - self.interface.sliding_force * attached
-        return np.asarray(found / (rest + v * delay.moment(1)))
+        delay, rest = self.interface.delay, float(mean_lives(self.interface, v).way[0])
+        missing, away = np.asarray(delay.absence(s)), v * delay.moment(1)
+        return Perturbed(*transforms).kappa(s / v, missing, rest, away, self.interface.sliding_force)
 
     @cached_property
     def _std(self) -> float:
@@ -256,11 +137,14 @@ class ActivatedResponse(Response):
         return slow, np.arange(step, top, step), fast
 
     def frequencies(self, velocity: float, top: float) -> Array:
-        """Angular frequencies that follow every turn of kappa."""
         del top
         return np.asarray(velocity * np.concatenate(self._wave_numbers(velocity)))
 
     def cycle(self, velocity: float) -> float:
-        """Mean time between two attachments of a contact."""
-        rest = mean_life_and_work(lives_of(self.interface, velocity))[0]
-        return rest / velocity + self.interface.delay.moment(1)
+        return float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)
+
+
+def no_response(interface: Interface) -> Response:
+    """Refuse: the linear response is of contacts of one stiffness."""
+    interface.allow(interface.mechanisms - {"areas"}, "the linear response")
+    raise AssertionError

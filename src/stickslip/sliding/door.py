@@ -1,61 +1,136 @@
-"""The one door to steady sliding: which kind of contacts has which force, slope and linear response."""
+"""The one door to steady sliding: which kind of contacts has which force, slope and linear response.
+
+The force is the mean work of a contact over the mean way of the slider, both from one attachment to the next. With
+``M_j`` the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached contacts,
+``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lives.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.errors import instance
-from stickslip.model import AgeingModel, FixedGrowth, Interface, Langevin
+from stickslip.errors import InputError, instance
+from stickslip.model import FixedGrowth, Interface, Langevin
 from stickslip.model.quadrature import hashable
-from stickslip.sliding.activated import ByLives, OfAreas
-from stickslip.sliding.langevin import ByKineticEquation
-from stickslip.sliding.response import Array, Response, Sliding
-from stickslip.sliding.unaged import ClosedForm
+from stickslip.sliding import activated, langevin, unaged
+from stickslip.sliding.lives import MeanLives
+from stickslip.sliding.response import Array, Response
+
+Law = Callable[[Interface, Array], Array]
+"""Of the velocity, per contact."""
 
 
-def sliding_of(interface: Interface) -> Sliding:
-    """Return what is known of steady sliding of an interface, in natural units per contact.
+class Sliding(NamedTuple):
+    """Steady sliding of one kind of contacts, in natural units per contact."""
 
-    Raises
-    ------
-    InputError
-        If steady sliding is not known for such contacts.
-    """
-    instance("interface", interface, Interface, "an Interface")
+    who: str
+    takes: tuple[str, ...]
+    """Mechanisms with which it is known."""
+    force: Law
+    slope: Law
+    """Of the force in the logarithm of the velocity."""
+    response: Callable[[Interface], Response]
+
+
+def _by_lives(
+    who: str,
+    takes: tuple[str, ...],
+    lives: Callable[[Interface, float], MeanLives],
+    response: Callable[[Interface], Response],
+) -> Sliding:
+    """Steady sliding of which the lives are known, with their slopes."""
+
+    def law(interface: Interface, velocity: Array) -> Array:
+        return np.array([_force_and_slope(interface, v, lives) for v in velocity.tolist()]).T
+
+    return Sliding(who, takes, lambda i, v: law(i, v)[0], lambda i, v: law(i, v)[1], response)
+
+
+def _force_and_slope(
+    interface: Interface, velocity: float, lives: Callable[[Interface, float], MeanLives]
+) -> tuple[float, float]:
+    away = velocity * interface.delay.moment(1) if velocity > 0 else 0.0
+    if math.isinf(away):
+        return interface.sliding_force, 0.0
+    life, pulled = lives(interface, velocity), interface.sliding_force * away
+    length = life.way + away
+    if np.any(length <= 0):
+        return 0.0, 0.0  # contacts break as soon as they attach
+    force = (life.work + pulled) / length
+    slope = (life.more + pulled - force * (life.longer + away)) / length
+    return float(life.weight @ force), float(life.weight @ slope)
+
+
+def _by_force(who: str, takes: tuple[str, ...], force: Law, response: Callable[[Interface], Response]) -> Sliding:
+    """Steady sliding of which the force is known; its slope to fourth order in a step of 5 %."""
+
+    def slope(interface: Interface, velocity: Array) -> Array:
+        step = 0.05
+        near = [force(interface, velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
+        return np.asarray((8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step))
+
+    return Sliding(who, takes, force, slope, response)
+
+
+def _own_force(interface: Interface, velocity: Array) -> Array:
+    thresholds, delay = interface.threshold_distribution, interface.delay
+    assert interface.ageing is not None
+    return np.array([interface.ageing.friction(thresholds, delay, v) for v in velocity.tolist()])
+
+
+def _own_response(interface: Interface) -> Response:
+    assert interface.ageing is not None
+    own: Response = interface.ageing.response(interface.threshold_distribution, interface.delay)
+    return own
+
+
+_UNAGED = _by_lives("smooth sliding", ("sliding_force", "newborn"), unaged.mean_lives, unaged.response)
+_GROWN = _by_lives(
+    "smooth sliding of thresholds that grow",
+    ("sliding_force",),
+    activated.mean_lives,
+    lambda i: activated.ActivatedResponse(interface=i),
+)
+_ACTIVATED = _GROWN._replace(who="smooth sliding with temperature", takes=("temperature", "sliding_force"))
+_OF_AREAS = _by_lives(
+    "smooth sliding of areas",
+    ("temperature", "areas", "sliding_force"),
+    activated.mean_lives_of_areas,
+    activated.no_response,
+)
+_LANGEVIN = _by_force(
+    "smooth sliding of thresholds that age by Langevin", ("temperature",), langevin.force, langevin.response
+)
+_OWN = _by_force("smooth sliding of thresholds that age by a rule of your own", (), _own_force, _own_response)
+
+
+def sliding_of(interface: Interface, who: str = "") -> Sliding:
+    """Return what is known of steady sliding of an interface; raises `InputError` if nothing is."""
+    instance(f"{who}interface", interface, Interface, "an Interface")
+    ageing = interface.ageing
     if interface.areas is not None:
-        return OfAreas(interface=interface)
-    match interface.ageing:
-        case None:
-            return ClosedForm(interface=interface) if interface.temperature is None else ByLives(interface=interface)
-        case Langevin():
-            return ByKineticEquation(interface=interface)
-        case ageing if isinstance(ageing, FixedGrowth):
-            return ByLives(interface=interface)
-        case ageing:
-            return ByItsOwnRule(interface=interface, ageing=ageing)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ByItsOwnRule(Sliding):
-    """Steady sliding of contacts that age by a model of the user's own, as that model says."""
-
-    ageing: AgeingModel
-
-    def __post_init__(self) -> None:
-        self.interface.allow((), "smooth sliding of thresholds that age by a rule of your own")
-
-    def force(self, velocity: Array) -> Array:
-        """Force per contact."""
-        thresholds, delay = self.interface.threshold_distribution, self.interface.delay
-        return np.array([self.ageing.friction(thresholds, delay, v) for v in velocity.tolist()])
-
-    def response(self) -> Response:
-        """Return the linear response."""
-        own: Response = self.ageing.response(self.interface.threshold_distribution, self.interface.delay)
-        return own
+        found = _OF_AREAS
+    elif isinstance(ageing, Langevin):
+        found = _LANGEVIN
+    elif not isinstance(ageing, FixedGrowth | None):
+        found = _OWN
+    elif interface.temperature is not None:
+        found = _ACTIVATED
+    else:
+        found = _UNAGED if ageing is None else _GROWN
+    interface.allow(found.takes, found.who)
+    if interface.areas is not None and ageing is not None:
+        raise InputError(
+            f"Interface.areas = {interface.areas!r}: smooth sliding is not known together with ageing = "
+            f"{ageing}; simulate with Contacts",
+            "Interface.areas",
+        )
+    return found
 
 
 def respond(interface: Interface) -> Response:
@@ -66,4 +141,10 @@ def respond(interface: Interface) -> Response:
 
 @lru_cache(maxsize=256)
 def _response(interface: Interface) -> Response:
-    return sliding_of(interface).response()
+    found = sliding_of(interface)
+    if not math.isfinite(interface.delay.moment(1)):
+        raise InputError(
+            "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
+            "give a finite delay"
+        )
+    return found.response(interface)

@@ -1,17 +1,14 @@
 """Steady sliding of contacts whose thresholds age by `Langevin`: force and linear response.
 
 The force comes from the stationary kinetic equation of Eqs. (13)-(17), the dynamic stiffness from the linearised one,
-see `stickslip.kernels.langevin_response`; it has no closed form. In units of
-``rate**2`` it depends on the reduced speed ``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone, so one table serves all
-rates, speeds and rigs: what a life contributes is computed on the imaginary axis at fixed values of u, when they are
-first needed, and interpolated between them. Delays enter in closed form. At a speed for which it is asked for, the
-response is computed without the table: some ten milliseconds, and then some ten microseconds for each point on the axis
-or off it.
+see `stickslip.kernels.langevin_response`; it has no closed form. In units of ``rate**2`` it depends on the reduced
+speed ``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone. What a life contributes takes some ten milliseconds for each
+reduced speed, and then some ten microseconds for each point: many points on the imaginary axis are read from a table
+for that speed. Delays enter in closed form.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -26,10 +23,9 @@ from stickslip.sliding.response import (
     Array,
     ComplexArray,
     Parts,
+    Perturbed,
     Precision,
     Response,
-    Sliding,
-    check_delay,
     speed_by_speed,
 )
 
@@ -39,10 +35,6 @@ if TYPE_CHECKING:
     from stickslip.kernels.langevin import Langevin as Constants
     from stickslip.kernels.langevin_response import Excursions
 
-_PER_DECADE, _ABOUT_ONE = 12.0, 5.0
-"""Reduced speeds in the table, and how many more where newborns just leave their boundary (`_place`)."""
-_STENCIL = 8
-"""Rows of the table from which kappa is interpolated."""
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
 _RESOLVED = 1e-12, 1e6
@@ -64,29 +56,22 @@ class AgedResponse(Response):
     lives: ClassVar[float] = 4.0
 
     def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
-        """Kappa on the imaginary axis, from the table."""
         return speed_by_speed(self._on_axis, velocity, 1j * omega)
 
-    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Kappa at any s not far left of the axis, without the table."""
-        return speed_by_speed(self._at_points, velocity, s)
-
-    def _at_points(self, velocity: float, s: ComplexArray) -> ComplexArray:
+    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         p = s / self._square
-        return self._join(p, *_life(self._reduced(velocity), *self._shape, p))
+        return self._joined(p, *_life(self._reduced(velocity), *self._shape, p))
 
     def frequencies(self, velocity: float, top: float) -> Array:
-        """Angular frequencies that follow every turn of kappa, and beyond which its loss is positive."""
         del top
         u = self._reduced(velocity)
-        longest = 1.0 / (u + u * u) + float(np.max(self._delays[0], initial=0.0))
+        longest = 1.0 / (u + u * u) + self.delay.longest * self._square
         fine = np.arange(1.0, 4000.0) * 0.2 / longest
         highest = _top(u, self._shape[0])
         w = np.union1d(np.geomspace(1e-4 / longest, highest, 240), fine[fine < highest])
         return np.asarray(w * self._square)
 
     def cycle(self, velocity: float) -> float:
-        """About how long a contact lives."""
         u = self._reduced(velocity)
         return 1.0 / ((u + u * u) * self._square)
 
@@ -98,12 +83,6 @@ class AgedResponse(Response):
     def _shape(self) -> tuple[float, float]:
         """Standard deviation of thresholds and strength of newborns, in units of the mean threshold."""
         return self.distribution.std / self.distribution.mean, self.ageing.newborn / self.distribution.mean
-
-    @cached_property
-    def _delays(self) -> tuple[Array, Array]:
-        """Delays in units of ``rate**-2``, and their weights."""
-        delay, weight = self.delay.quadrature()
-        return delay * self._square, weight
 
     def _reduced(self, velocity: float) -> float:
         u = velocity / (self._square * self.distribution.mean)
@@ -121,54 +100,38 @@ class AgedResponse(Response):
         top = _top(u, self._shape[0])
         size = np.clip(np.abs(w), _LOWEST * unit, top)
         parts, rest = _at(u, *self._shape)
-        kappa = self._join(1j * size, parts(np.log(size / unit)), rest)
+        kappa = self._joined(1j * size, parts(np.log(size / unit)), rest)
         slow, fast = np.abs(w) / size, top / np.maximum(np.abs(w), top)
         kappa = np.where(slow < 1, slow * slow * kappa.real + 1j * slow * kappa.imag, kappa)
         kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.ageing.newborn == 0 else 1.0)
         return np.asarray(np.where(w < 0, np.conj(kappa), kappa))
 
-    def _join(self, p: ComplexArray, parts: ComplexArray, rest: float) -> ComplexArray:
-        """Kappa from the transforms of a life and of the delay."""
+    def _joined(self, p: ComplexArray, parts: ComplexArray, rest: float) -> ComplexArray:
         life, work, less, lost = parts
-        tau, weight = self._delays
-        if tau.max(initial=0.0) == 0.0:
-            again = less * work / life
-        else:
-            back = np.exp(-np.multiply.outer(p, tau)) @ weight
-            away = (-np.expm1(-np.multiply.outer(p, tau))) @ weight
-            again = np.zeros_like(p)
-            moves = p != 0
-            again[moves] = (less * work * back * p)[moves] / (life * back * p + away)[moves]
-        kappa = (rest - life + lost - again) / (rest + float(tau @ weight))
-        return np.asarray(np.where(p == 0, 0.0, kappa))
+        missing, away = np.asarray(self.delay.absence(p * self._square)), self.delay.moment(1) * self._square
+        return Perturbed(rest - life, work, -less, -lost).kappa(p, missing, rest, away, force=0.0)
 
 
-class ByKineticEquation(Sliding):
-    """Steady sliding of contacts whose thresholds age by `Langevin`."""
+def force(interface: Interface, velocity: Array) -> Array:
+    """Force per contact at velocities, by the stationary kinetic equation of Eqs. (13)-(17)."""
+    from stickslip.kernels import langevin_steady
 
-    def __post_init__(self) -> None:
-        self.interface.allow(("temperature",), "smooth sliding of thresholds that age by Langevin")
+    constants, delay = ageing_constants(interface), interface.delay.moment(1)
+    for value in (float(velocity.min()), float(velocity.max())):
+        if not _RESOLVED[0] <= (relative := value / constants.rate**2) <= _RESOLVED[1]:
+            raise InputError(
+                f"kinetic_friction: velocity = {value:g} is {relative:.3g} times rate**2 = "
+                f"{constants.rate**2:.3g} of the ageing: must be between {_RESOLVED[0]:g} and {_RESOLVED[1]:g} "
+                "times; beyond, the force cannot be resolved"
+            )
+    return langevin_steady.steady_friction(velocity, constants, delay, hazard=hazard_of(interface.temperature))
 
-    def force(self, velocity: Array) -> Array:
-        """Force per contact, by the stationary kinetic equation of Eqs. (13)-(17)."""
-        from stickslip.kernels import langevin_steady
 
-        constants, delay = ageing_constants(self.interface), self.interface.delay.moment(1)
-        for value in (float(velocity.min()), float(velocity.max())):
-            if not _RESOLVED[0] <= (relative := value / constants.rate**2) <= _RESOLVED[1]:
-                raise InputError(
-                    f"kinetic_friction: velocity = {value:g} is {relative:.3g} times rate**2 = "
-                    f"{constants.rate**2:.3g} of the ageing: must be between {_RESOLVED[0]:g} and {_RESOLVED[1]:g} "
-                    "times; beyond, the force cannot be resolved"
-                )
-        return langevin_steady.steady_friction(velocity, constants, delay, hazard=hazard_of(self.interface.temperature))
-
-    def response(self) -> AgedResponse:
-        """Return the linear response."""
-        self.interface.allow((), "the linear response of thresholds that age by Langevin")
-        check_delay(self.interface.delay)
-        ageing, distribution = gaussian_ageing(self.interface)
-        return AgedResponse(ageing=ageing, distribution=distribution, delay=self.interface.delay)
+def response(interface: Interface) -> AgedResponse:
+    """Return the linear response."""
+    interface.allow((), "the linear response of thresholds that age by Langevin")
+    ageing, distribution = gaussian_ageing(interface)
+    return AgedResponse(ageing=ageing, distribution=distribution, delay=interface.delay)
 
 
 @lru_cache(maxsize=64)
@@ -207,34 +170,14 @@ def _top(u: float, delta: float) -> float:
     return max(100.0, 100.0 * (max(u - 1.0, 0.0) / delta) ** 2)
 
 
-def _place(u: float, delta: float) -> float:
-    """Place of a reduced speed in the table: as its logarithm, and closer where newborns come to leave their boundary.
-
-    From excursions that live long to ones that are pressed down it takes a change of u by `delta` about 1.
-    """
-    return _PER_DECADE * math.log10(u) + _ABOUT_ONE * math.asinh((u - 1.0) / (2.0 * delta))
-
-
 @lru_cache(maxsize=256)
 def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float]:
-    """Transforms of a life over the logarithm of its phase, and its mean length, between the rows of the table."""
-    from scipy.interpolate import CubicSpline, KroghInterpolator
+    """Transforms of a life over the logarithm of its phase, and its mean length."""
+    from scipy.interpolate import CubicSpline
 
-    place = _place(u, delta)
-    numbers = math.floor(place) - _STENCIL // 2 + 1 + np.arange(_STENCIL)
-    rows, rests = zip(*(_row(delta, newborn, number) for number in numbers.tolist()), strict=True)
-    # At the same phase of a life neighbouring speeds are alike.
-    parts, rest = (KroghInterpolator(numbers, np.array(each))(place) for each in (rows, rests))
-    return CubicSpline(np.log(_phases(delta)), parts, axis=1), float(rest)
-
-
-@lru_cache(maxsize=2048)
-def _row(delta: float, newborn: float, number: int) -> tuple[ComplexArray, float]:
-    """One row of the table: transforms of a life at its phases, and its mean length."""
-    from scipy.optimize import brentq
-
-    u = math.exp(brentq(lambda x: _place(math.exp(x), delta) - number, -60.0, 60.0))
-    return _life(u, delta, newborn, 1j * (u + u * u) * _phases(delta))
+    phases = _phases(delta)
+    parts, rest = _life(u, delta, newborn, 1j * (u + u * u) * phases)
+    return CubicSpline(np.log(phases), parts, axis=1), rest
 
 
 @lru_cache(maxsize=64)

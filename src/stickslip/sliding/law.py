@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, overload
 
 import numpy as np
@@ -64,13 +65,20 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         If thresholds age by `Langevin` from a distribution that is no Gaussian, or slide at 0 velocity while they age;
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
-    instance("kinetic_friction: interface", interface, Interface, "an Interface")
-    sliding = sliding_of(interface)
-    if sliding.slow_limit is None:
-        speed = numbers("velocity", velocity, at_least=0, hint="in x_s per time")
-    else:
-        speed = numbers("velocity", velocity, above=0, hint=f"in x_s per time; {sliding.slow_limit}")
-    return at_each(sliding.force, speed)
+    sliding = sliding_of(interface, "kinetic_friction: ")
+    why = _why_not_slowly(interface)
+    bound = {"at_least": 0.0} if why is None else {"above": 0.0}
+    speed = numbers("velocity", velocity, **bound, hint="in x_s per time" + (f"; {why}" if why else ""))
+    return at_each(partial(sliding.force, interface), speed)
+
+
+def _why_not_slowly(interface: Interface) -> str | None:
+    """Why there is no limit of slow sliding; None if there is one."""
+    if interface.ageing is not None:
+        return "ageing thresholds have no slow limit"
+    if interface.temperature is not None:
+        return "at a temperature no slow limit is left"
+    return None if math.isfinite(interface.delay.moment(1)) else "with an infinite delay no slow limit is left"
 
 
 @overload
@@ -106,9 +114,9 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
     >>> print(f"{ss.stability.friction_slope(thermal, 1.0):.6f}")
     0.004938
     """
-    instance("friction_slope: interface", interface, Interface, "an Interface")
+    sliding = sliding_of(interface, "friction_slope: ")
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
-    return at_each(sliding_of(interface).slope, speed)
+    return at_each(partial(sliding.slope, interface), speed)
 
 
 @dataclass(frozen=True, kw_only=True)

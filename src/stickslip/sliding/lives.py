@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,19 @@ if TYPE_CHECKING:
     from stickslip.kernels.lives import Lives
 
 Array = NDArray[np.float64]
+
+
+class MeanLives(NamedTuple):
+    """Mean way of the slider in the lives of contacts, work against it, their slopes in ln v, and the kinds' weights.
+
+    Each of the shape (kinds,): contacts of one kind share their attachments.
+    """
+
+    way: Array
+    work: Array
+    longer: Array
+    more: Array
+    weight: Array
 
 
 def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lives:

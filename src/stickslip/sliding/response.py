@@ -1,4 +1,4 @@
-"""What is known of steady sliding, whatever the contacts: force, slope and linear response.
+"""The linear response of steady sliding, whatever the contacts.
 
 A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts answer with their dynamic stiffness
 ``kappa(s)``, per contact, in units of ``k``. Nothing here knows what holds the slider: with a rig the response makes
@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import DelayModel, Interface
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -63,8 +61,8 @@ class Discs(NamedTuple):
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `parts`, `frequencies`, the scale `cycle` and its `precision`; if `parts` is slow, a table
-    on the axis as `axis_parts`.
+    A model of contacts gives `kappa` or `parts`, `frequencies`, the scale `cycle` and its `precision`; if `kappa` is
+    slow, a table on the axis as `axis_parts`.
     """
 
     precision: ClassVar[Precision]
@@ -84,16 +82,24 @@ class Response(ABC):
         return 0
 
     @abstractmethod
-    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Numerator and denominator of ``kappa(s)``, also off the axis; not finite where they overflow."""
-
-    @abstractmethod
     def frequencies(self, velocity: float, top: float) -> Array:
         """Rising angular frequencies that follow every turn of kappa, up to `top`, or to where it turns no more."""
 
     @abstractmethod
     def cycle(self, velocity: float) -> float:
         """Mean time between two attachments of a contact."""
+
+    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""
+        raise NotImplementedError
+
+    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+        """Numerator and denominator of ``kappa(s)``; here ``kappa`` and 1."""
+        return speed_by_speed(self.kappa, velocity, s)
+
+    def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
+        """`parts` at ``s = i omega``."""
+        return self.parts(velocity, 1j * omega)
 
     def leftmost(self, velocity: float) -> float:
         """Real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow, or diverge."""
@@ -117,16 +123,10 @@ class Response(ABC):
         del velocity, top
         return None
 
-    def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
-        """`parts` at ``s = i omega``."""
-        return self.parts(velocity, 1j * omega)
-
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        """Return frequencies up to `top` that follow every turn of kappa, and its parts there."""
-        if math.isinf(top):
-            return whole_axis(self, velocity)
-        omega = self.frequencies(velocity, top)
-        return omega, self.axis_parts(velocity, omega)
+        """Return frequencies that follow every turn of kappa, up to `top` at least, and its parts there."""
+        del top
+        return whole_axis(self, velocity)
 
     def along_axis(self, velocity: float) -> tuple[Array, Parts]:
         """Sample a response that is known to where it turns no more."""
@@ -140,10 +140,7 @@ class Response(ABC):
     def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)`` as accurate as may be, off the axis as well; `velocity` and `s` broadcast.
 
-        Raises
-        ------
-        InputError
-            If `s` lies where the response does not exist.
+        Raises `InputError` if `s` lies where the response does not exist.
         """
         points = np.asarray(s, dtype=complex)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -171,48 +168,31 @@ def _ratio(parts: Parts) -> ComplexArray:
 def speed_by_speed(
     kappa: Callable[[float, ComplexArray], ComplexArray], velocity: float | Array, s: ComplexArray
 ) -> Parts:
-    """Return the parts of a response that is known as one number, at one speed and many `s`."""
+    """Return the parts of a response that is known as one number, at one speed and many `s`; it is 0 at 0."""
     speed, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
-    found = np.empty(points.shape, dtype=complex)
+    found = np.zeros(points.shape, dtype=complex)
     for v in np.unique(speed):
-        found[speed == v] = kappa(float(v), points[speed == v])
+        here = (speed == v) & (points != 0)
+        found[here] = kappa(float(v), points[here])
     return Parts(found, np.ones_like(found))
 
 
-def check_delay(delay: DelayModel) -> None:
-    """Raise `InputError` if contacts never re-attach."""
-    if not math.isfinite(delay.moment(1)):
-        raise InputError(
-            "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
-            "give a finite delay"
-        )
+class Perturbed(NamedTuple):
+    """Transforms of a life under a perturbation ``exp(q x)`` of what moves by ``x``.
 
+    What the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and what the perturbation breaks,
+    ``L`` and, with the stretching, ``Y``; see `stickslip.sliding.activated`.
+    """
 
-@dataclass(frozen=True, kw_only=True)
-class Sliding(ABC):
-    """Steady sliding of an interface, in natural units per contact."""
+    lost: ComplexArray
+    work: ComplexArray
+    breaks: ComplexArray
+    yields: ComplexArray
 
-    interface: Interface
-
-    @abstractmethod
-    def __post_init__(self) -> None:
-        """Raise `InputError` if the interface has a mechanism with which steady sliding is not known."""
-
-    @property
-    def slow_limit(self) -> str | None:
-        """Why there is no limit of slow sliding; None if there is one."""
-        return "ageing thresholds have no slow limit"
-
-    @abstractmethod
-    def force(self, velocity: Array) -> Array:
-        """Force at velocities above 0, or at 0 if there is a limit of slow sliding."""
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in the logarithm of the velocity: here to fourth order in a step of 5 %."""
-        step = 0.05
-        near = [self.force(velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
-        return np.asarray((8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step))
-
-    @abstractmethod
-    def response(self) -> Response:
-        """Return the linear response."""
+    def kappa(self, q: ComplexArray, missing: ComplexArray, rest: float, away: float, force: float) -> ComplexArray:
+        """Kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and the mean delay `away`, in ``x``."""
+        lost, work, breaks, yields = self
+        back = 1.0 - missing
+        births = q * back * breaks / (missing + back * q * (rest - lost))
+        attached = births * (rest - lost) - breaks
+        return np.asarray((lost + births * work - yields - force * attached) / (rest + away))

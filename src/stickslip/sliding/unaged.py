@@ -28,10 +28,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model import DelayModel
+from stickslip.model import DelayModel, Interface
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.quadrature import hashable
+from stickslip.sliding.lives import MeanLives
 from stickslip.sliding.response import (
     SCAN_LIMIT,
     STEP,
@@ -41,8 +42,6 @@ from stickslip.sliding.response import (
     Parts,
     Precision,
     Response,
-    Sliding,
-    check_delay,
 )
 from stickslip.sliding.transforms import Axis, axis_table, transforms
 
@@ -88,7 +87,6 @@ class UnagedResponse(Response):
         return np.asarray(self._mean + velocity * self._mean_delay)
 
     def cycle(self, velocity: float) -> float:
-        """Mean time between two attachments of a contact."""
         return float(self._path(velocity)) / velocity
 
     def pace(self, velocity: float) -> float:
@@ -104,7 +102,6 @@ class UnagedResponse(Response):
         return 8.0 * velocity / self.distribution.standard_deviation() if not self.inert else 0.0
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
         if self.inert:
             none = np.zeros(np.broadcast_shapes(np.shape(velocity), np.shape(s)), dtype=complex)
             return Parts(none, np.ones_like(none))
@@ -118,7 +115,8 @@ class UnagedResponse(Response):
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies up to `top` or just beyond, and parts there from a table of the distribution."""
         if self.inert:
-            return super().sampled(velocity, top)
+            omega = self.frequencies(velocity, top)
+            return omega, self.axis_parts(velocity, omega)
         axis = self._table(velocity * self.memory(velocity), top / velocity)
         axis = axis.up_to(int(np.searchsorted(velocity * axis.y, top)) + 2)
         omega = velocity * axis.y
@@ -135,7 +133,6 @@ class UnagedResponse(Response):
         return np.append(omega, np.arange(begin, top, coarse))
 
     def discs(self, velocity: float, top: float) -> Discs:
-        """Return the discs that hold kappa whatever the delay, up to `top` at least."""
         axis = self._table(self._largest, top / velocity)
         last, path = slice(-(axis.y.size // 4), None), float(self._path(velocity))
         # |1 - P^|^2/(1 - |P^|^2) <= (1 + |P^|)/(1 - |P^|), which tends to 1
@@ -181,44 +178,19 @@ class UnagedResponse(Response):
         return distribution.moment(1) if distribution.single else float(distribution.inverse_survival(np.array(1e-5)))
 
 
-class ClosedForm(Sliding):
-    """Steady sliding without ageing and temperature."""
+def mean_lives(interface: Interface, velocity: float) -> MeanLives:
+    """Return the mean life without ageing and temperature, the same at all velocities."""
+    del velocity
+    return MeanLives(*np.array([[*mean_life(interface), 0.0, 0.0, 1.0]]).T)
 
-    def __post_init__(self) -> None:
-        self.interface.allow(("sliding_force", "newborn"), "smooth sliding")
 
-    @property
-    def slow_limit(self) -> str | None:
-        """Why there is no limit of slow sliding, if so."""
-        return None if math.isfinite(self.interface.delay.moment(1)) else "with an infinite delay no slow limit is left"
-
-    def fractions(self, velocity: Array) -> Array:
-        """Fractions of attached contacts, ``1/(1 + v <tau>/<x_s - x_0>)``, Eq. (10)."""
-        return np.asarray(1.0 / (1.0 + velocity * self.interface.delay.moment(1) / mean_life(self.interface).path))
-
-    @property
-    def _attached_force(self) -> float:
-        life = mean_life(self.interface)
-        return life.work / life.path
-
-    def force(self, velocity: Array) -> Array:
-        """Force per contact, attached and detached."""
-        attached = self.fractions(velocity)
-        return self._attached_force * attached + self.interface.sliding_force * (1.0 - attached)
-
-    def slope(self, velocity: Array) -> Array:
-        """Slope of the force in ln v."""
-        attached = self.fractions(velocity)
-        return -(self._attached_force - self.interface.sliding_force) * attached * (1.0 - attached)
-
-    def response(self) -> UnagedResponse:
-        """Return the linear response."""
-        thresholds, sliding_force = as_unstretched(self.interface)
-        delay = self.interface.delay
-        check_delay(delay)
-        if delay.moment(1) > 0 and thresholds.single:
-            raise InputError(
-                "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
-                "stability is not computed for them: give the thresholds a standard deviation above 0"
-            )
-        return UnagedResponse(distribution=thresholds, delay=delay, sliding_force=sliding_force)
+def response(interface: Interface) -> UnagedResponse:
+    """Return the linear response; raises `InputError` if all contacts share one threshold and re-attach later."""
+    thresholds, sliding_force = as_unstretched(interface)
+    delay = interface.delay
+    if delay.moment(1) > 0 and thresholds.single:
+        raise InputError(
+            "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
+            "stability is not computed for them: give the thresholds a standard deviation above 0"
+        )
+    return UnagedResponse(distribution=thresholds, delay=delay, sliding_force=sliding_force)
