@@ -161,9 +161,9 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
 
 
 def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("stickslip.simulation.simulate", lambda *_, **__: pytest.fail("it ran"))
+    monkeypatch.setattr("stickslip.simulate", lambda *_, **__: pytest.fail("it ran"))
     assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
-    monkeypatch.setattr("stickslip.io.rig_files.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
+    monkeypatch.setattr("stickslip.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
     assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
 
 

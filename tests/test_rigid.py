@@ -11,10 +11,8 @@ from stickslip.errors import InputError
 from stickslip.model import (
     Contacts,
     Delay,
-    ExponentialGrowth,
     Interface,
     Langevin,
-    LogarithmicGrowth,
     MasterEquation,
     RandomDelay,
 )
@@ -43,16 +41,6 @@ def test_static_friction_is_the_largest_force():
     force, place = static_friction(gaussian(0.01, 0.1, delay=0.5))
     assert force == pytest.approx(0.79560, abs=1e-4)
     assert place == pytest.approx(0.8435, abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    "ageing",
-    [LogarithmicGrowth(slope=0.02, time=1e-3), ExponentialGrowth(rate=1.0), Langevin(rate=1.0)],
-)
-def test_static_friction_is_refused_while_thresholds_age(ageing):
-    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.15), ageing=ageing)
-    with pytest.raises(InputError, match=r"Interface\.ageing = .* depends on the speed"):
-        static_friction(interface)
 
 
 @pytest.mark.eq(1, 4)
@@ -178,13 +166,9 @@ def test_cohorts_agree_with_the_renewal(delay):
 def test_the_error_of_the_master_equation_follows_its_tolerance():
     rig = gaussian(0.05, 0.2, delay=0.2)
     exact = rigid_slide(rig, 3.0, method=Renewal(12_000))["friction_force"].to_numpy()[::4]
-    errors = [
-        float(
-            np.max(np.abs(rigid_slide(rig, 3.0, method=MasterEquation(rtol=rtol))["friction_force"].to_numpy() - exact))
-        )
-        for rtol in (1e-3, 1e-5, 1e-7)
-    ]
-    assert np.all(np.array(errors) < [1e-2, 1e-4, 1e-6])
+    for rtol in (1e-3, 1e-5, 1e-7):
+        force = rigid_slide(rig, 3.0, method=MasterEquation(rtol=rtol))["friction_force"].to_numpy()
+        assert np.max(np.abs(force - exact)) < 10 * rtol
 
 
 @pytest.mark.parametrize("method", [MasterEquation(rtol=1e-4), Contacts(4_000, seed=1)], ids=["m", "c"])
@@ -245,6 +229,7 @@ def test_the_result_is_labelled(method):
 
 
 GOOD = gaussian(0.01, 0.1)
+AGED = replace(GOOD, ageing=Langevin(rate=1))
 
 
 @pytest.mark.parametrize(
@@ -259,11 +244,12 @@ GOOD = gaussian(0.01, 0.1)
         (lambda: rigid_slide(GOOD.thresholds, 1), r"^slide: interface = .*: must be an Interface"),
         (lambda: Renewal(2), r"^Renewal\.points = 2: must be .* at least 8"),
         (lambda: Renewal(10.5), r"^Renewal\.points = 10\.5: must be a whole number"),
+        (lambda: rigid_slide(AGED, 1), r"^Interface\.ageing = .*: not available with Renewal"),
+        (lambda: critical_stiffness(AGED), r"^Interface\.ageing = .*: not available"),
         (
-            lambda: rigid_slide(replace(GOOD, ageing=Langevin(rate=1)), 1),
-            r"^Interface\.ageing = .*: not available with Renewal",
+            lambda: static_friction(AGED),
+            r"Interface\.ageing = .* depends on the speed",
         ),
-        (lambda: critical_stiffness(replace(GOOD, ageing=Langevin(rate=1))), r"^Interface\.ageing = .*: not available"),
         (lambda: critical_stiffness(None), r"^critical_stiffness: interface = None: must be an Interface"),
         (lambda: effective_stiffness(None, 1.0), r"^effective_stiffness: interface = None: must be an Interface"),
         (lambda: effective_stiffness(GOOD, []), r"^effective_stiffness: X must be finite displacements of at least 0"),

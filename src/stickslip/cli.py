@@ -10,14 +10,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
 
+import stickslip as ss
 from stickslip import __version__, console
 from stickslip.answers import plain
 from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
+from stickslip.io import files
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -144,31 +145,28 @@ def predict(
 
     The verdict comes first, on standard error, while the rest is still sought.
     """
-    from stickslip import advise
-    from stickslip.io import rig_files as rigs
+    from stickslip.advise import Prediction, complete, predict
+    from stickslip.fitting import over_draws
 
     _check_outputs(picture=plot, read=rig)
-    described = rigs.read_rig(rig)
+    described = ss.read_rig(rig)
     with console.working("predicting") as progress:
-        found = advise.predict(described, fast=True, progress=progress)
-    if not fast and isinstance(found, advise.Prediction):
+        found = predict(described, fast=True, progress=progress)
+    if not fast and isinstance(found, Prediction):
         if sys.stderr.isatty():
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
         with console.working("predicting") as progress:
-            found = advise.complete(found, progress=progress)
-    _draw(plot, lambda _: found.plot())
+            found = complete(found, progress=progress)
+    _draw(plot, found.plot)
     uncertain = None
     if described.fitted:
-        from stickslip.fitting import over_draws
-
         with console.working("over the draws") as progress:
             uncertain = over_draws(described, progress=progress)
     if json:
         console.print_json(found.to_dict() | ({"over_draws": uncertain.to_dict()} if uncertain else {}))
     else:
         console.print_prediction(found, plot)
-        if uncertain is not None:
-            print(f"\n{uncertain}")
+        print(f"\n{uncertain}" if uncertain else "", end="\n" if uncertain else "")
 
 
 @app.command
@@ -199,14 +197,13 @@ def simulate(
     plot: Plot = None,
 ) -> None:
     """Simulate a rig and say what it did."""
-    from stickslip.io import rig_files as rigs
-    from stickslip.simulation import simulate as run_case
+    from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
-    described = rigs.read_rig(rig)
-    text = rigs.to_toml(described)  # what can be refused is refused before the run
+    described = ss.read_rig(rig)
+    text = to_toml(described)  # what can be refused is refused before the run
     with console.working("simulating") as progress:
-        result = run_case(described, progress=progress, long=long)
+        result = ss.simulate(described, progress=progress, long=long)
     result.attrs["rig"] = text
     _keep_run(result, output, plot, json=json)
 
@@ -220,47 +217,42 @@ def rerun(
     plot: Plot = None,
 ) -> None:
     """Make a run again from its provenance, bit for bit, and say what it did."""
-    from stickslip import simulation
-    from stickslip.io import datasets as store
-
     _check_outputs(output, picture=plot, read=run)
-    before = store.load(run)
+    before = ss.load(run)
     with console.working("simulating") as progress:
-        result = simulation.rerun(before, progress=progress)
+        result = ss.rerun(before, progress=progress)
     result.attrs.update({key: value for key, value in before.attrs.items() if key not in result.attrs})
     _keep_run(result, output, plot, json=json)
 
 
 def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: bool) -> None:
     """Write a run and its picture, and say what it did."""
-    from stickslip import measure
-    from stickslip.io import datasets as store
-    from stickslip.measure import front_map, ramps
-
     if output is not None:
-        store.save(run, output)
-    seen = measure.regime(run)
-    _draw(plot, lambda drawing: drawing.overview(run))
+        ss.save(run, output)
+    seen = ss.regime(run)
+    _draw(plot, lambda: ss.plot.overview(run))
     if json:
         console.print_json({"regime": plain(seen), "output": str(output) if output else None})
-        return
-    print(ramps.in_words(run) or seen, *front_map.in_words(run), sep="\n")
-    _say_where(run=output, picture=plot)
+    else:
+        _say(_motion(run, seen), run=output, picture=plot)
 
 
-def _draw(picture: Path | None, figure_of: Callable[[ModuleType], Any]) -> None:
-    """Draw a picture, if one is wanted, with the module that draws."""
+def _motion(run: xr.Dataset, seen: object) -> str:
+    """What a run or a trace did: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
+    from stickslip.measure import front_map, ramps
+
+    return "\n".join([ramps.in_words(run) or str(seen), *front_map.in_words(run)])
+
+
+def _draw(picture: Path | None, figure: Callable[[], Any]) -> None:
+    """Draw a picture, if one is wanted."""
     if picture is not None:
-        from stickslip import plot as drawing
-
-        drawing.save(figure_of(drawing), picture)
+        ss.plot.save(figure(), picture)
 
 
-def _say_where(**written: Path | None) -> None:
-    """Say where each thing was written, if it was."""
-    for what, place in written.items():
-        if place is not None:
-            print(f"{what}: {place}")
+def _say(text: object, **written: Path | None) -> None:
+    """Print a text, and where each thing was written, if it was."""
+    print(text, *(f"{what}: {place}" for what, place in written.items() if place is not None), sep="\n")
 
 
 @app.command
@@ -280,54 +272,42 @@ def measure(
     plot: Plot = None,
 ) -> None:
     """Tell the regime and list the slips of a run or of a measured force trace."""
-    from stickslip import measure as measures
-    from stickslip.io import files
-    from stickslip.measure import front_map, ramps
+    from stickslip.io.datasets import as_csv
     from stickslip.words import engineering
 
     _check_outputs(events, picture=plot, read=data)
     trace = _read_data(data, columns, displacement=displacement, load=load, flip=flip)
     since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
     smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
-    seen, catalogue = measures.regime_and_drops(trace, minimum_drop=smallest, after=since)
+    seen, catalogue = ss.measure.regime_and_drops(trace, minimum_drop=smallest, after=since)
+    about = catalogue.attrs
     if events is not None:
-        from stickslip.io import datasets as store
-
-        files.write(events, store.as_csv(catalogue).encode())
-    _draw(plot, lambda drawing: drawing.overview(trace, events=catalogue, seen=seen))
+        files.write(events, as_csv(catalogue).encode())
+    _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
     try:
         unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
     except (ValueError, TypeError, RecursionError):
         raise InputError(f"{data}: its attribute 'unreadable' is damaged; measure the trace again") from None
     if json:
+        numbers = {name: column.attrs for name, column in catalogue.data_vars.items() if "mean" in column.attrs}
+        statistics = {str(k): {key: plain(v[key]) for key in ("mean", "std", "units")} for k, v in numbers.items()}
         console.print_json(
             {
                 "regime": plain(seen),
-                "statistics": {
-                    str(name): {key: plain(column.attrs[key]) for key in ("mean", "std", "units")}
-                    for name, column in catalogue.data_vars.items()
-                    if "mean" in column.attrs
-                }
-                | {"count": catalogue.attrs["count"], "drops_are": catalogue.attrs["drops_are"]},
+                "statistics": statistics | {"count": about["count"], "drops_are": about["drops_are"]},
                 "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
         )
         return
-    print(ramps.in_words(trace) or seen, *front_map.in_words(trace), sep="\n")
-    print()
-    statistics = measures.statistics(catalogue)
-    where = (
-        "in all of the data"
-        if since is None
-        else f"after t = {engineering(since, str(trace['time'].attrs.get('units', '')))}"
-    )
-    print(measures.counted(catalogue) + (f" {where}; mean ± standard deviation:" if statistics else ""))
-    for name, text in statistics:
-        print(f"{name}: {text}")
-    if note := trace.attrs.get("note"):
-        print(f"note: {note}")
-    _say_where(**{catalogue.attrs["drops_are"]: events, "picture": plot})
+    told = ss.measure.statistics(catalogue)
+    unit = str(trace["time"].attrs.get("units", ""))
+    where = "in all of the data" if since is None else f"after t = {engineering(since, unit)}"
+    lines = [_motion(trace, seen), "", ss.measure.counted(catalogue)]
+    lines[-1] += f" {where}; mean ± standard deviation:" if told else ""
+    lines += [f"{name}: {text}" for name, text in told]
+    lines += [f"note: {note}" for note in (trace.attrs.get("note"),) if note]
+    _say("\n".join(lines), **{about["drops_are"]: events, "picture": plot})
 
 
 def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:
@@ -356,25 +336,22 @@ def plot(
     bistable: Annotated[bool, Parameter(help="Of a sweep: also show where stick-slip ends.", negative="")] = False,
 ) -> None:
     """Draw a run, a measured trace or a sweep."""
-    from stickslip import plot as drawing
     from stickslip.sweep import is_store
 
     _check_outputs(picture=output, read=data)
     if is_store(data):
         from stickslip.sweep.plan import open_plan
 
-        theory = _draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)
-        print(f"on top: {theory}\npicture: {output}")
-        return
-    trace = _read_data(data, columns)
-    if beside is not None:
-        figure: Any = drawing.side_by_side(trace, _read_data(beside, columns))
-    elif kind == "overview":
-        figure = drawing.overview(trace)
+        print(f"on top: {_draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)}")
     else:
-        names = {"phase": "phase_portrait", "slips": "slip_profiles"}
-        figure = getattr(drawing, names.get(kind, kind))(trace).get_figure(root=True)
-    drawing.save(figure, output)
+        trace = _read_data(data, columns)
+        if beside is not None:
+            figure: Any = ss.plot.side_by_side(trace, _read_data(beside, columns))
+        else:
+            names = {"phase": "phase_portrait", "slips": "slip_profiles"}
+            figure = getattr(ss.plot, names.get(kind, kind))(trace)
+            figure = figure if kind == "overview" else figure.get_figure(root=True)
+        ss.plot.save(figure, output)
     print(f"picture: {output}")
 
 
@@ -397,9 +374,7 @@ def fit(
     plot: Plot = None,
 ) -> None:
     """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes."""
-    from stickslip import fitting
     from stickslip.fitting.rates import read_pairs
-    from stickslip.io import files
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=trace)
@@ -410,26 +385,17 @@ def fit(
         )
     given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
     known = {name: value for name, value in given.items() if value is not None}
-    data = _read_data(trace, columns, flip=flip)
+    means, peaks, data = read_pairs(speeds), read_pairs(holds), _read_data(trace, columns, flip=flip)
     with console.working("simulating") as progress:
-        found = fitting.fit(
-            data,
-            known=known,
-            smallest=smallest,
-            after=after,
-            speeds=read_pairs(speeds),
-            holds=read_pairs(holds),
-            progress=progress,
-        )
+        found = ss.fit(data, known=known, smallest=smallest, after=after, speeds=means, holds=peaks, progress=progress)
         if output is not None:
             files.write(output, to_toml(found.rig(name=trace.stem)).encode())
-    _draw(plot, lambda _: found.plot())
+    _draw(plot, found.plot)
     if json:
         written = {"rig": output, "picture": plot}
         console.print_json(found.to_dict() | {what: str(where) for what, where in written.items() if where})
-        return
-    print(found)
-    _say_where(rig=output, picture=plot)
+    else:
+        _say(found, rig=output, picture=plot)
 
 
 @app.command
@@ -444,8 +410,7 @@ def map(
     json: Json = False,
 ) -> None:
     """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept."""
-    from stickslip import advise
-    from stickslip.io import rig_files as rigs
+    from stickslip.advise import chart
 
     _check_outputs(picture=output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
@@ -453,17 +418,15 @@ def map(
         raise InputError(
             f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
         )
-    described = rigs.read_rig(rig)
+    described = ss.read_rig(rig)
     with console.working("mapping") as progress:
-        found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
-    _draw(output, lambda drawing: drawing.chart(found))
+        found = chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
+    _draw(output, lambda: ss.plot.chart(found))
     if json:
-        console.print_json(
-            {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
-        )
-        return
-    print(found.attrs["summary"])
-    _say_where(picture=output)
+        values = {str(name): plain(found[name].to_numpy()) for name in found.variables}
+        console.print_json(values | plain(dict(found.attrs)))
+    else:
+        _say(found.attrs["summary"], picture=output)
 
 
 @app.command
@@ -604,12 +567,11 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
-    from stickslip import plot as drawing
     from stickslip.sweep.theory import with_theory
 
     with console.working("drawing") as progress:
         result = with_theory(result, bistable=bistable, progress=progress)
-    drawing.save(drawing.sweep_picture(result), picture)
+    ss.plot.save(ss.plot.sweep_picture(result), picture)
     return str(result.attrs["theory"])
 
 
@@ -638,16 +600,12 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
         where = {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
         console.print_json(plain(counted) | about | where)
         return 1 if failed else 0
-    for kind, count in regimes.items():
-        print(f"{kind}: {count}")
-    print(f"store: {store}")
-    if picture is not None:
-        print(f"picture: {picture}, on top: {theory}")
-    for failure in failed[:_FAILURES_SHOWN]:
-        print(f"failed: {failure}")
+    lines = [*(f"{kind}: {count}" for kind, count in regimes.items()), f"store: {store}"]
+    lines += [] if picture is None else [f"picture: {picture}, on top: {theory}"]
+    lines += [f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]]
     if len(failed) > _FAILURES_SHOWN:
-        print(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
-    print(line)
+        lines.append(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
+    print(*lines, line, sep="\n")
     return 1 if failed else 0
 
 
@@ -656,8 +614,6 @@ _FAILURES_SHOWN = 5
 
 def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Path | None = None) -> None:
     """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
-    from stickslip.io import files
-
     taken: set[Path] = set()
     for output in (*outputs, picture):
         if output is None:
@@ -677,15 +633,14 @@ def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Pat
 
 def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
-    from stickslip import measure as measures
-    from stickslip.io import datasets as store
+    from stickslip.io.datasets import is_netcdf
 
-    if data.is_file() and store.is_netcdf(data):
-        run = store.load(data)
+    if data.is_file() and is_netcdf(data):
+        run = ss.load(data)
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
-    return measures.read_trace(data, **vars(columns), **more)
+    return ss.read_trace(data, **vars(columns), **more)
 
 
 if __name__ == "__main__":
