@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json as jsonlib
+import logging
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,13 +22,9 @@ if TYPE_CHECKING:
     from stickslip.sweep import Progress
 
 
-_LINES_EVERY = 30.0
-"""Seconds between two lines on the progress of a sweep."""
-
-
 @contextmanager
 def executor_of(workers: int | None, processes: bool, scheduler: str | None) -> Iterator[Any]:
-    """Where the cases of a sweep run."""
+    """Where the cases of a sweep run: in threads, processes, or on the Dask cluster at an address."""
     from stickslip.sweep import Processes, Threads
 
     if scheduler is None:
@@ -33,10 +32,30 @@ def executor_of(workers: int | None, processes: bool, scheduler: str | None) -> 
         return
     if processes or workers is not None:
         raise InputError("--scheduler: the cluster has its own workers; leave out --workers and --processes")
-    with dask(scheduler) as client:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
+    for name in [*logging.root.manager.loggerDict]:
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
+    try:
+        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TimeoutError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"--scheduler {scheduler}: cannot be reached ({reason}); start one with: dask scheduler"
+        ) from None
+    try:
         if not client.nthreads():
             print(f"no workers yet; start one with: dask worker {scheduler}", file=sys.stderr)
         yield client.get_executor()
+    finally:
+        client.close(timeout=5)
+
+
+_PATIENCE = "10s"
+"""How long a scheduler is waited for."""
 
 
 @contextmanager
@@ -57,7 +76,7 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
         with bar(title) as shown_bar:
             yield lambda p: shown_bar(p.finished / p.total)
         return
-    write = log_of(title, 0.0, _LINES_EVERY)
+    write = log_of(title, 0.0, 30.0)
 
     def line(p: Progress) -> None:
         words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
@@ -68,13 +87,7 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed.
-
-    A signal that is ignored, as under nohup, stays so.
-    """
-    import signal
-    import threading
-
+    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed."""
     if threading.current_thread() is not threading.main_thread():  # only that one may
         yield
         return
@@ -92,35 +105,6 @@ def stoppable() -> Iterator[None]:
             signal.signal(n, handler)
 
 
-@contextmanager
-def dask(scheduler: str) -> Iterator[Any]:
-    """The cluster at an address, or one clear line."""
-    import logging
-
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
-    for name in [*logging.root.manager.loggerDict]:
-        if name.startswith("distributed"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
-    try:
-        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(
-            f"--scheduler {scheduler}: cannot be reached ({reason}); start one with: dask scheduler"
-        ) from None
-    try:
-        yield client
-    finally:
-        client.close(timeout=5)
-
-
-_PATIENCE = "10s"
-"""How long a scheduler is waited for."""
-
-
 def print_json(value: Any) -> None:
     """Print a result for a machine to read."""
     print(jsonlib.dumps(value, indent=2))
@@ -136,9 +120,10 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
 
     # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
     # write is no markup.
-    terminal = sys.stdout.isatty()
-    console = Console(highlight=False, markup=False, emoji=False, width=None if terminal else _PIPE_WIDTH)
-    tables = console if terminal else Console(highlight=False, markup=False, emoji=False, width=2 * _PIPE_WIDTH)
+    width = None if sys.stdout.isatty() else 80
+    console, tables = (
+        Console(highlight=False, markup=False, emoji=False, width=width and times * width) for times in (1, 2)
+    )
 
     def say(line: str, bold: str = "") -> None:
         indent = "  " if line.startswith("- ") else ""
@@ -147,11 +132,14 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
             text.rstrip()
             console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
 
+    def headed(title: str, rest: str) -> None:
+        console.print()
+        say(rest, title)
+
     def bullets(title: str, rest: str, lines: Iterable[str]) -> None:
         for k, line in enumerate(lines):
             if k == 0:
-                console.print()
-                say(rest, title)
+                headed(title, rest)
             say(f"- {line}")
 
     rig = found.rig
@@ -165,18 +153,15 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
         console.print()
         tables.print(_table({}, words.numbers(found)))
         if found.margins:
-            console.print()
-            say(" of smooth sliding, one parameter varied at a time (linear stability, without noise)", "Margins")
+            headed("Margins", " of smooth sliding, one parameter varied at a time (linear stability, without noise)")
             titles = ("parameter", "now", "stability limit below", "stability limit above")
             tables.print(_table(dict.fromkeys(titles), words.margins(found)))
         bullets("Mitigations", f"{words.where(found)}, the smallest change first; simulated", words.mitigations(found))
         bullets("Tried", ", within the range searched", words.attempts(found))
         for note in words.not_searched(found):
-            console.print()
-            say(note)
+            headed("", note)
     if rig.assumed:
-        console.print()
-        say(", not measured", "Assumed")
+        headed("Assumed", ", not measured")
         # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
         key = max(len(key) for key in rig.assumed)
         said = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key) // 2)
@@ -199,6 +184,3 @@ def _table(columns: Mapping[str, int | None], rows: Iterable[Iterable[str]]) -> 
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))
     return table
-
-
-_PIPE_WIDTH = 80

@@ -7,6 +7,7 @@ stiffness cannot follow the fall of the force.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number
+from stickslip.kernels import renewal
 from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
@@ -22,8 +24,6 @@ from stickslip.simulation import LABELS, initial_nodes, pull_rigidly
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from stickslip.kernels import renewal as kernel
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def rigid_slide(
     import xarray as xr
 
     X = np.linspace(0.0, distance, method.points + 1)
-    response = _Solution(interface, distance, velocity, method.points).at(X)
+    response = _solved(interface, distance, velocity, method.points)(X)
     rate = {"units": "1/x_s", "long_name": "breaks per contact and x_s"}
     stiffness = {"units": "k", "long_name": "stiffness dF_c/dX, per contact"}
     return xr.Dataset(
@@ -109,7 +109,7 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
         raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
     _check_renewal(interface)
     distance = max(float(X.max()), 1e-3)
-    return -_Solution(interface, distance, velocity, _points(interface, distance)).at(X).stiffness
+    return -_solved(interface, distance, velocity, _points(interface, distance))(X).stiffness
 
 
 def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
@@ -156,24 +156,21 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
         4.0 * float(distribution.inverse_survival(1e-3)),
     )
     points = _points(bare, distance)
-    solution = _Solution(bare, distance, 1.0, points)
+    solution = _solved(bare, distance, 1.0, points)
     X = np.linspace(0.0, distance, points + 1)
     # Where the distribution jumps, the fall from a start without standard deviation is steepest just before or after:
     # look at both sides.
-    starts = solution.initial_stretchings if solution.initial_stretchings.size == 1 else np.empty(0)
-    jumps = np.array([knot - x for knot in distribution.knots for x in starts])
+    alike = bare.initial.standard_deviation() == 0
+    jumps = np.array([knot - bare.initial.moment(1) for knot in distribution.knots if alike])
     jumps = jumps[(jumps > 0) & (jumps < distance)]
     X = np.unique(np.concatenate([X, np.nextafter(jumps, 0), np.nextafter(jumps, np.inf)]))
-    K_eff = -solution.at(X).stiffness
-    best = int(np.argmax(K_eff))
-    for _ in range(3):
-        near = np.linspace(X[max(best - 1, 0)], X[min(best + 1, X.size - 1)], 41)
-        near = np.unique(np.append(near, X[best]))
-        K_near = -solution.at(near).stiffness
-        X, K_eff, best = near, K_near, int(np.argmax(K_near))
-    value = float(K_eff[best])
+    for _ in range(4):
+        K_eff = -solution(X).stiffness
+        best = int(np.argmax(K_eff))
+        value, place = float(K_eff[best]), float(X[best])
+        X = np.unique(np.append(np.linspace(X[max(best - 1, 0)], X[min(best + 1, X.size - 1)], 41), place))
     # Rounding of the steady state's flat force is not a fall.
-    return (value, float(X[best])) if value > 1e-9 else (0.0, float(X[best]))
+    return (value if value > 1e-9 else 0.0), place
 
 
 def static_friction(interface: Interface) -> tuple[float, float]:
@@ -198,7 +195,7 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     _check_renewal(bare)
     distance, points = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3)), Renewal().points
     X = np.linspace(0.0, distance, points + 1)
-    force = _Solution(bare, distance, 1.0, points).at(X).force
+    force = _solved(bare, distance, 1.0, points)(X).force
     # Rounding tells where a force that only rises is largest.
     first = int(np.argmax(force >= (1.0 - 1e-9) * force.max()))
     return float(force.max()), float(X[first])
@@ -221,46 +218,41 @@ _MOST_WORK = 2e7
 """Nodes of the start times positions: some ten seconds."""
 
 
-class _Solution:
-    """The renewal equation solved once, to be looked at anywhere."""
-
-    def __init__(self, interface: Interface, distance: float, velocity: float, points: int) -> None:
-        from stickslip.kernels import renewal
-
-        self._kernel = renewal
-        distribution = interface.threshold_distribution
-        # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
-        jumps = any(0 < knot < math.inf for knot in distribution.knots)
-        self.initial_stretchings, weight = initial_nodes(interface, finer=16 if jumps else 1)
-        work = self.initial_stretchings.size * float(points)
-        if work > _MOST_WORK:
-            raise InputError(
-                f"{work:.1g} points are needed to resolve thresholds of standard deviation "
-                f"{distribution.standard_deviation():.3g} x_s and initial stretchings of standard deviation "
-                f"{interface.initial.standard_deviation():.3g} x_s over {distance:.3g} x_s, more than "
-                f"{_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
-            )
-        delay, share = interface.delay.quadrature()
-        born = interface.newborn
-        self._contacts = renewal.Contacts(
-            distribution.density,
-            lambda x, n: excess(distribution, x, n),
-            self.initial_stretchings,
-            weight,
-            np.maximum(self.initial_stretchings, 0.0),
-            velocity * delay,
-            share,
-            *((np.zeros(1), np.ones(1)) if born is None else stretching_nodes(born, distribution)),
+def _solved(interface: Interface, distance: float, velocity: float, points: int) -> Callable[[Array], renewal.Response]:
+    """Return the solution of the renewal equation, to be looked at anywhere."""
+    distribution, born, sliding_force = interface.threshold_distribution, interface.newborn, interface.sliding_force
+    # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
+    jumps = any(0 < knot < math.inf for knot in distribution.knots)
+    stretchings, weight = initial_nodes(interface, finer=16 if jumps else 1)
+    work = stretchings.size * float(points)
+    if work > _MOST_WORK:
+        raise InputError(
+            f"{work:.1g} points are needed to resolve thresholds of standard deviation "
+            f"{distribution.standard_deviation():.3g} x_s and initial stretchings of standard deviation "
+            f"{interface.initial.standard_deviation():.3g} x_s over {distance:.3g} x_s, more than "
+            f"{_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
         )
-        self._re_attached = renewal.solve(self._contacts, distance, points)
-        self._sliding_force = interface.sliding_force
+    delay, share = interface.delay.quadrature()
+    contacts = renewal.Contacts(
+        distribution.density,
+        lambda x, n: excess(distribution, x, n),
+        stretchings,
+        weight,
+        np.maximum(stretchings, 0.0),
+        velocity * delay,
+        share,
+        *((np.zeros(1), np.ones(1)) if born is None else stretching_nodes(born, distribution)),
+    )
+    re_attached = renewal.solve(contacts, distance, points)
 
-    def at(self, X: Array) -> kernel.Response:
-        found = self._kernel.observe(self._contacts, self._re_attached, X)
-        if self._sliding_force == 0:
+    def at(X: Array) -> renewal.Response:
+        found = renewal.observe(contacts, re_attached, X)
+        if sliding_force == 0:
             return found
         # Detached contacts are stretched with the slider until they slide.
-        element, detached = np.minimum(X, self._sliding_force), 1.0 - found.attached
-        detaching = found.rate - self._kernel.re_attaching(self._contacts, self._re_attached, X, found.rate)
-        stiffness = found.stiffness + element * detaching + np.where(self._sliding_force > X, detached, 0.0)
+        element, detached = np.minimum(X, sliding_force), 1.0 - found.attached
+        detaching = found.rate - renewal.re_attaching(contacts, re_attached, X, found.rate)
+        stiffness = found.stiffness + element * detaching + np.where(sliding_force > X, detached, 0.0)
         return found._replace(force=found.force + element * detached, stiffness=stiffness)
+
+    return at
