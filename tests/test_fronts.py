@@ -73,28 +73,16 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
     ("groups", "prestress", "expected"),
     [
         ((STIFF, 0.0, 0.0, 0.1), 0.5, 1.23576),
-        ((STIFF, 0.0, 0.0, 0.5), 0.5, 1.56031),
         ((STIFF, 0.0, 0.0, 1.0), 0.5, 2.00000),
         ((1.0, 0.0, 0.0, 0.3162), 0.5, 1.14625),
         ((STIFF, 0.0, 0.3), 0.2, 0.80000),
-        ((STIFF, 0.0, 1.0), 0.2, 0.34176),
         ((STIFF, 0.0, 3.0), 0.3, 0.18387),
-        ((STIFF, 0.0, 1.0), 0.5, 0.85365),
         ((STIFF, 0.0, 1.0), 0.8, 1.46694),
-        ((0.25, 0.05, 0.3), 0.5, 0.42276),
         ((0.25, 0.05, 0.3), 0.6, 0.68641),
-        ((0.25, 0.05, 0.3), 0.8, 0.90738),
         ((0.04, 0.01, 0.2), 0.5, 0.18355),
-        ((0.04, 0.01, 0.2), 0.6, 0.49301),
-        ((0.04, 0.01, 0.2), 0.7, 0.69557),
         ((0.04, 0.01, 0.2), 0.8, 0.82713),
-        ((0.01, 0.0025, 0.1), 0.5, 0.19563),
         ((0.01, 0.0025, 0.1), 0.6, 0.49821),
-        ((0.01, 0.0025, 0.1), 0.8, 0.83919),
-        ((0.16, 0.04, 0.4), 0.6, 0.47441),
         ((0.16, 0.04, 0.4), 0.8, 0.80644),
-        ((0.0025, 0.000625, 0.05), 0.5, 0.19886),
-        ((0.0025, 0.000625, 0.05), 0.6, 0.49955),
         ((0.0025, 0.000625, 0.05), 0.8, 0.84412),
     ],
 )
@@ -123,29 +111,16 @@ def test_bulk_viscosity_in_the_continuum_is_the_limit_of_fine_blocks(leaf):
     assert fine + (fine - coarse) / 3 == pytest.approx(speed(rigs[1], 0.6, blocks="continuum"), abs=1e-5)
 
 
-def test_sliding_force_and_strength_enter_through_the_prestress_alone():
-    one = speed(bar(0.04, 0.01, 0.2), 0.6)
+def test_sliding_force_strength_and_rows_enter_through_the_prestress_alone_and_units_scale():
+    rig = bar(0.04, 0.01, 0.2)
+    one = speed(rig, 0.6)
     assert speed(bar(0.04, 0.01, 0.2, sliding=0.425), 0.6) == one
     assert speed(bar(0.04, 0.01, 0.2, sliding=0.425, mean=1.3), 0.6) == one
-
-
-def test_softer_contacts_are_slower_and_viscosity_is_faster():
-    assert speed(bar(0.25), 0.5) < speed(bar(1.0), 0.5) < speed(bar(4.0), 0.5)
-    assert speed(bar(1.0), 0.5) < speed(bar(1.0, 0.0, 0.0, 0.3), 0.5)
-
-
-def test_the_speed_is_in_the_rigs_own_unit_of_time():
-    rig = bar(0.04, 0.01, 0.2)
-    si = ss.Rig(rig.interface, rig.slider, STILL, scales=ss.model.Scales(force=100.0, stretching=1e-6, time=0.01))
-    front = elastic.front_speed(si, prestress=0.6)
-    assert front.speed == pytest.approx(100 * speed(rig, 0.6), rel=1e-12)
-    assert front.speed / front.sound_speed == pytest.approx(speed(rig, 0.6), rel=1e-12)
-
-
-def test_a_front_along_a_sheet_is_that_of_a_chain():
-    rig = bar(0.04, 0.01, 0.2)
     sheet = ss.model.Sheet(along=60, across=9, coupling=25.0, shear=3.0, mass=25.0, damping=0.2, leaf=0.25)
-    assert speed(ss.Rig(rig.interface, sheet, STILL), 0.6) == pytest.approx(speed(rig, 0.6), rel=1e-12)
+    assert speed(ss.Rig(rig.interface, sheet, STILL), 0.6) == pytest.approx(one, rel=1e-12)
+    front = elastic.front_speed(replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01)), prestress=0.6)
+    assert front.speed == pytest.approx(100 * one, rel=1e-12)
+    assert front.speed / front.sound_speed == pytest.approx(one, rel=1e-12)
 
 
 # ---------------------------------------------------------------- any distribution of thresholds
@@ -183,12 +158,9 @@ def test_without_leaf_springs_a_distribution_has_a_front_at_any_prestress():
     ("leaf", "std", "expected"),
     [
         (0.25, 0.0, 0.447214),
-        (0.25, 0.01, 0.447236),
         (0.25, 0.05, 0.447772),
-        (0.25, 0.1, 0.449444),
         (0.25, 0.2, 0.456709),
         (0.1, 0.0, 0.301511),
-        (0.1, 0.1, 0.303015),
         (0.1, 0.2, 0.307521),
     ],
 )
@@ -298,28 +270,6 @@ def sliding(sliding_force=0.0, **chain):
 
 
 @pytest.mark.parametrize(
-    ("chain", "mode", "stiffness", "root"),
-    [
-        ({"blocks": 8, "coupling": 2.0, "leaf": 3.0, "ends": "periodic"}, 1, 4.1716, -0.09571 + 7.96899j),
-        (
-            {"blocks": 8, "coupling": 2.0, "leaf": 3.0, "ends": "periodic", "viscosity": 2e-3},
-            1,
-            4.1716,
-            -0.09617 + 7.96875j,
-        ),
-        ({"blocks": 8, "coupling": 40.0, "side": 40.0}, 0, 1.3622, 0.13863 + 7.57764j),
-        ({"blocks": 8, "coupling": 80.0, "side": 40.0}, 0, 2.1944, 0.00309 + 7.78923j),
-        ({"blocks": 1, "coupling": 1.0, "leaf": 2.0}, 0, 2.0, 0.02417 + 7.75412j),
-    ],
-)
-def test_growth_of_modes(chain, mode, stiffness, root):
-    found = elastic.modes(sliding(**chain)).isel(mode=mode)
-    assert float(found.stiffness) == pytest.approx(stiffness, abs=1e-4)
-    assert float(found.growth) == pytest.approx(root.real, abs=1e-5)
-    assert float(found.frequency) == pytest.approx(root.imag, abs=1e-5)
-
-
-@pytest.mark.parametrize(
     ("force", "root"), [(0.0, 0.02417 + 7.75412j), (0.1, -0.01831 + 7.74431j), (0.3, -0.10401 + 7.72947j)]
 )
 def test_a_sliding_force_makes_every_mode_more_stable(force, root):
@@ -330,11 +280,16 @@ def test_a_sliding_force_makes_every_mode_more_stable(force, root):
 
 
 def test_a_mode_is_a_rigid_slider_on_its_own_spring():
+    """A wave on a ring has its coupling's stiffness on top of the leaf springs', and loses more in a viscous bulk."""
     rig = sliding(blocks=5, coupling=3.0, leaf=1.0)
-    rigid = ss.Rig(rig.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), ss.constant(velocity=1.5))
     found = elastic.modes(rig)
+    rigid = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426))
     assert complex(found.growth[0], found.frequency[0]) == pytest.approx(complex(ss.growth_rate(rigid)), rel=1e-10)
     assert found.growth.values.tolist() == sorted(found.growth.values.tolist(), reverse=True)
+    for viscosity, root in ((0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)):
+        ring = elastic.modes(sliding(blocks=8, coupling=2.0, leaf=3.0, ends="periodic", viscosity=viscosity))
+        assert float(ring.stiffness[1]) == pytest.approx(4.1716, abs=1e-4)
+        assert complex(ring.growth[1], ring.frequency[1]) == pytest.approx(root, abs=1e-5)
 
 
 @pytest.mark.parametrize("ends", ["free", "periodic"])
@@ -355,32 +310,29 @@ def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
 
 
 def test_wavelengths():
-    ring = elastic.modes(sliding(blocks=12, coupling=2.0, leaf=1.0, ends="periodic"))
-    assert ring.wavelength.values[:5] == pytest.approx([math.inf, 12, 12, 6, 6])
-    free = elastic.modes(sliding(blocks=12, coupling=2.0, leaf=1.0))
-    assert free.wavelength.values[:3] == pytest.approx([math.inf, 24, 12])
-    held = elastic.modes(
-        sliding(blocks=12, coupling=2.0, side=2.0)
-    )  # a quarter of a wave from the drive to the free end
-    assert held.wavelength.values[:2] == pytest.approx([2 * 25, 2 * 25 / 3])
+    """All blocks alike, and half a wave; on a spring at one end, a quarter of a wave from the drive to the free end."""
+    for ends, chain, expected in (
+        ("periodic", {"leaf": 1.0}, [math.inf, 12, 12, 6, 6]),
+        ("free", {"leaf": 1.0}, [math.inf, 24, 12]),
+        ("free", {"side": 2.0}, [2 * 25, 2 * 25 / 3]),
+    ):
+        found = elastic.modes(sliding(blocks=12, coupling=2.0, ends=ends, **chain)).wavelength.values
+        assert found[: len(expected)] == pytest.approx(expected)
     stiff = elastic.modes(sliding(blocks=3, coupling=2.0, side=1e3))
     assert np.isnan(stiff.wavelength.values).tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize(("blocks", "unstable"), [(8, 1), (32, 3), (128, 11)])
-def test_the_longest_waves_grow(blocks, unstable):
-    found = elastic.modes(sliding(blocks=blocks, coupling=20.0, leaf=1.0), count=14)
-    assert int((found.growth > 0).sum()) == unstable
-    shortest = elastic.critical_length(sliding(blocks=blocks, coupling=20.0, leaf=1.0)).wavelength
-    assert ((found.growth > 0) == (found.wavelength > shortest)).all()
-
-
-def test_shortest_wavelength_that_grows():
-    found = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
-    assert found.stiffness == pytest.approx(2.226362, abs=1e-6)
-    assert 2 * math.pi / found.wavelength == pytest.approx(0.24826, abs=5e-6)
-    assert found.wavelength == pytest.approx(25.31, abs=5e-3)
-    assert found.blocks == 0
+@pytest.mark.parametrize("viscosity", [0.0, 0.02])
+def test_the_longest_waves_grow_and_viscosity_of_the_bulk_shortens_none(blocks, unstable, viscosity):
+    rig = sliding(blocks=blocks, coupling=20.0, leaf=1.0, viscosity=viscosity)
+    found, dry = elastic.modes(rig, count=14), elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
+    shortest = elastic.critical_length(rig)
+    assert ((found.growth > 0) == (found.wavelength > shortest.wavelength)).all()
+    assert viscosity or int((found.growth > 0).sum()) == unstable
+    assert shortest.wavelength > dry.wavelength if viscosity else shortest.wavelength == pytest.approx(25.31, abs=5e-3)
+    assert dry.stiffness == pytest.approx(2.226362, abs=1e-6)
+    assert shortest.blocks == 0
 
 
 @pytest.mark.parametrize(
@@ -397,15 +349,6 @@ def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks, con
     assert growth[0] < 0 < growth[1]
 
 
-def test_viscosity_of_the_bulk_shortens_no_wave():
-    dry, wet = (
-        elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0, viscosity=c)).wavelength for c in (0.0, 0.02)
-    )
-    assert wet > dry
-    found = elastic.modes(sliding(blocks=200, coupling=20.0, leaf=1.0, viscosity=0.02), count=20)
-    assert ((found.growth > 0) == (found.wavelength > wet)).all()
-
-
 def test_stiff_leaf_springs_keep_every_wave_stable():
     found = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
     assert math.isinf(found.wavelength)
@@ -417,11 +360,8 @@ def test_stiff_leaf_springs_keep_every_wave_stable():
 
 def test_modes_in_si_units():
     rig = sliding(blocks=8, coupling=40.0, side=40.0)
-    scales = ss.model.Scales(force=100.0, stretching=1e-6, time=0.01)
-    natural, si = (
-        elastic.modes(rig, count=2),
-        elastic.modes(ss.Rig(rig.interface, rig.slider, rig.drive, scales=scales), count=2),
-    )
+    scaled = replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01))
+    natural, si = (elastic.modes(each, count=2) for each in (rig, scaled))
     assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
     assert si.stiffness.values == pytest.approx(1e8 * natural.stiffness.values, rel=1e-12)
     assert (si.growth.units, si.stiffness.units) == ("1/s", "N/m")
@@ -431,61 +371,47 @@ def test_modes_in_si_units():
 
 ALIKE = bar(0.04, 0.01, 0.2)
 SPREAD = bar(0.04, 0.01, 0.2, std=0.1)
-LEFT_OUT = "^Interface.{} = .* not available with front_speed"
+LEFT_OUT = "Interface.{} = .* not available with front_speed"
 
 
 def with_mechanism(**mechanism):
     return replace(SPREAD, interface=replace(SPREAD.interface, **mechanism))
 
 
+def front(rig, prestress=0.5, **how):
+    return lambda: elastic.front_speed(rig, prestress=prestress, **how)
+
+
+def modes(count=1, **chain):
+    return lambda: elastic.modes(sliding(**chain), count=count)
+
+
+VISCOUS = bar(0.04, 0.01, 0.2, 0.1, std=0.1)
+SIDE_DRIVEN = ss.Rig(SPREAD.interface, side_driven().slider, STILL)
+RING = {"blocks": 5000, "coupling": 1.0, "side": 1.0, "ends": "periodic"}
+
+
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda: elastic.front_speed(ALIKE, prestress=1.0), r"^prestress = 1: must be .* below 1"),
-        (
-            lambda: elastic.front_speed(ALIKE, prestress=0.5, blocks="fine"),
-            r"^blocks = 'fine': must be one of lattice",
-        ),
-        (
-            lambda: elastic.front_speed(SPREAD, prestress=0.5, blocks="lattice"),
-            r"^blocks = 'lattice': known only where all",
-        ),
-        (
-            lambda: elastic.front_speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), prestress=0.5),
-            r"^Chain.viscosity = 2.5: fronts in a viscous bar are known only",
-        ),
-        (
-            lambda: elastic.front_speed(bar(0.04, sliding=1.0), prestress=0.5),
-            r"^Interface.sliding_force = 1: must be below",
-        ),
-        (
-            lambda: elastic.front_speed(SPREAD, prestress=0.99),
-            r"^prestress = 0.99: the contacts are past their largest",
-        ),
-        (lambda: elastic.precursor_force(ALIKE), r"^Rig.slider = .*pulled at one end only"),
-        (
-            lambda: elastic.precursor_force(ss.Rig(SPREAD.interface, side_driven().slider, STILL)),
-            r"^Interface.thresholds = .* needs all thresholds alike",
-        ),
-        (lambda: elastic.modes(sliding(blocks=4, coupling=1.0)), r"^Rig.slider = .* nothing holds the slider"),
-        (lambda: elastic.modes(sliding(blocks=4, coupling=1.0, leaf=1.0), count=0), r"^count = 0: must be"),
-        (
-            lambda: elastic.modes(sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")),
-            r"^Rig.slider: 5000 blocks in a network",
-        ),
-        (lambda: ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0)), r"^Rig.slider = .* use|modes\(\)"),
-        (
-            lambda: elastic.front_speed(with_mechanism(track_scatter=0.1), prestress=0.6),
-            LEFT_OUT.format("track_scatter"),
-        ),
-        (
-            lambda: elastic.front_speed(with_mechanism(ageing=ss.Langevin(rate=1.5)), prestress=0.6),
-            LEFT_OUT.format("ageing"),
-        ),
+        (front(ALIKE, 1.0), r"prestress = 1: must be .* below 1"),
+        (front(ALIKE, blocks="fine"), r"blocks = 'fine': must be one of lattice"),
+        (front(SPREAD, blocks="lattice"), r"blocks = 'lattice': known only where all"),
+        (front(VISCOUS), r"Chain.viscosity = 2.5: fronts in a viscous bar are known only"),
+        (front(bar(0.04, sliding=1.0)), r"Interface.sliding_force = 1: must be below"),
+        (front(SPREAD, 0.99), r"prestress = 0.99: the contacts are past their largest"),
+        (front(with_mechanism(track_scatter=0.1)), LEFT_OUT.format("track_scatter")),
+        (front(with_mechanism(ageing=ss.Langevin(rate=1.5))), LEFT_OUT.format("ageing")),
+        (lambda: elastic.precursor_force(ALIKE), r"Rig.slider = .*pulled at one end only"),
+        (lambda: elastic.precursor_force(SIDE_DRIVEN), r"Interface.thresholds = .* needs all thresholds alike"),
+        (modes(blocks=4, coupling=1.0), r"Rig.slider = .* nothing holds the slider"),
+        (modes(0, blocks=4, coupling=1.0, leaf=1.0), r"count = 0: must be"),
+        (modes(**RING), r"Rig.slider: 5000 blocks in a network"),
+        (lambda: ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0)), r"Rig.slider = .* use|modes\(\)"),
     ],
 )
 def test_bad_input(ask, message):
-    with pytest.raises(ss.InputError, match=message):
+    with pytest.raises(ss.InputError, match=f"^{message}"):
         ask()
 
 
@@ -748,9 +674,13 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
 
 
 def test_a_bar_of_which_no_wave_grows_says_so():
-    found = ss.predict(replace(sliding(blocks=8, coupling=20.0, leaf=1.0), drive=ss.constant(2000.0)))
+    rig = sliding(blocks=8, coupling=20.0, leaf=1.0)
+    found = ss.predict(replace(rig, drive=ss.constant(2000.0)))
     assert found.growing == 0
     assert found.verdict.endswith("smooth sliding is linearly stable at every wavelength")
+    at_once = ss.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.0))))
+    assert at_once.verdict.startswith("undecided: without delay or ageing")
+    assert at_once.plot().axes
 
 
 def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):
@@ -784,13 +714,6 @@ def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):
 def test_what_cannot_be_predicted(change, words):
     with pytest.raises(ss.InputError, match=words):
         ss.predict(change(sliding(blocks=8, coupling=20.0, leaf=1.0)))
-
-
-def test_contacts_that_come_back_at_once_have_nothing_that_grows():
-    rig = sliding(blocks=8, coupling=20.0, leaf=1.0)
-    found = ss.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.0))))
-    assert found.verdict.startswith("undecided: without delay or ageing")
-    assert found.plot().axes
 
 
 def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):

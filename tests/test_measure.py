@@ -151,8 +151,8 @@ def masked(signal):
 FORCES = {
     "a sine that lasts": (wave, "sustained oscillation", "periodic, 66.7 % .*; the slider never sticks"),
     "that grows": (lambda: wave(growth=0.02), "undecided", "still grows, .* about 80 more would tell"),
-    "that grows from little": (lambda: wave(growth=0.1, size=0.003), "undecided", "grows"),
     "that decays slowly": (lambda: wave(growth=-0.005, size=0.12), "undecided", r"decays, .* about \d+ more would"),
+    "that decays from much": (lambda: wave(growth=-0.1), "undecided", "decays"),
     "that decays, not small": (lambda: wave(growth=-0.02, size=0.027, mean=0.1), "undecided", "decays"),
     "that decays, small": (lambda: wave(growth=-0.05, size=0.0013), "smooth sliding", "decays"),
     "that is tiny": (lambda: wave(size=0.003), "smooth sliding", "oscillates by 1.49 %"),
@@ -173,15 +173,11 @@ FORCES = {
         "periodic",
     ),
     "slow noise": (lambda: at(200.0, 0.01, lambda t: 5.0 + 0.3 * slow(t.size)), "smooth sliding", "as slow noise does"),
-    "slower": (lambda: at(200.0, 0.01, lambda t: 5 + 0.3 * slow(t.size, memory=0.9)), "smooth sliding", "noise"),
-    "slow, clipped": (lambda: at(200.0, 0.01, lambda t: 5 + 0.3 * np.clip(slow(t.size), -0.5, 0.5)), "undecided", ""),
-    "noise that grows": (lambda: changing(5.0, 80.0, 0.01), "undecided", "changes by a factor 5.1 "),
-    "that decays in mN": (lambda: changing(0.2, 70.0, 0.1, 1e3), "undecided", "decays, by a factor 0.21 "),
+    "noise that grows": (lambda: changing(5.0, 80.0, 0.01), "undecided", "fluctuation still grows, by a factor 5.1 "),
     "that decays to little": (lambda: changing(0.2, 70.0, 0.03), "smooth sliding", "fluctuation decays, by a factor"),
     "noise that masks": (lambda: masked(lambda t: 0 * t), "undecided", "masks any oscillation"),
     "slips below noise": (lambda: masked(lambda t: 0.8 * (t / 2 % 1)), "stick-slip", "periodic"),
     "a rise": (lambda: at(100.0, 0.05, lambda t: 0.1 * t), "undecided", "still rises"),
-    "a fall": (lambda: at(100.0, 0.05, lambda t: 5.0 - 0.04 * t), "undecided", "still falls"),
     "a constant": (lambda: at(100.0, 0.05, lambda t: 3.0 + 0 * t), "undecided", "never changes"),
     "half a period": (lambda: at(100.0, 0.05, lambda t: 0.5 + 0.3 * np.cos(0.05 * t)), "undecided", "no complete"),
     "three slips": (lambda: trace(*even_sawtooth(cycles=3)), "undecided", r"too short: .* about \d\.\d+ more"),
@@ -396,7 +392,6 @@ def test_slip_length_and_peak_velocity_come_with_the_motion():
     np.testing.assert_allclose(found["slip"], 0.35 + 0.06, atol=0.06)
     np.testing.assert_allclose(found["peak_velocity"], 1.0 + 0.7 / 0.06 / 2.0, rtol=0.01)
     assert "slip" not in drops(trace(t, force))
-    assert found["recurrence"].attrs["mean"] == pytest.approx(1.5, abs=0.01)
     assert found["loading_rate"].attrs["mean"] == pytest.approx(0.7 / 1.44, rel=0.1)
 
 

@@ -12,7 +12,7 @@ from stickslip import words
 from stickslip.errors import number, printable
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import find_strokes
-from stickslip.measure.slips import Slips, fast_ones, find_slips, mean_and_std
+from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips, mean_and_std
 from stickslip.measure.verdict import Regime, over_the_window, since, with_coefficient
 from stickslip.words import prefixed
 
@@ -94,78 +94,69 @@ def regime_and_drops(
     if after is not None:
         trace = since(trace, after)
     seen = with_coefficient(over_the_window(trace, after), data)
-    strokes = find_strokes(trace) if trace.drive is None else []
-    if not strokes:
-        return seen, _table(data, trace, _drops_beside(seen, trace, minimum_drop), seen.drops_are)
-    each = [_table(data, stroke, _drops_beside(seen, stroke, minimum_drop), seen.drops_are) for stroke in strokes]
-    rows = [table.assign(stroke=("event", np.full(table.sizes["event"], i))) for i, table in enumerate(each)]
-    whole = xr.concat(rows, "event", combine_attrs="override").assign_coords(
-        event=np.arange(sum(table.sizes["event"] for table in rows))
-    )
-    whole["stroke"].attrs = {"units": "1", "long_name": "number of the stroke"}
-    whole.attrs["count"] = whole.sizes["event"]
-    whole.attrs["cut"] = sum(table.attrs["cut"] for table in each)
-    whole.attrs["criterion"] = f"of the first stroke: {whole.attrs['criterion']}"
-    return seen, with_statistics(whole)
+    parts = (find_strokes(trace) if trace.drive is None else []) or [trace]
+    tables = [_table(data, part, _drops_beside(seen, part, minimum_drop), seen.drops_are) for part in parts]
+    if len(tables) == 1:
+        return seen, with_statistics(tables[0])
+    attrs = tables[0].attrs | {name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")}
+    attrs["criterion"] = f"of the first stroke: {attrs['criterion']}"
+    each = np.repeat(np.arange(len(tables)), [table.sizes["event"] for table in tables])
+    stroke = ("event", each, {"units": "1", "long_name": "number of the stroke"})
+    whole = xr.concat(tables, "event", combine_attrs="override").assign_coords(event=np.arange(each.size))
+    return seen, with_statistics(whole.assign(stroke=stroke).assign_attrs(attrs))
 
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
     """Drops of a trace; where it ends in smooth sliding, those outside that window, larger than anything in it."""
     found = find_slips(trace, minimum_drop)
-    if minimum_drop is not None:
+    if seen.kind == "stick-slip" and minimum_drop is None:
+        return fast_ones(trace, found)
+    if seen.kind != "smooth sliding" or minimum_drop is not None:
         return found
-    if seen.kind != "smooth sliding":
-        return fast_ones(trace, found) if seen.kind == "stick-slip" else found
     begin, end = seen.window
-    outside = (trace.t[found.peak] < begin) | (trace.t[found.peak] > end)
-    kept = outside & (found.drops > seen.peak_to_peak)
+    kept = ((found.times < begin) | (found.times > end)) & (found.drops > seen.peak_to_peak)
     if not kept.any():
-        return found.none(f"smooth sliding, {seen.reason}")
+        return replace(found.only(kept), cut=0, criterion=f"no slips: smooth sliding, {seen.reason}")
     return replace(found.only(kept), criterion=f"{found.criterion}, before smooth sliding")
 
 
-def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips") -> xr.Dataset:
-    """One row per slip; mean and standard deviation of each column among its attributes."""
+def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str) -> xr.Dataset:
+    """One row per slip."""
     import xarray as xr
 
     start, end = found.start, found.end
-    time_unit = str(data["time"].attrs.get("units", ""))
-    force_unit = str(data["spring_force"].attrs.get("units", ""))
-    name = "coefficient of friction" if force_unit == "1" else "force"
-    rate_unit = f"{force_unit or 1}/{time_unit}" if time_unit else ""
+    time, force, way, speed = (
+        str(data[name].attrs.get("units", "")) if name in data else ""
+        for name in ("time", "spring_force", "displacement", "velocity")
+    )
+    mu, rate = "coefficient of friction", f"{force or 1}/{time}" if time else ""
+    name = mu if force == "1" else "force"
     recurrence = np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0)
     loading = np.full(start.size, math.nan)
     loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
     beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))  # the first slip after a gap
     recurrence[beyond] = loading[beyond] = math.nan
     columns: dict[str, tuple[Array, str, str]] = {
-        "start": (trace.t[start], time_unit, "time at which the slip starts"),
-        "end": (trace.t[end], time_unit, "time at which the slip ends"),
-        "force_before": (trace.sign * found.before, force_unit, f"{name} before the slip (peak)"),
-        "force_after": (trace.sign * found.after, force_unit, f"{name} after the slip (trough)"),
-        "drop": (found.drops, force_unit, f"drop of the {name} in the slip"),
-        "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
-        "recurrence": (recurrence, time_unit, "time since the start of the slip before"),
-        "loading_rate": (loading, rate_unit, f"rise of the {name} per time since the slip before"),
+        "start": (trace.t[start], time, "time at which the slip starts"),
+        "end": (trace.t[end], time, "time at which the slip ends"),
+        "force_before": (trace.sign * found.before, force, f"{name} before the slip (peak)"),
+        "force_after": (trace.sign * found.after, force, f"{name} after the slip (trough)"),
+        "drop": (found.drops, force, f"drop of the {name} in the slip"),
+        "duration": (trace.t[end] - trace.t[start], time, "duration of the slip"),
+        "recurrence": (recurrence, time, "time since the start of the slip before"),
+        "loading_rate": (loading, rate, f"rise of the {name} per time since the slip before"),
     }
     if "mu" in data and "load" in data and start.size:
-        row = [np.searchsorted(data["time"].values, trace.t[edge]) for edge in (start, end)]
-        before, after = (
-            np.divide(_per_load(data) * trace.sign * force, load, out=np.full(start.size, math.nan), where=load != 0)
-            for force, load in zip((found.before, found.after), (data["load"].values[i] for i in row), strict=True)
-        )
-        mu = "coefficient of friction"
+        load = data["load"].where(data["load"] != 0).sel(time=trace.t[np.append(start, end)]).values
+        before, after = np.split(_per_load(data) * trace.sign * np.append(found.before, found.after) / load, 2)
         columns["mu_before"] = (before, "1", f"{mu} before the slip (static)")
         columns["mu_after"] = (after, "1", f"{mu} after the slip")
         columns["mu_drop"] = (trace.sign * (before - after), "1", f"drop of the {mu}")
     if trace.X is not None:
-        unit = str(data["displacement"].attrs.get("units", ""))
-        columns["slip"] = (trace.X[end] - trace.X[start], unit, "distance slipped")
+        columns["slip"] = (trace.X[end] - trace.X[start], way, "distance slipped")
     if trace.velocity is not None:
-        unit = str(data["velocity"].attrs.get("units", ""))
-        peaks = [float(trace.velocity[i : j + 1].max()) for i, j in zip(found.peak, found.trough, strict=True)]
-        columns["peak_velocity"] = (np.array(peaks, dtype=float), unit, "largest slider velocity in the slip")
-    made = xr.Dataset(
+        columns["peak_velocity"] = (fastest(trace, found), speed, "largest slider velocity in the slip")
+    return xr.Dataset(
         {key: ("event", values, {"units": unit, "long_name": title}) for key, (values, unit, title) in columns.items()},
         coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
         attrs={
@@ -177,7 +168,6 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
             "cut": found.cut,
         },
     )
-    return with_statistics(made)
 
 
 def _per_load(data: xr.Dataset) -> float:

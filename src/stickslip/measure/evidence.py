@@ -10,13 +10,14 @@ from typing import Literal
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
-from stickslip.measure.arrays import Array, Trace, without_line
+from stickslip.measure.arrays import Array, Trace, slope, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles
 from stickslip.measure.slips import (
     FEWEST_IN_A_DROP,
     SLIP_VELOCITY,
     Slips,
     fast_ones,
+    is_white,
     kurtosis,
     mean_and_std,
     speeds,
@@ -30,7 +31,7 @@ STEADY = 0.05  # change of the logarithm of the amplitude that is none
 ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
 CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chance
 SLIP_PHASE = 0.25  # a slider that is held the rest of the time slips at four times the drive on average
-HELD = 0.5  # a slider that is held loads the spring at its full rate for most of the time
+MOST = 0.5  # of the time, for which a slider that is held loads the spring at its full rate, or of the range of a force
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
 LARGEST_NOISE = 0.5  # of the mean force, at so many errors: noise beyond it is no smooth sliding
 NORMAL = 2.25  # kurtosis half way from a sine (1.5) to noise (3) ...
@@ -71,27 +72,19 @@ class Criterion:
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What the force in a window shows: its cycles, how large they are, and the tests made of it, by short names."""
+    """What the force in a window shows: its drops and cycles, how large they are, and the tests, by short names.
+
+    `facts` holds the names of the tests that were passed, and a few more: what the force is, and what it may be.
+    """
 
     found: Slips
     cycles: Cycles
     periodic: bool
-    slips: bool
-    count: int
     swing: float
-    peak_to_peak: float
-    friction: float
     trend: float
     trend_error: float
     tests: dict[str, Criterion]
-
-    def passes(self, name: str) -> bool:
-        """Whether a test was made, and passed."""
-        return name in self.tests and self.tests[name].passed
-
-    def fails(self, name: str) -> bool:
-        """Whether a test was made, and not passed."""
-        return name in self.tests and not self.tests[name].passed
+    facts: set[str]
 
     def value(self, name: str) -> float:
         """What a test found; not a number where it was not made."""
@@ -100,38 +93,40 @@ class Evidence:
 
 def gather(trace: Trace, found: Slips) -> Evidence:
     """Take the numbers of a window, and make the tests."""
-    force, friction, tests = trace.force, abs(trace.largest), dict[str, Criterion]()
+    force, friction, noise, tests = trace.force, abs(trace.largest), found.noise, dict[str, Criterion]()
 
     def test(key: str, name: str, value: float, limit: float, source: Source, *, most: bool = False) -> None:
         if not math.isnan(value):
             passed = bool(value <= limit if most else value >= limit)
             tests[key] = Criterion(name=name, statistic=value, limit=limit, source=source, passed=passed)
 
+    def over(value: float, other: float) -> float:
+        return value / other if other else math.nan
+
     cycles, periodic = _cycles(trace, found)
     rest = without_line(force, trace.t)
+    scatter, mean = float(rest.std()), abs(float(force.mean()))
     swing = peak_to_peak = float(np.ptp(force))
-    if periodic:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
-        swing = min(swing, 2.0 * math.sqrt(2.0 * max(float(np.var(rest)) - found.noise**2, 0.0)))
-    samples = float(np.median(found.trough - found.peak)) if found.size else math.nan
-    fastest = speeds(trace, found)
-    speed = math.nan if fastest is None else weighted_median(fastest, found.drops**2)
-    phase, full = found.slip_phase(trace), held(trace, found.noise) if found.size and not trace.contacts else math.nan
-    # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
-    # irregular one, that it rises at one rate for most of the time, too.
-    slips = phase <= SLIP_PHASE or (full >= HELD and not periodic)
-    if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
-        slips = speed >= SLIP_VELOCITY
-    count = cycles.count if periodic else _count(trace, found, cycles, slips=slips)
-    trend, error, scatter = _trend(trace, found, cycles, periodic=periodic, slips=slips)
+    if periodic and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
+        swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - noise**2, 0.0)))
     test("drops", "drops that stand out of the noise", found.size, 1, "statistics")
-    test("size", "swing over the largest force", swing / friction if friction else math.nan, TINY, "convention")
+    test("size", "swing over the largest force", over(swing, friction), TINY, "convention")
+    slips, trend, error = False, math.nan, math.nan
     if found.size:
+        samples, fastest = float(np.median(found.trough - found.peak)), speeds(trace, found)
+        speed = math.nan if fastest is None else weighted_median(fastest, found.drops**2)
+        phase, full = found.slip_phase(trace), math.nan if trace.contacts else held(trace, noise)
+        # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
+        # irregular one, that it rises at one rate for most of the time, too.
+        slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
+        if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
+            slips = speed >= SLIP_VELOCITY
+        count = cycles.count if periodic else (fast_ones(trace, found) if slips else found).size
+        trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
         change = math.log(trend) if trend > 0 else 0.0
         allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
-        allowed = max(allowed, scatter if slips and not periodic else 0.0)
-        normal = _kurtosis_of_cycles(force, cycles) if periodic else kurtosis(force)
-        mean = abs(float(force.mean()))
-        relative = ERRORS * float(rest.std()) / mean if mean else math.inf
+        relative = over(ERRORS * scatter, mean) if mean else math.inf
+        left = float(np.ptp(force[force.size // 2 :]))
         test("cycles", "cycles in the window", count, FEWEST_CYCLES, "convention")
         test("resolved", "samples in a drop", samples, FEWEST_IN_A_DROP, "convention")
         test("shrinks", "drops shrink: logarithm of their change", change, -allowed, "statistics", most=True)
@@ -141,39 +136,48 @@ def gather(trace: Trace, found: Slips) -> Evidence:
         test("even", "variation of the cycles", cycles.variation, JITTER, "theory", most=True)
         test("fast", "largest slider velocity over the drive's", speed, SLIP_VELOCITY, "theory")
         test("phase", "part of the time in drops", phase, SLIP_PHASE, "theory", most=True)
-        test("held", "part of the time at the full loading rate", full, HELD, "convention")
-        test("contacts", "scatter over the noise of the contacts", _excess(trace, rest), ERRORS, "theory")
-        test("normal", "kurtosis of the force", normal, NORMAL, "theory")
+        test("held", "part of the time at the full loading rate", full, MOST, "convention")
+        test("contacts", "scatter over the noise of the contacts", _excess(trace, scatter), ERRORS, "theory")
+        test("normal", "kurtosis of the force", kurtosis(force), NORMAL, "theory")
         test("enough", "cycles, to tell an oscillation from noise", count, ENOUGH, "statistics")
         test("slight", "three standard deviations over the mean", relative, LARGEST_NOISE, "convention", most=True)
+        test("strong", "the same, of slips of single contacts", relative, ERRORS * STEADY, "statistics")
+        test(
+            "small",
+            "range of the second half over the largest force",
+            over(left, friction),
+            SMALL,
+            "convention",
+            most=True,
+        )
+    else:
+        # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
+        test("masks", "scatter over the largest force", over(scatter, friction), SMALL / math.sqrt(12.0), "convention")
+        least = math.nan if is_white(trace, noise, cycles) else max(2.0 * found.smallest, SMALL * friction)
+        test("unfinished", "range over what noise may show", over(peak_to_peak, least), 1.0, "statistics")
+    drift = abs(slope(force, trace.t)) * float(np.ptp(trace.t))
+    range_ = max(peak_to_peak, 2.0 * found.smallest / MOST)
+    test("drifts", "range of a straight line over that of the force", over(drift, range_), MOST, "convention")
+    facts = {name for name, made in tests.items() if made.passed}
+    is_noise = "contacts" in tests and "contacts" not in facts
+    more = {
+        "slips": slips,
+        "periodic": periodic,
+        "lasts": periodic or "contacts" in facts,
+        "alone": trace.velocity is None,
+        "chance": is_noise,
+        "noise": is_noise and ("normal" in facts or not periodic),
+    }
     return Evidence(
         found=found,
         cycles=cycles,
         periodic=periodic,
-        slips=slips,
-        count=count,
         swing=swing,
-        peak_to_peak=peak_to_peak,
-        friction=friction,
         trend=trend,
         trend_error=error,
         tests=tests,
+        facts=facts | {name for name, holds in more.items() if holds},
     )
-
-
-def _kurtosis_of_cycles(force: Array, cycles: Cycles) -> float:
-    """Kurtosis of a narrow force with the ranges that a force has in its cycles: 1.5 if these are even, 3 of noise."""
-    begins = cycles.begins
-    ranges = np.maximum.reduceat(force, begins[:-1]) - np.minimum.reduceat(force, begins[:-1])
-    return 1.5 * float(np.mean(ranges**4) / np.mean(ranges**2) ** 2)
-
-
-def _count(trace: Trace, found: Slips, cycles: Cycles, *, slips: bool) -> int:
-    """Cycles of what has no period: fast drops of slips; of a slow oscillation under small drops, its own."""
-    if slips:
-        return fast_ones(trace, found).size
-    slow = cycles.correlation >= PERIODIC and cycles.count < FEWEST_CYCLES
-    return min(cycles.count, found.size) if slow else found.size
 
 
 def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
@@ -194,25 +198,23 @@ def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
     return cycles, False
 
 
-def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips: bool) -> tuple[float, float, float]:
-    """Amplitude in the second half of the window over the first, the error of its logarithm, and the scatter of that.
+def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips: bool) -> tuple[float, float]:
+    """Amplitude in the second half of the window over the first, and the error of its logarithm.
 
-    From the drops, of cycles with several from their ranges, and of what is neither slips nor periodic from the
-    fluctuation in parts of the window.
+    From the ranges of cycles, the drops of slips, or, of what is neither, the fluctuation in parts of the window.
     """
     begin, end, sizes, times = trace.t[0], trace.t[-1], found.drops, found.times
-    repeats = slips or cycles.correlation >= PERIODIC
     if periodic and abs(found.size - cycles.count) > 1:
         edges = np.arange(cycles.times[0], end, cycles.period)
         parts = itertools.pairwise(np.searchsorted(trace.t, edges).tolist())
         sizes, times = np.array([np.ptp(trace.force[i : j + 1]) for i, j in parts]), edges[:-1]
-    elif found.size < FEWEST_CYCLES or not repeats:
+    elif not periodic and (not slips or found.size < FEWEST_CYCLES):
         edges = np.linspace(begin, end, 2 * FEWEST_CYCLES + 1)
         parts = itertools.pairwise(np.searchsorted(trace.t, edges).tolist())
         sizes, times = np.array([trace.force[i:j].std() if j > i else 0.0 for i, j in parts]), edges[:-1]
     times, sizes = times[sizes > 0], np.log(sizes[sizes > 0])
     if sizes.size < FEWEST_CYCLES:
-        return math.nan, math.nan, 0.0
+        return math.nan, math.nan
     at = (times - times.mean()) / (end - begin)
     slope = float(at @ sizes / (at @ at))
     rest = sizes - sizes.mean() - slope * at
@@ -221,10 +223,10 @@ def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips:
     memory = min(max(float(rest[1:] @ rest[:-1]) / power, 0.0), 0.9) if power > 0 else 0.0
     error = math.sqrt(power / (sizes.size - 2) / float(at @ at) * (1 + memory) / (1 - memory))
     few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS  # by Student: few parts tell their scatter badly
-    return math.exp(0.5 * slope), 0.5 * few * error, math.sqrt(power / sizes.size)
+    return math.exp(0.5 * slope), 0.5 * few * error
 
 
-def _excess(trace: Trace, rest: Array) -> float:
+def _excess(trace: Trace, scatter: float) -> float:
     """Fluctuation of the force over that which so many independent contacts make; not a number where unknown."""
     if not trace.contacts or not trace.largest:
         return math.nan
@@ -233,7 +235,7 @@ def _excess(trace: Trace, rest: Array) -> float:
     attached = 1.0 if trace.attached is None else max(float(trace.attached.mean()), 1e-12)
     stretched = min(NOISE_OF_CONTACTS * abs(trace.largest), abs(float(trace.force.mean())) / attached)
     noise = stretched * math.sqrt(max(4.0 * attached - 3.0 * attached**2, 0.0) / trace.contacts)
-    return float(rest.std()) / noise if noise > 0 else math.inf
+    return scatter / noise if noise > 0 else math.inf
 
 
 def _pause(trace: Trace, found: Slips, cycles: Cycles, periodic: bool) -> tuple[float, float]:
@@ -264,21 +266,21 @@ def held(trace: Trace, noise: float) -> float:
 
     def slopes(rate: float) -> Array:
         """Differences of the means of two windows side by side."""
-        half = math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)) if rate > 0 else force.size
-        half = max(half, 1)
+        half = (
+            max(math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)), 1)
+            if rate > 0
+            else force.size
+        )
         if 24 * half > force.size:
             return np.empty(0)
-        every = max(1, force.size // _MANY)
         mean = (total[half:] - total[:-half]) / half
-        return np.asarray((mean[half:] - mean[:-half])[::every] / (half * step))
+        return np.asarray((mean[half:] - mean[:-half])[:: max(1, force.size // _MANY)] / (half * step))
 
     rate = float(np.quantile(np.diff(force), 0.9)) / step
     for _ in range(20):
         if not (slope := slopes(rate)).size:
             return math.nan
-        before, rate = rate, float(np.quantile(slope, 0.9))
-        if abs(rate - before) <= 0.01 * abs(before):
-            break
+        rate = float(np.quantile(slope, 0.9))
     for _ in range(20):
         near = slope[np.abs(slope - rate) < 0.25 * rate]
         rate = float(near.mean()) if near.size else rate

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import InputError, instance, number
-from stickslip.measure.arrays import Array
+from stickslip.measure.arrays import Array, slope
 from stickslip.simulation import labelled
 
 if TYPE_CHECKING:
@@ -89,16 +89,16 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
 def local_speed(time: Array) -> Array:
     """Speed at which a front passes each block, from its times at five blocks around; NaN where one is missing."""
-    size = time.size
-    speed = np.full(size, np.nan)
-    if size > 2 * _WINDOW:
-        offset = np.arange(-_WINDOW, _WINDOW + 1)
-        around = np.lib.stride_tricks.sliding_window_view(time, offset.size)
-        slope = np.abs(around @ offset) / float(offset @ offset)
-        with np.errstate(divide="ignore"):
-            speed[_WINDOW : size - _WINDOW] = np.where(slope > 0, 1.0 / slope, np.inf)
-        speed[~np.isfinite(time)] = np.nan
+    speed = np.full(time.size, np.nan)
+    for block in range(_WINDOW, time.size - _WINDOW):
+        speed[block] = _speed(time[block - _WINDOW : block + _WINDOW + 1])
     return speed
+
+
+def _speed(times: Array) -> float:
+    """Blocks per time at which a front passes blocks at these times."""
+    each = abs(slope(times, np.arange(float(times.size))))
+    return 1.0 / each if each != 0.0 else float("inf")
 
 
 def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
@@ -117,13 +117,11 @@ def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
     for start, end in zip(starts, ends, strict=True):
         if way < 0 and end == 0:
             continue  # the front that runs the other way holds this block
-        speed = np.nan
-        if end - start + 1 >= _FEWEST:
-            # The first fifth is still getting under way.
-            first = start + (end - start) // 5
-            slope = np.polyfit(line[first : end + 1] - line[first], np.arange(end + 1 - first), 1)[0]
-            speed = abs(float(slope))
-        found.append((origin + way * start, origin + way * end, end - start + 1, line[start], line[end], speed))
+        many, speed = end - start + 1, np.nan
+        if many >= _FEWEST:
+            under_way = line[start + (end - start) // 5 : end + 1]  # the first fifth is still getting under way
+            speed = abs(float(slope(np.arange(float(under_way.size)), under_way)))
+        found.append((origin + way * start, origin + way * end, many, line[start], line[end], speed))
     return found
 
 
@@ -212,7 +210,7 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
                 float((X[last] - X[first])[part].sum()),
                 force[first] - force[last],
                 float(np.abs(V[first : last + 1][:, part]).max()),
-                _speed(arrival) if len(shape) == 1 else np.nan,
+                _speed_of(arrival) if len(shape) == 1 else np.nan,
             )
         )
     rows.sort()
@@ -268,12 +266,8 @@ def _half_times(time: Array, X: Array) -> Array:
     return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
 
 
-def _speed(arrival: Array) -> float:
-    """Blocks per time from the block that slips first, to the side where more blocks follow."""
+def _speed_of(arrival: Array) -> float:
+    """Speed from the block that slips first, to the side where more blocks follow; NaN if they slip at once."""
     origin = int(np.argmin(arrival))
-    sides = (arrival[origin:], arrival[: origin + 1][::-1])
-    side = max(sides, key=len)
-    if side.size < _FEWEST or not side[-1] > side[0]:
-        return float("nan")
-    slope = np.polyfit(np.arange(side.size), side, 1)[0]
-    return abs(1.0 / float(slope)) if slope != 0 else float("nan")
+    side = max((arrival[origin:], arrival[origin::-1]), key=len)
+    return _speed(side) if side.size >= _FEWEST and side[-1] > side[0] else float("nan")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from stickslip.measure.arrays import Array, without_line
 
@@ -17,7 +18,6 @@ FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 _HALF = 0.5  # the first peak of the autocorrelation above this part of the highest is near the period ...
 _BESIDE = 1.4  # ... which is the highest peak up to this many times further: ringing puts smaller ones beside it
 _TOGETHER = 0.7  # of a period: rises closer than this belong to one cycle (ringing crosses the levels again)
-_MOST_SAMPLES = 1 << 18  # of an autocorrelation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,25 +100,12 @@ def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.i
 
 def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     """Lag and height of the peak of the autocorrelation that belongs to one period; NaN and 0 if there is none."""
-    size = min(t.size, _MOST_SAMPLES)
-    step = (t[-1] - t[0]) / (size - 1)
-    even = t[0] + step * np.arange(size)
-    if t.size > size:  # means over even steps of time, whatever the times of the samples
-        middle = float(force.mean())
-        area = np.cumsum(0.5 * (force[1:] + force[:-1] - 2.0 * middle) * np.diff(t))
-        lag, height = _peak(step, middle + np.diff(np.interp(even, t, np.append(0.0, area))) / step)
-        # Averages blur a short period; the beginning shows it as it is.
-        return (lag, height) if lag > 40 * step else _autocorrelation_peak(t[:size], force[:size])
+    size, step = t.size, (t[-1] - t[0]) / (t.size - 1)
     if float(np.ptp(np.diff(t))) > 0.01 * step:
-        force = np.interp(even, t, force)
-    return _peak(step, force)
-
-
-def _peak(step: float, force: Array) -> tuple[float, float]:
-    size = force.size
+        force = np.interp(t[0] + step * np.arange(size), t, force)
     rest = without_line(force, np.arange(size, dtype=float))
-    spectrum = np.fft.rfft(rest, 1 << math.ceil(math.log2(2 * size)))
-    power = np.fft.irfft(spectrum.real**2 + spectrum.imag**2)[: max(size // 2, 3)]
+    spectrum = fft.rfft(rest, fft.next_fast_len(2 * size, real=True))
+    power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[: max(size // 2, 3)]
     if not power[0] > 0:
         return math.nan, 0.0
     power /= power[0] * (1.0 - np.arange(power.size) / size)

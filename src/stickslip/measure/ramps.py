@@ -24,72 +24,7 @@ if TYPE_CHECKING:
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles
-
-
-def _windows(trace: Trace, rig: Rig, level: float) -> Array:
-    """How many windows of two cycles the drive has gone through.
-
-    A cycle lasts at most as long as the drive takes to load spring and contacts by the largest change of the force in
-    the run, and one free oscillation of the slider.
-    """
-    assert trace.drive is not None
-    swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
-    loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
-    period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
-    rate = 0.5 * trace.drive / (loading + trace.drive * period)
-    return np.asarray(cumulative_trapezoid(rate, trace.t, initial=0))
-
-
-def _oscillation(run: xr.Dataset, rig: Rig | None, level: float, window: float | None) -> xr.Dataset:
-    """Peak to peak of the spring force over a moving window: of two cycles, or of a drive travel that is given."""
-    import xarray as xr
-
-    trace = Trace.of(run)
-    if trace.drive is None:
-        raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
-    if np.any(trace.drive < 0):
-        raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
-    travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
-    if window is not None or rig is None or not isinstance(rig.slider, Slider):
-        if window is None:
-            window = _usual(run, "window", "displacement", 4.0, None)
-        gone, each = travel / number("window", window, above=0, hint="in the unit of X"), f" of drive travel {window:g}"
-    else:
-        gone, each = _windows(trace, rig, level), " of two cycles"
-    if gone[-1] < 2:
-        raise UndecidedError(
-            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows{each}: run it longer"
-        )
-    few = UndecidedError(f"transitions: fewer than {_PARTS} samples in some window{each}: record more often")
-    if gone[-1] * _PARTS > trace.t.size:
-        raise few
-    begin = np.arange(int(gone[-1] * _PARTS)) / _PARTS
-    begins = np.searchsorted(gone, begin)
-    if np.any(np.diff(begins) < 1):
-        raise few
-    high = np.lib.stride_tricks.sliding_window_view(np.maximum.reduceat(trace.force, begins), _PARTS).max(axis=1)
-    low = np.lib.stride_tricks.sliding_window_view(np.minimum.reduceat(trace.force, begins), _PARTS).min(axis=1)
-    begin = begin[: high.size]
-    middle = begin + 0.5
-    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
-    velocity = trace.sign * np.interp(np.interp(middle, gone, trace.t), trace.t, trace.drive)
-    times = {
-        name: labelled(
-            f"time at the {name} of the window", "travel", np.interp(begin + part, gone, trace.t), units["time"]
-        )
-        for name, part in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))
-    }
-    title, place = "peak to peak of the spring force", np.interp(middle, gone, travel)
-    longest = np.max(np.interp(begin + 1.0, gone, travel) - np.interp(begin, gone, travel))
-    return xr.Dataset(
-        {
-            "peak_to_peak": labelled(title, "travel", high - low, units["spring_force"]),
-            "drive_velocity": labelled("velocity of the drive", "travel", velocity, units["drive_velocity"]),
-            **times,
-        },
-        coords={"travel": labelled("travel of the drive", "travel", place, units.get("displacement", ""))},
-        attrs={"window": float(longest)},
-    )
+_WAYS = (("up", "v1", "v2"), ("down", "v2_down", "v1_down"))  # where stick-slip sets in, and where it ends
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
@@ -141,67 +76,65 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     import xarray as xr
 
     instance("transitions: run", run, xr.Dataset, "a run of simulate()")
+    trace = Trace.of(run)
+    if trace.drive is None:
+        raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
+    if np.any(trace.drive < 0):
+        raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
     rig = _rig_of(run)
-    if level is None:
-        level = _usual(run, "level", "spring_force", 0.4, rig)
-    level = number("level", level, above=0, hint="in the unit of spring_force")
-    oscillation = _oscillation(run, rig, level, window)
-    t, drive = (np.asarray(run[name].values, dtype=float) for name in ("time", "drive_velocity"))
+    level = number(
+        "level", _usual(run, rig, "level") if level is None else level, above=0, hint="in the unit of spring_force"
+    )
+    oscillation = _oscillation(run, trace, rig, level, window)
+    t, drive = trace.t, trace.drive
     top = _turning_time(t, drive)
-    height, middle = (np.asarray(oscillation[name].values) for name in ("peak_to_peak", "middle"))
+    height, begin, middle, end = (np.asarray(oscillation[name]) for name in ("peak_to_peak", "begin", "middle", "end"))
     on = _settled(height > level, _PARTS // 2)
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
-    starts = np.asarray(oscillation["end"].values)[change[on[change]]]
-    stops = np.asarray(oscillation["begin"].values)[change[~on[change]] - 1]
-
+    starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
     notes: list[str] = []
     # What the start leaves behind only decays, and within some tens of windows.
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
     transient = float(middle[min(_LONGEST_TRANSIENT * _PARTS, middle.size - 1, *grown[:1].tolist())])
-    if starts.size:
-        transient = min(transient, float(starts[0]))
+    transient = min(transient, *starts[:1].tolist(), np.inf)
     if on[0]:
-        state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
+        state = f"until v = {np.interp(stops[0], t, trace.sign * drive):.3g}" if stops.size else "all along"
         whose = "" if stops.size and stops[0] > transient else ": the state the run was started in"
         notes.append(f"the force oscillates above the level from the start {state}{whose}")
-
     found: dict[str, float] = {}
-    for way, onset, ending, moves, first, last in (
-        ("up", "v1", "v2", t[0] < top, -np.inf, top),
-        ("down", "v2_down", "v1_down", top < t[-1], top, np.inf),
-    ):
+    for (way, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
         here = starts[(starts > first) & (starts <= last)]
         there = stops[(stops > first) & (stops <= last) & ((stops > transient) | (t[0] >= top))]
-        found[onset] = float(np.interp(here[0], t, drive)) if here.size else np.nan
-        found[ending] = float(np.interp(there[-1], t, drive)) if there.size else np.nan
-        missing = [name for name in (onset, ending) if np.isnan(found[name])]
+        seen = {onset: here[:1], ending: there[-1:]}
+        found |= {
+            name: trace.sign * float(np.interp(at[0], t, drive)) if at.size else np.nan for name, at in seen.items()
+        }
+        missing = [name for name, at in seen.items() if not at.size]
         if missing:
-            seen = on[(middle > first) & (middle <= last)]
-            why = _why_unseen(way, seen, moves=bool(moves), onset=onset in missing, both=len(missing) == 2)
+            inside = on[(middle > first) & (middle <= last)]
+            moves, what = (t[0] < top, "speeds up") if way == "up" else (top < t[-1], "slows down")
+            reasons = (
+                (not moves, f"the drive never {what}"),
+                (not inside.size, f"less than a window of travel on the way {way}"),
+                (not inside.any(), f"no stick-slip all the way {way}"),
+                (inside.all(), f"stick-slip all the way {way}"),
+                (True, f"it does not {'set in' if onset in missing else 'end'} on the way {way}"),
+            )
+            why = next(reason for holds, reason in reasons if holds)
             notes.append(f"{' and '.join(missing).replace('_down', chr(39))} not seen: {why}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
     speed = dict(oscillation["drive_velocity"].attrs)
-    words = {"v1": "sets in on the way up", "v2": "ends on the way up"}
-    words |= {"v2_down": "sets in on the way down", "v1_down": "ends on the way down"}
+    named = {
+        name: ((), found[name], speed | {"long_name": f"stick-slip {what} on the way {way}"})
+        for way, *names in _WAYS
+        for name, what in zip(names, ("sets in", "ends"), strict=True)
+    }
     return (
-        oscillation.assign(
-            {name: ((), found[name], speed | {"long_name": f"stick-slip {words[name]}"}) for name in words}
-        )
+        oscillation.assign(named)
         .merge(_hysteresis(oscillation, top), combine_attrs="override")
         .assign_attrs(level=level, window=float(oscillation.attrs["window"]), notes="; ".join(notes))
     )
-
-
-def _why_unseen(way: str, seen: NDArray[np.bool_], *, moves: bool, onset: bool, both: bool) -> str:
-    """Why stick-slip was not seen to set in, or to end, on one way of a ramp."""
-    if not moves:
-        return f"the drive never {'speeds up' if way == 'up' else 'slows down'}"
-    if not seen.size:
-        return f"less than a window of travel on the way {way}"
-    if both and (seen.all() or not seen.any()):
-        return f"{'stick-slip' if seen.all() else 'no stick-slip'} all the way {way}"
-    return f"it does not {'set in' if onset else 'end'} on the way {way}"
 
 
 def _rig_of(run: xr.Dataset) -> Rig | None:
@@ -212,15 +145,69 @@ def _rig_of(run: xr.Dataset) -> Rig | None:
         return None
 
 
-def _usual(run: xr.Dataset, name: str, of: str, value: float, rig: Rig | None) -> float:
+def _usual(run: xr.Dataset, rig: Rig | None, name: str) -> float:
     """The usual level or window in the unit of the run, from what it was made of."""
+    value, scale, of = {"level": (0.4, "f_s", "spring_force"), "window": (4.0, "x_s", "displacement")}[name]
     if rig is not None:
-        return value * rig.unit("f_s")
+        return value * rig.unit(scale)
     unit = str(run[of].attrs.get("units", "")) if of in run else ""
-    known = unit_named(unit)
-    if known and known[0] in ("force", "length"):
+    if (known := unit_named(unit)) and known[0] in ("force", "length"):
         raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
     return value
+
+
+def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float, window: float | None) -> xr.Dataset:
+    """Peak to peak of the spring force over a moving window: of two cycles, or of a drive travel that is given.
+
+    A cycle lasts at most as long as the drive takes to load spring and contacts by the largest change of the force in
+    the run, and one free oscillation of the slider.
+    """
+    import xarray as xr
+
+    assert trace.drive is not None
+    travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
+    if window is None and rig is not None and isinstance(rig.slider, Slider):
+        swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
+        loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
+        period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
+        gone = cumulative_trapezoid(0.5 * trace.drive / (loading + trace.drive * period), trace.t, initial=0)
+        each = " of two cycles"
+    else:
+        window = number("window", window or _usual(run, rig, "window"), above=0, hint="in the unit of X")
+        gone, each = travel / window, f" of drive travel {window:g}"
+    if gone[-1] < 2:
+        raise UndecidedError(
+            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows{each}: run it longer"
+        )
+    few = UndecidedError(f"transitions: fewer than {_PARTS} samples in some window{each}: record more often")
+    if gone[-1] * _PARTS > trace.t.size:
+        raise few
+    begin = np.arange(int(gone[-1] * _PARTS)) / _PARTS
+    begins = np.searchsorted(gone, begin)
+    if np.any(np.diff(begins) < 1):
+        raise few
+    high, low = (
+        extreme.reduce(np.lib.stride_tricks.sliding_window_view(extreme.reduceat(trace.force, begins), _PARTS), axis=1)
+        for extreme in (np.maximum, np.minimum)
+    )
+    begin = begin[: high.size]
+    place, times = (
+        np.array([np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)]) for of in (travel, trace.t)
+    )
+    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+    velocity = trace.sign * np.interp(times[1], trace.t, trace.drive)
+    return xr.Dataset(
+        {
+            "peak_to_peak": labelled("peak to peak of the spring force", "travel", high - low, units["spring_force"]),
+            "drive_velocity": labelled("velocity of the drive", "travel", velocity, units["drive_velocity"]),
+        }
+        | {
+            name: labelled(f"time at the {name} of the window", "travel", at, units["time"])
+            for name, at in zip(("begin", "middle", "end"), times, strict=True)
+        },
+        coords={"travel": labelled("travel of the drive", "travel", place[1], units.get("displacement", ""))},
+        attrs={"window": float(np.max(place[2] - place[0]))},
+    )
 
 
 def in_words(run: xr.Dataset) -> str:

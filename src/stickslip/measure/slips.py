@@ -19,11 +19,9 @@ SMALLEST_PART_OF_DROP = 0.1  # a drop below this part of the typical drop is no 
 SLIP_VELOCITY = 3.5
 """Times the drive that a slip reaches: between 2, of a sine that just comes to rest, and 2 pi, of a slider that is held
 and makes up for it by half a sine in a quarter of the cycle (their geometric mean)."""
-LARGEST_REBOUND = 0.98  # of a drop: ringing decays
-RINGING = (
-    2.0  # times as fast as the loading: the slider's swing back makes more of a rise than the drive; and times the
-)
-# time of the drop: between 1, of a swing back, and 3, of a slider that slips for a quarter of the time
+RINGING = 2.0
+"""Times as fast as the loading: the slider's swing back makes more of a rise than the drive; and times the time of the
+drop: between 1, of a swing back, and 3, of a slider that slips for a quarter of the time."""
 EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
 FEWEST_IN_A_DROP = FEWEST_CYCLES  # samples, for the shape and the velocity of a slip to be seen
 CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
@@ -69,10 +67,6 @@ class Slips:
             return math.nan
         slipping = trace.t[self.trough[:-1]] - trace.t[self.peak[:-1]]
         return float(slipping.sum() / (trace.t[self.peak[-1]] - trace.t[self.peak[0]]))
-
-    def none(self, why: str) -> Slips:
-        """Return a list without slips, that says why."""
-        return replace(self.only(np.zeros(self.size, dtype=bool)), cut=0, criterion=f"no slips: {why}")
 
     def only(self, keep: NDArray[np.bool_]) -> Slips:
         """Return some of the slips."""
@@ -136,10 +130,9 @@ def kurtosis(force: Array) -> float:
 
 
 def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
-    """Whether a force shows white noise about a line and nothing else: no more of it, no period, and normal."""
+    """Whether a force shows white noise about a line and nothing else: no more of it, and no period."""
     rest, chance = without_line(trace.force, trace.t), WHITE / math.sqrt(trace.t.size)
-    normal = kurtosis(rest) >= 3.0 - 0.6  # undersampled slips are distributed evenly: 1.8
-    return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance and normal
+    return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
@@ -166,8 +159,8 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
         return force, _chance_drop(force.size, cycle, noise)
     from scipy.ndimage import median_filter
 
-    left = noise * math.sqrt(0.5 * math.pi / width)
-    return median_filter(force, width, mode="nearest"), _chance_drop(force.size / width, cycle / width, left)
+    noise *= math.sqrt(0.5 * math.pi / width)
+    return median_filter(force, width, mode="nearest"), _chance_drop(force.size / width, cycle / width, noise)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -200,13 +193,18 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     return _drops_of(trace, force, smallest, criterion, noise, cycles)
 
 
+def fastest(trace: Trace, found: Slips) -> Array:
+    """Largest velocity of the slider in each slip."""
+    assert trace.velocity is not None
+    both = zip(found.peak, found.trough, strict=True)
+    return np.array([trace.velocity[i : j + 1].max() for i, j in both], dtype=float)
+
+
 def speeds(trace: Trace, found: Slips) -> Array | None:
     """Largest velocity of the slider in each slip over that of the drive; None where either is not known."""
     if trace.velocity is None or trace.drive is None or not found.size:
         return None
-    drive = np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
-    fastest = [trace.velocity[i : j + 1].max() for i, j in zip(found.peak, found.trough, strict=True)]
-    return np.asarray(fastest, dtype=float) / drive
+    return fastest(trace, found) / np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
 
 
 def fast_ones(trace: Trace, found: Slips) -> Slips:
@@ -257,7 +255,7 @@ def pick(
     last = joined[0][1]
     for peak, trough, swing in zip(peaks[1:].tolist(), troughs[1:].tolist(), swings.tolist(), strict=True):
         first, lowest = joined[-1]
-        if swing and force[peak] - force[last] < LARGEST_REBOUND * (force[first] - force[lowest]):
+        if swing and force[peak] - force[last] < force[first] - force[lowest]:  # ringing decays
             if force[trough] < force[lowest]:
                 joined[-1][1] = trough
         else:
@@ -316,20 +314,17 @@ def _levels(trace: Trace, start: Peaks, end: Peaks) -> tuple[Array, Array]:
     The largest of many noisy samples lies above the force, and the smallest below it: their difference overstates a
     drop by up to three standard deviations of the noise. A line does not.
     """
-    before, after = np.empty(start.size), np.empty(start.size)
-    edges = [0, *end.tolist()], [*start.tolist(), trace.t.size - 1]
-    for i in range(start.size):
-        before[i] = _line(trace, max(edges[0][i] + 1, 0), int(start[i]), at_end=True)
-        after[i] = _line(trace, int(end[i]), edges[1][i + 1], at_end=False)
+    beside = np.append(0, end[:-1]) + 1, np.append(start[1:], trace.t.size - 1)
+    before, after = (
+        np.array([_level(trace, *pair) for pair in zip(at.tolist(), other.tolist(), strict=True)])
+        for at, other in zip((start, end), beside, strict=True)
+    )
     return before, after
 
 
-def _line(trace: Trace, begin: int, end: int, *, at_end: bool) -> float:
-    """Value of a straight line through a third of a stretch of samples, at its end or at its beginning."""
-    many = min(max((end - begin + 1) // 3, 3), 50)
-    begin, end = (max(begin, end - many + 1), end) if at_end else (begin, min(end, begin + many - 1))
-    force = trace.force[begin : end + 1]
-    if force.size < 3:
-        return float(force.mean()) if force.size else float(trace.force[end if at_end else begin])
-    at = trace.t[begin : end + 1] - trace.t[end if at_end else begin]
-    return float(force.mean()) - slope(force, at) * float(at.mean())
+def _level(trace: Trace, at: int, other: int) -> float:
+    """Force at a sample, by a straight line through a third of the samples from there to another, 3 to 50 of them."""
+    many = min(max((abs(other - at) + 1) // 3, 3), 50)
+    inside = slice(at, min(other, at + many - 1) + 1) if other > at else slice(max(other, at - many + 1), at + 1)
+    t, force = trace.t[inside] - trace.t[at], trace.force[inside]
+    return float(force.mean()) - (slope(force, t) * float(t.mean()) if force.size > 2 else 0.0)

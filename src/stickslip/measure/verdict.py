@@ -13,11 +13,11 @@ import numpy as np
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Trace, in_words, slope, without_line
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Trace, in_words, slope
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
-from stickslip.measure.evidence import ENOUGH, ERRORS, SMALL, STEADY, TINY, Criterion, Evidence, gather
+from stickslip.measure.evidence import ENOUGH, ERRORS, MOST, TINY, Criterion, Evidence, gather
 from stickslip.measure.periods import FEWEST_CYCLES
-from stickslip.measure.slips import FEWEST_IN_A_DROP, Slips, fast_ones, find_slips, is_white, mean_and_std
+from stickslip.measure.slips import FEWEST_IN_A_DROP, Slips, fast_ones, find_slips, mean_and_std
 from stickslip.simulation import Recording
 from stickslip.words import prefixed
 
@@ -30,10 +30,87 @@ Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecid
 
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
-DRIFTS = 0.5  # a straight line through the force that takes more of its range than this is no noise about a mean
 MOST_STROKES = 0.75  # part of the strokes that must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 _DEEPEST = 3  # how often a part of a record is parted again
+
+SMOOTH: Kind = "smooth sliding"
+SLIPS: Kind = "stick-slip"
+LASTS: Kind = "sustained oscillation"
+OPEN: Kind = "undecided"
+
+_LOADING = "the force still {moves}, by {drift} in the window, and shows no complete slip; {more}"
+_TINY = "the force oscillates by {swing}, peak to peak"
+_NOISE = "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"
+_CHANGES = "the {motion} {changes}, by a factor {trend} from one half of the window to the other"
+_PERSIST = "{manner} slips that persist: {how}"
+_STEP = "from t = {since} on, the drops are {times} times as large"
+_LASTS = "{manner}, {part}, peak to peak; {sticks}: {how}"
+
+RULES: tuple[tuple[str, Kind, str], ...] = (
+    ("standing", OPEN, "the drive stands still"),
+    (
+        "changing",
+        OPEN,
+        "the velocity of the drive changes along it; the regime is judged at constant velocity: use transitions(), or "
+        "select a stretch with data.sel(time=slice(from, to))",
+    ),
+    (
+        "mirrored",
+        OPEN,
+        "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the "
+        "command line, flip=True in read_trace)",
+    ),
+    ("constant", OPEN, "the force never changes: is the sensor connected?"),
+    ("-drops -size", SMOOTH, "the force fluctuates by {part}"),
+    ("-drops drifts", OPEN, _LOADING),
+    ("-drops unfinished", OPEN, "too short: the force oscillates, but shows no complete drop in the window; {more}"),
+    (
+        "-drops masks",
+        OPEN,
+        "noise of {part} from one sample to the next masks any oscillation, and slips: record more often",
+    ),
+    ("-drops", SMOOTH, "the force shows noise only, {part}"),
+    ("-cycles -slips -size", SMOOTH, _TINY),
+    ("-cycles drifts", OPEN, _LOADING),
+    (
+        "-cycles",
+        OPEN,
+        "too short: {count} complete drops of the force in the window; a verdict needs {fewest}: about {missing} more",
+    ),
+    ("noise slips strong", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
+    (
+        "noise slight",
+        SMOOTH,
+        "the force fluctuates by {part}, without a period: no more than the noise of {contacts} contacts",
+    ),
+    (
+        "noise -shrinks",
+        LASTS,
+        "irregular, {part}, peak to peak, as expected from the noise of {contacts} contacts; {sticks}",
+    ),
+    ("chance -noise -enough", OPEN, _NOISE),
+    ("turns", OPEN, "{parts}"),
+    ("step slips", SLIPS, f"{_PERSIST}; {_STEP}"),
+    ("step periodic", LASTS, f"{_LASTS}; {_STEP}"),
+    ("shrinks small -slips", SMOOTH, f"{_CHANGES}, and is down to {{left}}"),
+    ("shrinks", OPEN, f"{_CHANGES}; {{more}} whether it persists"),
+    ("slips grows", SLIPS, f"{_PERSIST}; the slips still grow"),
+    ("slips", SLIPS, _PERSIST),
+    ("grows", OPEN, f"{_CHANGES}; {{more}}"),
+    ("-size", SMOOTH, _TINY),
+    ("-resolved", OPEN, "drops of {part} last fewer than {samples} samples: record more often"),
+    ("lasts alone normal", OPEN, _NOISE),
+    ("lasts", LASTS, _LASTS),
+    ("normal slight", SMOOTH, "the force fluctuates by {part}, without a period, as slow noise does"),
+    (
+        "-slight",
+        OPEN,
+        "the force fluctuates by {part}, without a period: too much for noise, and no slips that stand out; {more}",
+    ),
+    ("", OPEN, "irregular oscillation of {part} that is neither slips nor noise: {how}; {more}"),
+)
+"""What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,62 +315,6 @@ def regime_of(run: Recording) -> Regime:
     return over_the_window(Trace.of_recording(run), None)
 
 
-def over_the_window(trace: Trace, after: float | None) -> Regime:
-    """Choose the window, and judge it; of a test that goes to and fro, its strokes."""
-    if after is not None:
-        trace = since(trace, after)
-    if trace.drive is None:
-        trace, missing = _without_gaps(trace)
-        strokes = find_strokes(trace)
-        window = trace if after is not None else _loaded(trace)
-        seen = _of_strokes(strokes) if strokes else _judge(window)
-        drifts = () if strokes or seen.kind == "undecided" else _about_drift(window)
-        return replace(seen, notes=(*seen.notes, *missing, *drifts, *about_the_sensor(trace.force)))
-    if after is not None:
-        return _judge(trace)
-    steady = _constant_drive(trace)
-    if steady is None:
-        return _judge(trace)
-    begin, end = trace.t[steady], trace.t[-1]
-    late = trace.part(end - LATE_PART * (end - begin))
-    found = find_slips(late) if late.t.size >= FEWEST_READINGS else None
-    if found is None or found.size <= FEWEST_CYCLES:
-        longer = trace.part(end - 2 * LATE_PART * (end - begin))
-        if found is None:
-            late = longer
-        elif found.size and (more := find_slips(longer)).size > found.size:
-            late, found = longer, more
-    return _with_caution(_judge(late, found), end - begin)
-
-
-def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
-    """Return the longest stretch that was recorded without a gap, and what to say of the gaps."""
-    gaps = trace.gaps
-    if not gaps.size:
-        return trace, ()
-    edges = itertools.pairwise([0, *(gaps + 1).tolist(), trace.t.size])
-    begin, end = max(
-        edges,
-        key=lambda edge: trace.t[edge[1] - 1] - trace.t[edge[0]] if edge[1] - edge[0] >= FEWEST_READINGS else -1.0,
-    )
-    first, unit = int(gaps[0]), f" {trace.time_unit}".rstrip()
-    told = f"no readings from t = {words.number(trace.t[first])} to {words.number(trace.t[first + 1])}{unit}"
-    more = f", and {gaps.size - 1} more gaps" if gaps.size > 1 else ""
-    if end - begin < FEWEST_READINGS:
-        return trace, (f"{told}{more}",)
-    longest = trace.part(float(trace.t[begin]), float(np.nextafter(trace.t[end - 1], math.inf)))
-    return longest, (f"{told}{more}: the longest stretch without a gap was judged",)
-
-
-def _about_drift(trace: Trace) -> tuple[str, ...]:
-    """Say how fast a force drifts, if a straight line makes most of its range."""
-    rate = slope(trace.force, trace.t)
-    if abs(rate) * (trace.t[-1] - trace.t[0]) <= DRIFTS * float(np.ptp(trace.force)):
-        return ()
-    unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-    return (f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),)
-
-
 def since(trace: Trace, after: float) -> Trace:
     """What comes after a time; `InputError` if that is next to nothing."""
     begin = number("after", after, hint="a time, in the unit of t")
@@ -305,66 +326,99 @@ def since(trace: Trace, after: float) -> Trace:
     return late
 
 
+def over_the_window(trace: Trace, after: float | None) -> Regime:
+    """Choose the window, and judge it; of a test that goes to and fro, its strokes."""
+    if after is not None:
+        trace = since(trace, after)
+    if trace.drive is None:
+        return _of_a_bench(trace, loaded=after is not None)
+    if after is not None:
+        return _judge(trace)
+    differs = np.flatnonzero(np.abs(trace.drive - trace.drive[-1]) > CONSTANT_DRIVE * abs(trace.drive[-1]))
+    first = int(differs[-1]) + 1 if differs.size else 0
+    if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
+        return _judge(trace)
+    begin, end = trace.t[first], trace.t[-1]
+    late, longer = (trace.part(end - parts * LATE_PART * (end - begin)) for parts in (1, 2))
+    found = find_slips(late) if late.t.size >= FEWEST_READINGS else None
+    if found is None or found.size <= FEWEST_CYCLES:
+        more = find_slips(longer)
+        if found is None or 0 < found.size < more.size:
+            late, found = longer, more
+    seen = _judge(late, found)
+    if seen.kind not in (SLIPS, LASTS) or not end - begin < LONG_TRANSIENT * seen.period:
+        return seen
+    caution = f"seen for {(end - begin) / seen.period:.0f} cycles only; run longer to rule out a transient"
+    return replace(seen, reason=f"{seen.reason} ({caution})")
+
+
+def _of_a_bench(trace: Trace, *, loaded: bool) -> Regime:
+    """Judge a force alone: its longest stretch without a gap, once it is loaded, or its strokes; with notes."""
+    trace, notes = _without_gaps(trace)
+    if strokes := find_strokes(trace):
+        seen = _of_strokes(strokes)
+    else:
+        usual = float(np.median(trace.force[trace.force.size // 2 :]))
+        late = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
+        window = trace if loaded or late.t.size < FEWEST_READINGS else late
+        seen, rate = _judge(window), slope(window.force, window.t)
+        if seen.kind != OPEN and abs(rate) * np.ptp(window.t) > MOST * np.ptp(window.force):
+            unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
+            notes += (f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),)
+    return replace(seen, notes=(*seen.notes, *notes, *about_the_sensor(trace.force)))
+
+
+def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
+    """Return the longest stretch that was recorded without a gap, and what to say of the gaps."""
+    gaps = trace.gaps.tolist()
+    if not gaps:
+        return trace, ()
+    begin, end = (words.number(trace.t[i]) for i in (gaps[0], gaps[0] + 1))
+    told = f"no readings from t = {begin} to {end} {trace.time_unit}".rstrip()
+    told += f", and {len(gaps) - 1} more gaps" * (len(gaps) > 1)
+    edges = itertools.pairwise([0, *(gap + 1 for gap in gaps), trace.t.size])
+    enough = [edge for edge in edges if edge[1] - edge[0] >= FEWEST_READINGS]
+    if not enough:
+        return trace, (told,)
+    first, beyond = max(enough, key=lambda edge: float(trace.t[edge[1] - 1] - trace.t[edge[0]]))
+    longest = trace.part(float(trace.t[first]), float(np.nextafter(trace.t[beyond - 1], math.inf)))
+    return longest, (f"{told}: the longest stretch without a gap was judged",)
+
+
 def _of_strokes(strokes: list[Trace]) -> Regime:
     """Judge each stroke by itself, and sum up."""
     seen = [_judge(stroke) for stroke in strokes]
     count = Counter(each.kind for each in seen)
-    decided = [kind for kind, _ in count.most_common() if kind != "undecided"]
-    usual: Kind = decided[0] if decided else "undecided"
+    usual = next((kind for kind, _ in count.most_common() if kind != OPEN), OPEN)
     typical = next(each for each in seen if each.kind == usual)
     told = ", ".join(f"{many} {kind}" for kind, many in count.most_common())
     reason = f"reciprocating test, {len(seen)} strokes judged separately ({told}); {typical.reason}"
-    kind: Kind = typical.kind
+    kind = usual
     if count[kind] < MOST_STROKES * len(seen):
-        kind, reason = "undecided", f"{reason}; judge a part of the strokes"
-    whole = (strokes[0].t[0], strokes[-1].t[-1])
-    return replace(typical, kind=kind, reason=reason, window=(float(whole[0]), float(whole[1])))
-
-
-def _with_caution(result: Regime, elapsed: float) -> Regime:
-    """Say so where an oscillation has had less time than a transient can take."""
-    if result.kind not in ("stick-slip", "sustained oscillation") or not elapsed < LONG_TRANSIENT * result.period:
-        return result
-    caution = f"seen for {elapsed / result.period:.0f} cycles only; run longer to rule out a transient"
-    return replace(result, reason=f"{result.reason} ({caution})")
-
-
-def _constant_drive(trace: Trace) -> int | None:
-    """Index at which the last stretch of constant driving starts; None if the drive changes up to the end."""
-    if trace.drive is None:
-        return 0
-    last = trace.drive[-1]
-    differs = np.flatnonzero(np.abs(trace.drive - last) > CONSTANT_DRIVE * abs(last))
-    first = int(differs[-1]) + 1 if differs.size else 0
-    return first if trace.t.size - first >= max(FEWEST_READINGS, 0.05 * trace.t.size) else None
-
-
-def _loaded(trace: Trace) -> Trace:
-    """What comes once the force has first reached its usual level."""
-    usual = float(np.median(trace.force[trace.force.size // 2 :]))
-    loaded = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
-    return loaded if loaded.t.size >= FEWEST_READINGS else trace
+        kind, reason = OPEN, f"{reason}; judge a part of the strokes"
+    window = seen[0].window[0], seen[-1].window[1]
+    return replace(typical, kind=kind, reason=reason, window=window)
 
 
 def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     found = find_slips(trace) if found is None else found
     seen = gather(trace, found)
-    kind, reason, segments = _verdict(trace, seen, depth)
-    slips = fast_ones(trace, found) if kind == "stick-slip" else found
+    stuck, drive = _stuck(trace), None if trace.drive is None else float(trace.drive.mean())
+    kind, reason, segments = _verdict(trace, seen, stuck, depth)
+    slips = fast_ones(trace, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
-    if seen.periodic and kind != "smooth sliding":
+    if seen.periodic and kind != SMOOTH:
         count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
-    drive = None if trace.drive is None else float(trace.drive.mean())
     largest = float(trace.velocity.max()) / drive if trace.velocity is not None and drive else None
     return Regime(
         kind=kind,
         reason=reason,
         window=(float(trace.t[0]), float(trace.t[-1])),
-        peak_to_peak=seen.peak_to_peak,
+        peak_to_peak=float(np.ptp(trace.force)),
         mean_force=trace.sign * float(trace.force.mean()),
-        static_friction=seen.friction,
+        static_friction=abs(trace.largest),
         trend=seen.trend,
         trend_error=seen.trend_error,
         cycles=count,
@@ -378,7 +432,7 @@ def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
         drive_velocity=None if drive is None else trace.sign * drive,
         peak_velocity=seen.value("fast") if "fast" in seen.tests else largest,
         largest_velocity=largest,
-        stuck=_stuck(trace),
+        stuck=stuck,
         attached_peak_to_peak=None if trace.attached is None else float(np.ptp(trace.attached)),
         quantity=trace.quantity,
         time_unit=trace.time_unit,
@@ -395,225 +449,129 @@ def _stuck(trace: Trace) -> float | None:
     return float(np.mean(np.abs(trace.velocity) < STUCK * abs(float(trace.drive.mean()))))
 
 
-def _verdict(trace: Trace, seen: Evidence, depth: int) -> tuple[Kind, str, tuple[Segment, ...]]:
-    """Kind, reason and parts, off the tests: the first rule that holds decides."""
-    if told := _about_the_drive(trace) or _about_the_sign(trace, seen.found):
-        return "undecided", told, ()
-    if not seen.found.size:
-        return *_without_drops(trace, seen), ()
-    part, of_contacts = _part(seen.peak_to_peak, seen), "contacts" in seen.tests
-    tiny = f"the force oscillates by {_part(seen.swing, seen)}, peak to peak"
-    noise = f"{seen.count} cycles of {part}, peak to peak, that noise may make as well; "
-    noise += _more(trace, max(ENOUGH / max(seen.count, 1), 2.0))
-    if seen.fails("cycles"):
-        if not seen.slips and not seen.passes("size"):
-            return "smooth sliding", tiny, ()
-        return "undecided", _still_loading(trace, seen) or _too_few(trace, seen), ()
-    if seen.fails("contacts"):
-        if seen.passes("normal") or not seen.periodic:
-            return *_noise_of_contacts(trace, seen, part), ()
-        if seen.fails("enough"):
-            return "undecided", noise, ()
-    if depth < _DEEPEST and (seen.slips or seen.periodic) and (parts := _in_parts(trace, seen, depth)):
-        return parts
-    if seen.passes("shrinks"):
-        return *_decaying(trace, seen), ()
-    manner = "periodic" if seen.periodic else "irregular"
-    if seen.slips:
-        growth = "; the slips still grow" if seen.passes("grows") else ""
-        return "stick-slip", f"{manner} slips that persist: {_how(seen)}{growth}", ()
-    if seen.passes("grows"):
-        return "undecided", _growing(trace, seen, part), ()
-    if not seen.passes("size"):
-        return "smooth sliding", tiny, ()
-    if seen.fails("resolved"):
-        return "undecided", f"drops of {part} last fewer than {FEWEST_IN_A_DROP} samples: record more often", ()
-    if trace.velocity is None and seen.passes("normal") and (seen.periodic or of_contacts):
-        return "undecided", noise, ()
-    if seen.periodic or of_contacts:
-        how = f"{manner}, {part}, peak to peak; {_whether_it_sticks(trace)}: {_how(seen)}"
-        return "sustained oscillation", how, ()
-    if seen.passes("normal") and seen.passes("slight"):
-        return "smooth sliding", f"the force fluctuates by {part}, without a period, as slow noise does", ()
-    why = f"irregular oscillation of {part} that is neither slips nor noise: {_how(seen)}"
-    if seen.fails("slight"):
-        why = f"the force fluctuates by {part}, without a period: too much for noise, and no slips that stand out"
-    or_else = ", or the velocity of the slider," if trace.velocity is None else ""
-    return "undecided", f"{why}; {_more(trace, 4.0, or_else)}", ()
+def _verdict(trace: Trace, seen: Evidence, stuck: float | None, depth: int) -> tuple[Kind, str, tuple[Segment, ...]]:
+    """Kind, reason and parts, by the first rule that fits."""
+    segments: tuple[Segment, ...] = ()
+    facts, said = seen.facts | _about_the_bench(trace, seen.found), _in_words(trace, seen, stuck)
+    if depth < _DEEPEST and "cycles" in facts and facts & {"slips", "periodic"}:
+        if "paused" in facts:
+            segments = _around_the_pause(trace, seen, depth)
+            if segments:
+                facts, said = facts | {"turns"}, said | {"parts": _parts_in_words(trace, segments)}
+        elif "shrinks" in facts and (step := _step(seen.found)):
+            since, drops = float(seen.found.times[step]), seen.found.drops
+            before, after = (
+                _judge(part, depth=depth + 1).kind for part in (trace.part(trace.t[0], since), trace.part(since))
+            )
+            if before == after != OPEN:
+                facts = facts | {"step"}
+                said |= {
+                    "since": trace.time_in_words(since),
+                    "times": f"{np.median(drops[step:]) / np.median(drops[:step]):.2g}",
+                }
+    kind, reason = next(
+        (kind, reason)
+        for conditions, kind, reason in RULES
+        if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
+    )
+    return kind, reason.format_map(said), segments if reason == "{parts}" else ()
 
 
-def _part(force: float, seen: Evidence) -> str:
-    return f"{100 * force / seen.friction:.3g} % of the largest force" if seen.friction else "a force of 0"
+def _about_the_bench(trace: Trace, found: Slips) -> set[str]:
+    """What forbids a verdict: a drive that does not move evenly, a sensor that is turned, or does not move at all."""
+    if trace.drive is None:
+        mirrored = {"mirrored"} if is_mirrored(trace, found) else set()
+        return mirrored if np.ptp(trace.force) else {"constant"}
+    low, high = float(trace.drive.min()), float(trace.drive.max())
+    if high == low == 0.0:
+        return {"standing"}
+    return {"changing"} if high - low > 2.0 * CONSTANT_DRIVE * max(abs(low), abs(high)) else set()
 
 
-def _more(trace: Trace, spans: float, or_else: str = "", what: str = "") -> str:
-    """How much longer a record would decide, in its own length."""
-    return f"about {trace.time_in_words(spans * float(np.ptp(trace.t)))} more{or_else} would tell{what}"
+def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, object]:
+    """What the reasons of `RULES` are filled with."""
+    span, force, friction = float(np.ptp(trace.t)), float(np.ptp(trace.force)), abs(trace.largest)
+    count = int(seen.tests["cycles"].statistic) if seen.found.size else 0
+
+    def part(of: float) -> str:
+        return f"{100 * of / friction:.3g} % of the largest force" if friction else "a force of 0"
+
+    how = f"slip phase: {100 * seen.value('phase'):.0f} % of the cycle"
+    if {"fast"} <= seen.facts or ("fast" in seen.tests and "resolved" in seen.facts):
+        how = f"the slider reaches {seen.value('fast'):.3g} times the velocity of the drive in a typical cycle"
+    elif "held" in seen.tests and not seen.facts & {"phase", "periodic"}:
+        how = f"the force rises at its full rate for {100 * seen.value('held'):.0f} % of the time"
+    sticks = "whether the slider sticks, the force alone does not tell"
+    if stuck is not None:
+        sticks = (
+            "the slider never sticks" if stuck < STICKS else f"the slider sticks for {100 * stuck:.0f} % of the time"
+        )
+    drift, each = slope(trace.force, trace.t) * span, span / max(count, 1)
+    # So long that there are enough cycles, and a trend shows, or the rest of the oscillation that was begun.
+    more = trace.time_in_words(max(ENOUGH / max(count, 1), 2.0) * span)
+    regular = seen.facts & {"slips", "periodic"} or "normal" not in seen.facts
+    return {
+        "part": part(force),
+        "swing": part(seen.swing),
+        "left": part(seen.value("small") * friction),
+        "count": count,
+        "fewest": FEWEST_CYCLES,
+        "samples": FEWEST_IN_A_DROP,
+        "contacts": trace.contacts,
+        "manner": "periodic" if seen.periodic else "irregular",
+        "how": how,
+        "sticks": sticks,
+        "motion": "oscillation" if regular else "fluctuation",
+        "changes": "decays" if seen.trend < 1.0 else "still grows",
+        "trend": f"{seen.trend:.2g}",
+        "moves": "rises" if drift > 0 else "falls",
+        "drift": trace.force_in_words(abs(drift)),
+        "missing": trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each)),
+        "more": f"about {more} more{', or the velocity of the slider,' * (trace.velocity is None)} would tell",
+    }
 
 
-def _how(seen: Evidence) -> str:
-    """The test that parts slips from an oscillation, in words."""
-    if seen.passes("fast") or ("fast" in seen.tests and seen.passes("resolved")):
-        return f"the slider reaches {seen.value('fast'):.3g} times the velocity of the drive in a typical cycle"
-    if seen.passes("phase") or seen.periodic or "held" not in seen.tests:
-        return f"slip phase: {100 * seen.value('phase'):.0f} % of the cycle"
-    return f"the force rises at its full rate for {100 * seen.value('held'):.0f} % of the time"
-
-
-def _in_parts(trace: Trace, seen: Evidence, depth: int) -> tuple[Kind, str, tuple[Segment, ...]] | None:
-    """Judge a record with a pause, or with a step of its drops, part by part; None if it is of one kind, and even."""
-    found, step, paused = seen.found, 0, seen.passes("paused")
-    if paused:
-        limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
-        longest = int(np.argmax(np.diff(limits)))
-        begin = float(trace.t[found.end[longest - 1]]) if longest else float(trace.t[0])
-        end, usual = limits[longest + 1], (limits[longest + 1] - limits[longest]) / seen.value("paused")
-        edges = [begin, float(end - usual if longest < found.size else end)]  # before the force rises again
-    elif seen.passes("shrinks") and (step := _step(found)):
-        edges = [float(found.times[step])]
-    else:
-        return None
-    parts = [trace.part(*ends) for ends in itertools.pairwise([float(trace.t[0]), *edges, math.inf])]
-    judged = [(i, _judge(part, depth=depth + 1)) for i, part in enumerate(parts) if part.t.size >= FEWEST_READINGS]
+def _around_the_pause(trace: Trace, seen: Evidence, depth: int) -> tuple[Segment, ...]:
+    """The parts of a record with a pause among its slips, each judged by itself; none if they are of one kind."""
+    found = seen.found
+    limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
+    longest = int(np.argmax(np.diff(limits)))
+    begin, end = limits[longest : longest + 2]
+    usual = (end - begin) / seen.value("paused")
+    begin = float(trace.t[found.end[longest - 1]]) if longest else float(trace.t[0])
+    end = float(end - usual if longest < found.size else end)  # before the force rises again
     segments: list[Segment] = []
-    for i, each in judged:
-        if each.kind == "undecided" and not each.segments and not (paused and i == 1):
-            if not paused:
-                return None
+    for edges in itertools.pairwise([float(trace.t[0]), begin, end, math.inf]):
+        part = trace.part(*edges)
+        if part.t.size < FEWEST_READINGS:
             continue
-        for new in each.segments or (Segment(kind=each.kind, begin=each.window[0], end=each.window[1]),):
-            same = bool(segments) and segments[-1].kind == new.kind
-            segments.append(replace(new, begin=segments.pop().begin) if same else new)
-    kinds = {segment.kind for segment in segments}
-    if not kinds & {"stick-slip", "sustained oscillation"} or (len(kinds) == 1 and paused):
-        return None
-    if len(kinds) == 1:
-        last, ratio = judged[-1][1], float(np.median(found.drops[step:]) / np.median(found.drops[:step]))
-        when = trace.time_in_words(edges[0])
-        return last.kind, f"{last.reason}; from t = {when} on, the drops are {ratio:.2g} times as large", ()
-    told = f"slips and pauses take turns, in {len(segments)} parts: judge each by itself"
-    if len(segments) <= FEWEST_CYCLES:
-        names = ["nothing" if segment.kind == "undecided" else segment.kind for segment in segments]
-        ends = [f" up to t = {trace.time_in_words(segment.end)}" for segment in segments[:-1]]
-        told = ", then ".join(map("".join, itertools.zip_longest(names, ends, fillvalue="")))
-        told += ": judge each part by itself"
-    return "undecided", told, tuple(segments)
+        each = _judge(part, depth=depth + 1)
+        if each.kind == OPEN and not each.segments and edges[0] != begin:
+            continue
+        segments += each.segments or (Segment(kind=each.kind, begin=each.window[0], end=each.window[1]),)
+    groups = [list(group) for _, group in itertools.groupby(segments, key=lambda segment: segment.kind)]
+    merged = tuple(replace(group[0], end=group[-1].end) for group in groups)
+    return merged if len(merged) > 1 and {each.kind for each in merged} & {SLIPS, LASTS} else ()
+
+
+def _parts_in_words(trace: Trace, segments: tuple[Segment, ...]) -> str:
+    if len(segments) > FEWEST_CYCLES:
+        return f"slips and pauses take turns, in {len(segments)} parts: judge each by itself"
+    names = ["nothing" if segment.kind == OPEN else segment.kind for segment in segments]
+    ends = [f" up to t = {trace.time_in_words(segment.end)}" for segment in segments[:-1]]
+    told = ", then ".join(map("".join, itertools.zip_longest(names, ends, fillvalue="")))
+    return f"{told}: judge each part by itself"
 
 
 def _step(found: Slips) -> int:
     """The slip at which the drops change at once, if a step fits them better than a line, by three errors; else 0."""
     size = np.log(found.drops)
+    if size.size < 2 * FEWEST_CYCLES:
+        return 0
     count = np.arange(1, size.size)
-    total = np.cumsum(size - size.mean())[:-1]
-    gain = total**2 * size.size / (count * (size.size - count))
+    gain = np.cumsum(size - size.mean())[:-1] ** 2 * size.size / (count * (size.size - count))
     gain[: FEWEST_CYCLES - 1] = gain[size.size - FEWEST_CYCLES :] = 0.0
     at = found.times - found.times.mean()
-    line = float(at @ size) ** 2 / float(at @ at)
     best = int(np.argmax(gain))
     power = max(float(np.sum((size - size.mean()) ** 2)) - float(gain[best]), 0.0) / max(size.size - 2, 1)
-    return best + 1 if gain[best] - line > ERRORS**2 * power else 0
-
-
-def _noise_of_contacts(trace: Trace, seen: Evidence, part: str) -> tuple[Kind, str]:
-    """Verdict on a fluctuation that so few contacts make as noise."""
-    if seen.slips and seen.value("slight") > ERRORS * STEADY:  # of so few contacts that each slip is seen
-        return "stick-slip", f"irregular slips that persist, of few contacts ({trace.contacts}): {part}"
-    if seen.passes("slight"):
-        what = f"no more than the noise of {trace.contacts} contacts"
-        return "smooth sliding", f"the force fluctuates by {part}, without a period: {what}"
-    if seen.passes("shrinks"):
-        return _decaying(trace, seen)
-    what = f"as expected from the noise of {trace.contacts} contacts; {_whether_it_sticks(trace)}"
-    return "sustained oscillation", f"irregular, {part}, peak to peak, {what}"
-
-
-def _whether_it_sticks(trace: Trace) -> str:
-    stuck = _stuck(trace)
-    if stuck is None:
-        return "whether the slider sticks, the force alone does not tell"
-    return "the slider never sticks" if stuck < STICKS else f"the slider sticks for {100 * stuck:.0f} % of the time"
-
-
-def _too_few(trace: Trace, seen: Evidence) -> str:
-    """What to say of fewer cycles than make a verdict."""
-    count, span = seen.count, float(np.ptp(trace.t))
-    each = span / max(count, 1)
-    return (
-        f"too short: {count} complete drop{'s' * (count != 1)} of the force in the window; a verdict needs "
-        f"{FEWEST_CYCLES}: about {trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each))} more"
-    )
-
-
-def _growing(trace: Trace, seen: Evidence, part: str) -> str:
-    """What to say of an oscillation that grows."""
-    what = "the oscillation still grows,"
-    if not seen.periodic and seen.passes("normal"):
-        what = f"the force fluctuates by {part}, without a period, and changes"
-    return f"{what} by a factor {seen.trend:.2g} between the halves of the window; {_more(trace, 2.0)}"
-
-
-def _decaying(trace: Trace, seen: Evidence) -> tuple[Kind, str]:
-    """Verdict on an oscillation that shrinks."""
-    left = float(np.ptp(trace.force[trace.force.size // 2 :])) / seen.friction
-    name = "oscillation" if seen.periodic or seen.slips or not seen.passes("normal") else "fluctuation"
-    shrinks = f"the {name} decays, by a factor {seen.trend:.2g} from one half of the window to the other"
-    if not seen.slips and left < SMALL:
-        return "smooth sliding", f"{shrinks}, and is down to {100 * left:.3g} % of the largest force"
-    halves = math.log(SMALL / max(left, 1.1 * SMALL)) / math.log(seen.trend)
-    return "undecided", f"{shrinks}; {_more(trace, 0.5 * max(halves, 1.0), what=' whether it persists')}"
-
-
-def _still_loading(trace: Trace, seen: Evidence) -> str:
-    """What to say of a force that a straight line makes most of, or nothing."""
-    drift = slope(trace.force, trace.t) * float(np.ptp(trace.t))
-    if abs(drift) <= DRIFTS * seen.peak_to_peak or abs(drift) <= 2.0 * seen.found.smallest:
-        return ""
-    return (
-        f"the force still {'rises' if drift > 0 else 'falls'}, by {trace.force_in_words(abs(drift))} in the window, "
-        f"and shows no complete slip; {_more(trace, 4.0)}"
-    )
-
-
-def _about_the_sign(trace: Trace, found: Slips) -> str:
-    """What to say of a force that is turned, or nothing."""
-    if trace.drive is not None or not is_mirrored(trace, found):
-        return ""
-    return (
-        "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on "
-        "the command line, flip=True in read_trace)"
-    )
-
-
-def _about_the_drive(trace: Trace) -> str:
-    """What forbids a verdict, or nothing."""
-    if trace.drive is None:
-        return ""
-    low, high = float(trace.drive.min()), float(trace.drive.max())
-    if high == low == 0.0:
-        return "the drive stands still"
-    if high - low > 2.0 * CONSTANT_DRIVE * max(abs(low), abs(high)):
-        return (
-            "the velocity of the drive changes along it; the regime is judged at constant velocity: use transitions(), "
-            "or select a stretch with data.sel(time=slice(from, to))"
-        )
-    return ""
-
-
-def _without_drops(trace: Trace, seen: Evidence) -> tuple[Kind, str]:
-    """Verdict where no drop of the force stands out."""
-    friction, oscillation, found = seen.friction, seen.peak_to_peak, seen.found
-    if oscillation == 0.0 and trace.drive is None:
-        return "undecided", "the force never changes: is the sensor connected?"
-    part = _part(oscillation, seen)
-    if oscillation < TINY * friction:
-        return "smooth sliding", f"the force fluctuates by {part}"
-    if loading := _still_loading(trace, seen):
-        return "undecided", loading
-    if oscillation > max(2.0 * found.smallest, SMALL * friction) and not is_white(trace, found.noise, found.cycles):
-        more = _more(trace, 4.0)
-        return "undecided", f"too short: the force oscillates, but shows no complete drop in the window; {more}"
-    # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
-    if float(without_line(trace.force, trace.t).std()) > SMALL / math.sqrt(12.0) * friction:
-        what = "masks any oscillation, and slips: record more often"
-        return "undecided", f"noise of {part} from one sample to the next {what}"
-    return "smooth sliding", f"the force shows noise only, {part}"
+    return best + 1 if gain[best] - float(at @ size) ** 2 / float(at @ at) > ERRORS**2 * power else 0
