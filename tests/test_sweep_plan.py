@@ -164,7 +164,7 @@ MISTAKES = [
     ("axes.stifness", [1.0], "axes.stifness", "did you mean 'stiffness'"),
     ("axes.stiffness", {"from": 1, "to": 0.5, "count": 3}, "axes.stiffness: to = 0.5", "above from = 1"),
     ("axes.stiffness", {"from": 1, "to": 2, "count": 3, "spacing": "cubic"}, "spacing = 'cubic'", "'linear' or 'log'"),
-    ("axes.stiffness", [], "axes.stiffness", "holds no value"),
+    ("axes.stiffness", [], "axes.stiffness", "at least one"),
     ("axes.stiffness", ["4 MN/m"], "axes.stiffness.0 = '4 MN/m'", "plain number"),
     ("axes.stiffness", [2.0, 2.0], "axes.stiffness", "holds a value twice"),
     ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay: from = 0", "above 0"),
@@ -309,7 +309,7 @@ def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
     other = written(tmp_path, changed("rig.slider.mass", 2e-4), "other.toml")
     replot = ("--replot", "--plot", tmp_path / "a.png")
     for arguments, words in (
-        ((other, "--store", store), "holds another sweep; what differs: what the function holds"),
+        ((other, "--store", store), "holds another sweep; what differs: what the function does or holds"),
         ((other, "--store", store, *replot), "holds another sweep than"),
         (("--status", "--store", nowhere), "there is no such file"),
         (("--store", store), "name a sweep file"),
@@ -324,7 +324,7 @@ def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
     def read_only(*_arguments, **_options):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr(_table.os, "open", read_only)
+    monkeypatch.setattr(_table, "open", read_only, raising=False)
     assert run("sweep", file, "--store", store) == 0  # finished: nothing to write
     capsys.readouterr()
     line = refused(capsys, "sweep", file, "--store", tmp_path / "t.sqlite")

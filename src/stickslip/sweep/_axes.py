@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown, together, whole
-from stickslip.io.keys import Key, Sign
+from stickslip.io.keys import Key
 from stickslip.io.tables import unknown
 from stickslip.model import Rig
 from stickslip.model.parameters import BY_NAME
@@ -26,16 +27,16 @@ OTHERS = {
     "start": "start of the run",
 }
 """What can be an axis besides the parameters of a rig."""
-START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
-SPACING = Key("linear", choices=("linear", "log"))
+_START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
+_SPACING = Key("linear", choices=("linear", "log"))
 
 
 class Axis(NamedTuple):
-    """An axis: its values, or none where only its ends are given, and whether equal ratios are equal steps."""
+    """An axis: its values, of which an open one has the two ends alone, and whether equal ratios are equal steps."""
 
     values: NDArray[Any]
     log: bool
-    ends: tuple[float, float] | None = None
+    kind: Literal["listed", "counted", "open"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,14 +55,14 @@ class AxisReader:
         if isinstance(given, Mapping):
             return self._between(name, given, place)
         listed = np.atleast_1d(given).tolist() if self.from_python else given
-        if not isinstance(listed, list):
-            raise InputError(f"{place} = {shown(given)}: must be a list of values, or a table with from, to and count")
+        if not isinstance(listed, list) or not listed:
+            raise InputError(
+                f"{place} = {shown(given)}: must be a list of values, at least one, or a table with from, to and count"
+            )
         values = [self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed)]
-        if not values:
-            raise InputError(f"{place}: holds no value")
         if len(set(values)) < len(values):
             raise InputError(f"{place}: holds a value twice; for replicas add an axis seed = {{ count = 10 }}")
-        return Axis(array(values), _of_equal_ratios(values))
+        return Axis(array(values), _of_equal_ratios(values), "listed")
 
     def quantity(self, key: Key, value: Any, place: str) -> Any:
         """Read a value in the rig's own units."""
@@ -70,41 +71,37 @@ class AxisReader:
 
     def _between(self, name: str, given: Mapping[str, Any], place: str) -> Axis:
         check_keys(given, ("from", "to", "count", "spacing"), place)
-        ends = {key: self._value(name, given[key], f"{place}.{key}") for key in ("from", "to") if key in given}
-        count = whole(f"{place}.count", given["count"], at_least=1) if "count" in given else None
-        check_size(count or 0, self.most)
-        if name == "seed" and count is not None:
-            first = ends.get("from", 1)
-            return Axis(np.arange(first, first + count), log=False)
         for key in ("count",) if name == "seed" else ("from", "to"):
             if key not in given:
                 raise InputError(f"{place}.{key}: is missing")
-        low, high = ends["from"], ends["to"]
+        count = whole(f"{place}.count", given.get("count", 2), at_least=1 if name == "seed" else 2)
+        check_size(count, self.most)
+        low, high = (self._value(name, given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
+        if name == "seed":
+            return Axis(np.arange(low, low + count), False, "counted")
         if isinstance(low, str) or high <= low:
             raise InputError(f"{place}: to = {given['to']} must be above from = {given['from']}")
-        log = SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
+        log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
         if log and low <= 0:
             raise InputError(f"{place}: from = {given['from']} must be above 0 for spacing = 'log'")
-        if count is None:
-            return Axis(np.empty(0), log, (low, high))
         values = (np.geomspace if log else np.linspace)(low, high, count)
-        return Axis(np.unique(np.rint(values).astype(int)) if name == "contacts" else values, log, (low, high))
+        if name == "contacts":
+            values = np.unique(np.rint(values).astype(int))
+        return Axis(values, log, "counted" if "count" in given else "open")
 
     def _value(self, name: str, value: Any, place: str) -> Any:
         if name == "start":
-            return START.read(value, place, natural=True)
+            return _START.read(value, place, natural=True)
         if name in OTHERS:
             return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
-        parameter = BY_NAME[name]
-        if parameter.unit == "1":
-            return self.quantity(Key(1.0), value, place)
-        unit = self.rig.unit_name(parameter.unit)
-        try:
-            example = engineering(self.rig.value(name), unit, 3)
-        except InputError:  # the rig has none: the plan will say so
-            example = f"1 {unit}"
-        sign: Sign = "at least 0" if parameter.zero else "above 0"
-        return self.quantity(Key(example, unit=parameter.unit, sign=sign), value, place)
+        parameter, rig = BY_NAME[name], self.rig
+        key = Key(1.0)
+        if parameter.unit != "1":
+            unit = rig.unit_name(parameter.unit)
+            key = Key(f"1 {unit}", unit=parameter.unit, sign="at least 0" if parameter.zero else "above 0")
+            with suppress(InputError):  # the rig has none: the plan will say so
+                key = replace(key, example=engineering(rig.value(name), unit, 3))
+        return self.quantity(key, value, place)
 
 
 def check_axes(content: object) -> None:

@@ -17,7 +17,8 @@ import textwrap
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from contextlib import suppress
+from dataclasses import dataclass, fields, is_dataclass
 from types import CodeType, FunctionType, MethodType
 from typing import Any
 
@@ -79,42 +80,8 @@ def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint
         "seed": str(seed),
         "fingerprint": _digest("fingerprint", fingerprint),
         "function": name_of(function),
-        "what the function holds": _digest(f"function = {name_of(function)}", _held(function)),
-        "source of the function": _hash(_source(function).encode()),
+        "what the function does or holds": _digest(f"function = {name_of(function)}", function),
     }
-
-
-def _held(function: Any) -> list[Any]:
-    """What is bound to a function, what it closes over, and its defaults; of an object with a __call__, the object."""
-    match function:
-        case functools.partial(func=inner, args=args, keywords=keywords):
-            return [list(args), keywords, *_held(inner)]
-        case MethodType(__self__=owner, __func__=inner):
-            return [owner, *_held(inner)]
-        case FunctionType(__defaults__=defaults, __kwdefaults__=keywords):
-            return [list(inspect.getclosurevars(function).nonlocals.items()), defaults, keywords]
-    if hasattr(function, "py_func"):  # compiled by numba
-        return _held(function.py_func)
-    return [] if inspect.isroutine(function) or isinstance(function, type) else [function]
-
-
-def _source(function: Any) -> str:
-    """The text of a function or of the class of an object; its code where there is no text, or many in a line."""
-    for inner in ("func", "__func__", "py_func"):
-        function = getattr(function, inner, function)
-    if not (inspect.isroutine(function) or isinstance(function, type)):
-        function = type(function)
-    code = getattr(function, "__code__", None)
-    try:
-        text = textwrap.dedent(inspect.getsource(code or function))
-    except (OSError, TypeError):  # built in, or typed at a prompt
-        return "" if code is None else _code(code)
-    return text + _code(code) if code is not None and code.co_name == "<lambda>" else text
-
-
-def _code(code: CodeType) -> str:
-    inner = [_code(item) if isinstance(item, CodeType) else repr(item) for item in code.co_consts]
-    return code.co_code.hex() + repr([inner, code.co_names])
 
 
 def name_of(function: object) -> str:
@@ -134,27 +101,58 @@ def _digest(place: str, value: object) -> str:
 
 
 def _content(value: Any) -> Any:
-    """What a value is, as JSON can hold it, the same in every process."""
-    if isinstance(value, np.generic):
-        value = value.item()
+    """What a value is, as JSON can hold it, the same in every process; of a function, its text and all that it holds.
+
+    That is: what is bound to it, what it closes over, and its defaults.
+    """
     name = f"{type(value).__module__}.{type(value).__qualname__}"
-    if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
-        return [name, repr(value)]
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        return [name, value.dtype.str, value.shape, _hash(value.tobytes())]
-    if isinstance(value, Mapping):
-        return [name, sorted((_content(list(item)) for item in value.items()), key=json.dumps)]
-    if isinstance(value, (list, tuple)):
-        return [name, *map(_content, value)]
-    if isinstance(value, (set, frozenset)):
-        return [name, *sorted(map(_content, value), key=json.dumps)]
-    if is_dataclass(value) and not isinstance(value, type):
-        return [name, *(_content(getattr(value, one.name)) for one in fields(value) if one.compare)]
-    if inspect.isroutine(value) or isinstance(value, type):
-        return [name, name_of(value), _source(value), _content(_held(value))]
-    if hasattr(value, "__dict__"):
-        return [name, _content(vars(value))]
-    raise TypeError(f"a {name}")
+    held: Any = None
+    match value:
+        case np.generic():
+            return _content(value.item())
+        case None | bool() | int() | float() | complex() | str() | bytes():
+            return [name, repr(value)]
+        case np.ndarray(dtype=np.dtype(hasobject=False)):
+            return [name, value.dtype.str, value.shape, _hash(value.tobytes())]
+        case Mapping():
+            return [name, sorted((_content(list(item)) for item in value.items()), key=json.dumps)]
+        case set() | frozenset():
+            return [name, sorted(map(_content, value), key=json.dumps)]
+        case list() | tuple():
+            return [name, *map(_content, value)]
+        case functools.partial():
+            held = [value.func, value.args, value.keywords]
+        case MethodType():
+            held = [value.__self__, value.__func__]
+        case FunctionType():
+            held = [inspect.getclosurevars(value).nonlocals, value.__defaults__, value.__kwdefaults__]
+        case object(py_func=inner):  # compiled by numba
+            held = inner
+        case _ if inspect.isroutine(value) or isinstance(value, type):
+            pass
+        case _ if is_dataclass(value):
+            held = [getattr(value, one.name) for one in fields(value) if one.compare]
+        case object(__dict__=inside):
+            held = inside
+        case _:
+            raise TypeError(f"a {name}")
+    return [name, name_of(value), _source(value) if callable(value) else "", _content(held)]
+
+
+def _source(function: Any) -> str:
+    """The text of a function or of the class of an object; its code where there is no text, or many in a line."""
+    if not (inspect.isroutine(function) or isinstance(function, type)):
+        function = type(function)
+    code = getattr(function, "__code__", None)
+    with suppress(OSError, TypeError):  # built in, or typed at a prompt
+        if code is None or code.co_name != "<lambda>":
+            return textwrap.dedent(inspect.getsource(code or function))
+    return "" if code is None else _code(code)
+
+
+def _code(code: CodeType) -> str:
+    inner = [_code(item) if isinstance(item, CodeType) else repr(item) for item in code.co_consts]
+    return code.co_code.hex() + repr([inner, code.co_names])
 
 
 def _hash(content: bytes) -> str:
@@ -162,26 +160,23 @@ def _hash(content: bytes) -> str:
 
 
 def check_function(function: object, axes: Sequence[str]) -> bool:
-    """Refuse a function that does not take the axes; say whether it takes a seed of its own."""
+    """Refuse a function that cannot be called with the axes; say whether it takes a seed of its own."""
     if not callable(function):
         raise InputError(f"function = {function!r}: must be a function of the axes")
     try:
-        parameters = inspect.signature(function).parameters.values()
+        signature = inspect.signature(function)
     except (TypeError, ValueError):
         return False
-    named = {p.name: p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
-    anything = any(p.kind is p.VAR_KEYWORD for p in parameters)
-    called = name_of(function)
-    for name in axes:
-        if name not in named and not anything:
-            raise InputError(f"axes: {called} has no parameter {name!r}; it takes {', '.join(named) or 'none'}")
-    for name, parameter in named.items():
-        if name not in axes and name != "seed" and parameter.default is parameter.empty:
-            raise InputError(
-                f"function = {called}: its parameter {name!r} is no axis and has no default; add an axis or bind it "
-                "with functools.partial"
-            )
-    return "seed" in named and "seed" not in axes and "seed" not in (getattr(function, "keywords", None) or {})
+    bound = (*axes, *(getattr(function, "keywords", None) or ()))
+    asks_seed = "seed" in signature.parameters and "seed" not in bound
+    try:
+        signature.bind(**dict.fromkeys([*axes, *["seed"] * asks_seed]))
+    except TypeError as error:
+        raise InputError(
+            f"axes: {name_of(function)}{signature}: {error}; each axis is a parameter, and each parameter an axis, or "
+            "has a default, or is bound with functools.partial"
+        ) from None
+    return asks_seed
 
 
 def check_name(place: str, name: object) -> None:
@@ -201,24 +196,24 @@ class CannotLoadError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What is the same for every case of a sweep."""
+    """What is the same for every case of a sweep; `version` is that of the package where it was started."""
 
     function: Function
     seed: int | None
-    categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    version: str = field(default_factory=package_version)
+    categories: Mapping[str, Sequence[str]]
+    version: str
 
 
-def run_batch(job: Job | bytes, batch: Sequence[Values], seconds: float) -> tuple[list[str], float]:
+def run_batch(job: Job | bytes, batch: Sequence[Values], seconds: float) -> list[str]:
     """Run cases until all are done or the time is up; at least one."""
-    begin = time.perf_counter()
+    end = time.perf_counter() + seconds
     work = _load(job) if isinstance(job, bytes) else job
     found: list[str] = []
     for values in batch:
-        if found and time.perf_counter() - begin > seconds:
-            break
         found.append(run_case(work, values))
-    return found, time.perf_counter() - begin
+        if time.perf_counter() > end:
+            break
+    return found
 
 
 def run_case(job: Job, values: Values) -> str:
@@ -238,7 +233,11 @@ def run_case(job: Job, values: Values) -> str:
                 raise InputError(f"result: the name {name!r} is taken by an axis")
         return json.dumps({"result": packed})
     except (Exception, SystemExit) as error:
-        return failed(_in_words(error))
+        place = "".join(
+            f" ({os.path.basename(frame.filename)}:{frame.lineno})"
+            for frame in traceback.extract_tb(error.__traceback__)[-1:]
+        )
+        return failed(f"{type(error).__name__}: {error}{place}")
 
 
 def failed(error: str) -> str:
@@ -274,9 +273,3 @@ def _load(job: bytes) -> Job:
             "on both sides"
         )
     return loaded
-
-
-def _in_words(error: BaseException) -> str:
-    last = traceback.extract_tb(error.__traceback__)[-1:]
-    place = "".join(f" ({os.path.basename(frame.filename)}:{frame.lineno})" for frame in last)
-    return f"{type(error).__name__}: {error}{place}"

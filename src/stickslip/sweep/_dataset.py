@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -92,23 +92,25 @@ def run_cases(
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     values = {name: axis_values(name, given) for name, given in axes.items()}
     attributes = {
-        name: {**getattr(axes.get(name), "attrs", {}), **options.attributes.get(name, {})}
+        name: {
+            key: _attribute(value)
+            for key, value in {**getattr(axes.get(name), "attrs", {}), **options.attributes.get(name, {})}.items()
+        }
         for name in dict.fromkeys([*axes, *options.attributes])
     }
-    merged = {name: {key: _attribute(value) for key, value in about.items()} for name, about in attributes.items()}
     with started(
         function, {"axes": values}, list(values), math.prod(map(len, values.values())),
-        store=store, executor=executor, progress=progress, options=replace(options, attributes=merged),
+        store=store, executor=executor, progress=progress, options=replace(options, attributes=attributes),
     ) as runner:  # fmt: skip
         runner.run(combinations(values))
         runner.table.keep_head()
-        return grid_dataset(runner.table.head, runner.table.rows())
+        return dataset_of(runner.table)
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
     """Open the results of a sweep, finished or not, as `run_cases` and `refine` return them."""
     with Table(Path(store)) as table:
-        return grid_dataset(table.head, table.rows()) if "axes" in table.head else refined_dataset(table)
+        return dataset_of(table)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,21 +148,14 @@ def status_of(store: str | PathLike[str]) -> Status:
     """Say how far the sweep of a store is, also while it runs."""
     path = Path(store)
     with Table(path, weigh=False) as table:
-        head, writer = table.head, writer_of(path)
-        if "axes" in head:
-            keys = [case_key(values) for values in combinations(head["axes"])]
-        else:
-            keys = head.get("cases", list(table.keys))
-        known = sum(key in table.keys for key in keys)
-        failed = sum(key in table.failed for key in keys)
-        is_open = "axes" not in head and "cases" not in head
-        total = max(known, head["runs"] * len(combinations(head["each"]))) if is_open else len(keys)
+        head, writer, keys = table.head, writer_of(path), _keys_of(table)
+        known = [table.known[key] for key in keys if key in table.known]
+        total = len(keys) if "axes" in head or "cases" in head else max(len(keys), head["total"])
         since = path.stat().st_mtime - head["started"]
-        fresh = len(table.keys) - head["found"]
         return Status(
-            summary=Summary(total=total, done=known - failed, failed=failed, missing=total - known),
+            summary=Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known)),
             writer=writer,
-            rate=fresh / since if since > 0 else 0.0,
+            rate=(len(table.known) - head["found"]) / since if since > 0 else 0.0,
         )
 
 
@@ -236,7 +231,7 @@ def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue
     if not isinstance(values, list) or not values:
         raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
     found = [value.item() if isinstance(value, np.generic) else value for value in values]
-    if {_sort_of(value) for value in found} not in ({"number"}, {"text"}, {"truth value"}):
+    if {float if type(value) is int else type(value) for value in found} not in ({float}, {str}, {bool}):
         raise InputError(
             f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind; for records, sweep "
             "over their names and look them up in the function"
@@ -253,53 +248,61 @@ def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue
     return found
 
 
-def _sort_of(value: object) -> str:
-    if isinstance(value, bool):
-        return "truth value"
-    return "number" if isinstance(value, (int, float)) else "text" if isinstance(value, str) else ""
-
-
 # ---------------------------------------------------------------- Datasets
 
 
-def grid_dataset(head: Head, rows: Iterable[tuple[str, Mapping[str, Any]]]) -> xr.Dataset:
-    """Put rows where they stand on the axes of a sweep."""
+def _keys_of(table: Table) -> list[str]:
+    """The cases of a sweep, in the order of its Dataset; of a search that is not done, those that have been run."""
+    if "axes" in table.head:
+        return [case_key(values) for values in combinations(table.head["axes"])]
+    return list(table.head.get("cases", sorted(table.known)))
+
+
+def dataset_of(table: Table) -> xr.Dataset:
+    """What came of all cases: over the axes of a grid, or along the ``run`` of a search, with its crossings."""
     import xarray as xr
 
-    axes = head["axes"]
-    found: dict[str, Mapping[str, Any] | None] = {case_key(values): None for values in combinations(axes)}
-    found.update((key, row) for key, row in rows if key in found)
-    data = _variables(head, list(found.values()), {name: len(values) for name, values in axes.items()})
-    coordinates = {name: (name, array(values), attributes_of(head, name)) for name, values in axes.items()}
-    return xr.Dataset(data, coordinates, _attributes_of_all(head))
+    head, keys = table.head, _keys_of(table)
+    if "axes" in head:
+        sizes = {name: len(values) for name, values in head["axes"].items()}
+        coordinates = {name: (name, array(values), attributes_of(head, name)) for name, values in head["axes"].items()}
+    else:
+        keys = [key for key in keys if key in table.known]
+        cases = [json.loads(key) for key in keys]
+        sizes = {"run": len(keys)}
+        coordinates = {
+            name: ("run", array([values[name] for values in cases]), attributes_of(head, name))
+            for name in (*head["box"], *head["each"])
+        }
+    known = table.rows()
+    rows = [known.get(key) for key in keys]
+    data = _variables(head, rows, sizes)
+    if "axes" not in head:
+        crossings = head["crossings"] if len(keys) == len(head.get("cases", ())) else []
+        data |= _crossings(head, [[(cases[i], rows[i]) for i in ends] for ends in crossings])
+    names = ("format", "stickslip", "function", "seed", "box", "each", "label", "runs", "resolution", "together")
+    about = {name: head[name] for name in names if name in head} | {"axes": sizes}
+    return xr.Dataset(data, coordinates, {**head["notes"], PROVENANCE: json.dumps(about)})
 
 
-def refined_dataset(table: Table) -> xr.Dataset:
-    """Put the runs of a refinement in their order; a crossing is two of them, known once all are there."""
-    import xarray as xr
-
-    head, label = table.head, table.head["label"]
-    whole = "cases" in head and table.keys.issuperset(head["cases"])
-    keys, crossings = (head["cases"], head["crossings"]) if whole else (sorted(table.keys), [])
-    cases, rows = [json.loads(key) for key in keys], [table.get(key) for key in keys]
-    data = _variables(head, rows, {"run": len(rows)})
+def _crossings(head: Head, found: Sequence[Any]) -> dict[str, Any]:
+    """Points of the boundary: half way between two cases, each with what came of it."""
+    data: dict[str, Any] = {}
     for name in head["box"]:
-        low, high = (np.array([cases[ends[side]][name] for ends in crossings], dtype=float) for side in (0, 1))
+        low, high = (np.array([ends[side][0][name] for ends in found], dtype=float) for side in (0, 1))
         about = attributes_of(head, name)
         title = about["long_name"]
         data[f"{name}_at"] = ("crossing", (low + high) / 2, about | {"long_name": f"{title}, on the boundary"})
         data[f"{name}_error"] = ("crossing", abs(high - low) / 2, about | {"long_name": f"{title}, uncertainty"})
     for name in head["each"]:
-        data[f"{name}_at"] = ("crossing", array([cases[i][name] for i, _ in crossings]), attributes_of(head, name))
+        values = array([values[name] for (values, _), _ in found])
+        data[f"{name}_at"] = ("crossing", values, attributes_of(head, name))
     for side, (prefix, where) in enumerate({"from": "on one side", "to": "on the other"}.items()):
-        values, about = _column(head, label, [rows[ends[side]]["result"][label] for ends in crossings])
+        name = head["label"]
+        values, about = _column(head, name, [ends[side][1]["result"][name] for ends in found])
         about["long_name"] += f", {where}"
-        data[f"{prefix}_{label}"] = ("crossing", values, about)
-    coordinates = {
-        name: ("run", array([values[name] for values in cases]), attributes_of(head, name))
-        for name in (*head["box"], *head["each"])
-    }
-    return xr.Dataset(data, coordinates, _attributes_of_all(head))
+        data[f"{prefix}_{name}"] = ("crossing", values, about)
+    return data
 
 
 def _variables(head: Head, rows: Sequence[Mapping[str, Any] | None], sizes: Mapping[str, int]) -> dict[str, Any]:
@@ -353,12 +356,3 @@ def _flags(words: Sequence[str], first: int) -> dict[str, Any]:
     """CF attributes of a variable whose integers, from the first up, stand for words."""
     codes = np.arange(first, first + len(words), dtype=np.int8)
     return {"flag_values": codes, "flag_meanings": " ".join(word.replace(" ", "_") for word in words)}
-
-
-def _attributes_of_all(head: Head) -> dict[str, str]:
-    """Attributes of the Dataset: notes, and what the sweep is made of as JSON."""
-    names = ("format", "stickslip", "function", "seed", "box", "each", "label", "runs", "resolution", "together")
-    about = {name: head[name] for name in names if name in head}
-    if "axes" in head:
-        about["axes"] = {name: len(values) for name, values in head["axes"].items()}
-    return {**head["notes"], PROVENANCE: json.dumps(about)}

@@ -5,13 +5,13 @@ A Dask client is one more executor: ``client.get_executor()``.
 
 from __future__ import annotations
 
+import importlib
 import multiprocessing
 import multiprocessing.connection
 import os
 import pickle
 import signal
 import threading
-import time
 from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
@@ -21,8 +21,10 @@ from typing import Self
 from stickslip.errors import InputError, whole
 from stickslip.sweep._cases import Job, Values, name_of, run_batch
 
-Batch = Future[tuple[list[str], float]]
+Batch = Future[list[str]]
 
+SECONDS = 0.5
+"""Longest that a batch takes, unless one case does: long beside the cost of handing it out."""
 _MANY = 32  # workers supposed behind an executor that does not say how many it has
 
 
@@ -67,34 +69,27 @@ class Pool:
     """An executor that is running, with what the sweep must know of it."""
 
     def __init__(self, given: Workers, job: Job) -> None:
+        if not isinstance(given, (Threads, Processes, Executor)):
+            hint = " (of a Dask client: client.get_executor())" if hasattr(given, "get_executor") else ""
+            raise InputError(
+                f"executor = {given!r}: must be Threads(n), Processes(n) or a concurrent.futures.Executor{hint}"
+            )
         self.given = given
+        self.is_ours = isinstance(given, (Threads, Processes))
         self._job = job if isinstance(given, (Threads, ThreadPoolExecutor)) else _pickled(job, given)
         self._executor = self._start()
-        self._seen, self._ask_at = _MANY, 0.0
 
     @property
     def workers(self) -> int:
         """How many cases run at a time, if the executor says; asked anew, since clusters grow and shrink."""
-        if isinstance(self.given, (Threads, Processes)):
-            return self.given.workers or 1
-        count = getattr(self.given, "_max_workers", None)
-        if isinstance(count, int) and count > 0:
-            return count
-        client = getattr(self.given, "_client", None)  # Dask
-        if client is not None and time.monotonic() > self._ask_at:
-            with suppress(Exception):  # out of reach: the batches will say so
-                self._seen = max(1, int(sum(client.nthreads().values())))
-            self._ask_at = time.monotonic() + 2.0
-        return self._seen
+        with suppress(Exception):  # a cluster out of reach: the batches will say so
+            if (client := getattr(self._executor, "_client", None)) is not None:  # of Dask
+                return max(1, int(sum(client.nthreads().values())))
+        return getattr(self._executor, "_max_workers", None) or _MANY
 
-    @property
-    def is_ours(self) -> bool:
-        """Whether the pool was started here, and can be built anew."""
-        return isinstance(self.given, (Threads, Processes))
-
-    def submit(self, batch: Sequence[Values], seconds: float) -> Batch:
+    def submit(self, batch: Sequence[Values]) -> Batch:
         """Hand in a batch of cases."""
-        return self._executor.submit(run_batch, self._job, batch, seconds)
+        return self._executor.submit(run_batch, self._job, batch, SECONDS)
 
     def rebuild(self) -> None:
         """Replace a pool that has lost a worker."""
@@ -115,52 +110,31 @@ class Pool:
 
     def _start(self) -> Executor:
         match self.given:
-            case Threads():
-                return ThreadPoolExecutor(self.workers, thread_name_prefix="stickslip-sweep")
-            case Processes():
-                return self._start_processes()
+            case Threads(workers=workers):
+                return ThreadPoolExecutor(workers, thread_name_prefix="stickslip-sweep")
+            case Processes(workers=workers):
+                context = multiprocessing.get_context("spawn")
+                executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+                try:
+                    executor.submit(os.getpid).result()
+                except BrokenExecutor:
+                    raise InputError(
+                        "executor = Processes(...): no worker process starts; a script that starts processes keeps "
+                        'its own start behind `if __name__ == "__main__":`'
+                    ) from None
+                return executor
             case _:
                 return self.given
-
-    def _start_processes(self) -> Executor:
-        for _ in range(3):  # the worker that answers may itself be killed
-            context = multiprocessing.get_context("spawn")
-            executor = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_start_worker)
-            try:
-                executor.submit(os.getpid).result()
-            except BrokenExecutor:
-                executor.shutdown(wait=False, cancel_futures=True)
-            else:
-                return executor
-        raise InputError(
-            "executor = Processes(...): no worker process starts; a script that starts processes keeps its "
-            'own start behind `if __name__ == "__main__":`'
-        )
-
-
-def check_executor(given: Workers | None) -> Workers:
-    """Return the executor, threads by default; refuse what is none."""
-    if given is None:
-        return Threads()
-    if not isinstance(given, (Threads, Processes, Executor)):
-        hint = " (of a Dask client: client.get_executor())" if hasattr(given, "get_executor") else ""
-        raise InputError(
-            f"executor = {given!r}: must be Threads(n), Processes(n) or a concurrent.futures.Executor{hint}"
-        )
-    return given
 
 
 def _pickled(job: Job, given: Workers) -> bytes:
     """Pickle the job: by reference for processes of this machine, else with cloudpickle if it is there."""
+    by = pickle
     if not isinstance(given, (Processes, ProcessPoolExecutor)):
-        try:
-            import cloudpickle  # type: ignore[import-untyped]
-        except ImportError:
-            pass
-        else:
-            return bytes(cloudpickle.dumps(job))
+        with suppress(ImportError):
+            by = importlib.import_module("cloudpickle")
     try:
-        return pickle.dumps(job, protocol=5)
+        return bytes(by.dumps(job))
     except Exception as error:
         raise InputError(
             f"function = {name_of(job.function)}: cannot be sent to another process ({error}); define it at the top of "

@@ -10,26 +10,19 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number, whole
-from stickslip.sweep._cases import (
-    AxisValue,
-    Function,
-    Values,
-    case_key,
-    check_name,
-)
-from stickslip.sweep._dataset import axis_values, combinations, refined_dataset
+from stickslip.sweep._cases import AxisValue, Function, Values, case_key, check_name
+from stickslip.sweep._dataset import axis_values, combinations, dataset_of
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._run import Options, Progress, started
-from stickslip.sweep._table import Table
+from stickslip.sweep._run import Options, Progress, Runner, started
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Point = tuple[float, float]
-Array = NDArray[np.float64]
+"""A place in the box, as fractions of the way along its two axes."""
+Line = tuple[Point, Point]
 
 EXPLORE, FIND = 0.25, 0.55
 """Fractions of the runs after which exploring ends (evenly over the box), and finding (where categories differ)."""
@@ -152,8 +145,6 @@ def refine(
     spans = _spans(box)
     each = {name: axis_values(name, values, "refine.each") for name, values in refinement.each.items()}
     branches = combinations(each)
-    for name in spans:
-        check_name("box", name)
     content = {
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
         "each": each,
@@ -166,62 +157,66 @@ def refine(
     with started(
         function, content, [*spans, *each], total, store=store, executor=executor, progress=progress, options=options
     ) as runner:
-        table = runner.table
-        searches = [_Search(table, values, runner.run) for values in branches]
-        for search in searches:
-            search.go()
+        searches = [_Search(runner, spans, values, label, refinement) for values in branches]
+        found = [(search, search.boundary()) for search in searches]
         cases = [case_key(search.values(point)) for search in searches for point in search.points]
         place = {key: i for i, key in enumerate(cases)}
-        crossings = [
-            [place[case_key(search.values(end))] for end in bracket]
-            for search in searches
-            for bracket in search.brackets
-        ]
-        table.keep_head(cases=cases, crossings=crossings)
-        return refined_dataset(table)
+        crossings = [[place[case_key(search.values(end))] for end in line] for search, lines in found for line in lines]
+        runner.table.keep_head(cases=cases, crossings=crossings)
+        return dataset_of(runner.table)
 
 
 class _Search:
-    """The runs of one search so far, as fractions of the box, and the lines across the boundary."""
+    """The runs of one search so far, with the category found at each; None where the case failed."""
 
-    def __init__(self, table: Table, fixed: Values, run: Callable[[Sequence[Values]], None]) -> None:
-        self.table, self.fixed, self._run = table, fixed, run
-        self.spans = {name: Span(low=a, high=b, log=log) for name, (a, b, log) in table.head["box"].items()}
+    def __init__(
+        self, runner: Runner, spans: Mapping[str, Span], fixed: Values, label: str, refinement: Refinement
+    ) -> None:
         self.points: dict[Point, Any] = {}
-        self.brackets: list[tuple[Point, Point]] = []
+        self._runner, self._spans, self._fixed, self._label, self._how = runner, spans, fixed, label, refinement
 
-    def go(self) -> None:
-        """Search."""
-        head = self.table.head
-        self._find(head["runs"], head["together"])
-        self._polish(head["runs"], head["together"], head["resolution"])
-
-    def values(self, point: Point) -> dict[str, AxisValue]:
+    def values(self, point: Point) -> Values:
         """Values of the parameters at a point."""
-        here = {name: span.value(part) for (name, span), part in zip(self.spans.items(), point, strict=True)}
-        return here | dict(self.fixed)
+        here = {name: span.value(part) for (name, span), part in zip(self._spans.items(), point, strict=True)}
+        return {**here, **self._fixed}
 
-    def _evaluate(self, points: Sequence[Point]) -> None:
-        """Learn the category at each point; None where the case failed."""
-        cases = [self.values(point) for point in points]
-        self._run(cases)
-        name = self.table.head["label"]
-        for point, values in zip(points, cases, strict=True):
-            result = self.table.get(case_key(values)).get("result")
-            found = None if result is None else result.get(name, result)
-            if isinstance(found, (dict, list)):
-                raise InputError(f"label = {name!r}: the function must return a text or a number under this name")
-            self.points[point] = found
-
-    def _find(self, runs: int, together: int) -> None:
-        """Distribute runs over the box, then send them where categories differ."""
+    def boundary(self) -> list[Line]:
+        """Spread runs over the box, send some where categories differ, then bisect lines across the boundary."""
+        runs = self._how.runs
         self._evaluate([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
         while len(self.points) < FIND * runs:
-            sides = self._longest_sides(exploring=len(self.points) < EXPLORE * runs)
-            count = min(together, math.ceil(FIND * runs) - len(self.points))
-            self._evaluate(list(dict.fromkeys(map(_middle, sides)))[:count])
+            middles = dict.fromkeys(map(_middle, self._longest_sides(exploring=len(self.points) < EXPLORE * runs)))
+            count = min(self._how.together, math.ceil(FIND * runs) - len(self.points))
+            self._evaluate(list(middles)[:count])
+        lines = _far_apart(self._crossings(), self._how.resolution, runs - len(self.points))
+        waiting = [i for i, line in enumerate(lines) if _length(line) > self._how.resolution]
+        while waiting:
+            batch, waiting = waiting[: self._how.together], waiting[self._how.together :]
+            halves = {i: _middle(lines[i]) for i in batch}
+            self._evaluate([middle for middle in dict.fromkeys(halves.values()) if middle not in self.points])
+            for i, middle in halves.items():
+                low, high = lines[i]
+                found = self.points[middle]
+                if found is None:  # no further here
+                    continue
+                lines[i] = (middle, high) if found == self.points[low] else (low, middle)
+                if _length(lines[i]) > self._how.resolution:
+                    waiting.append(i)
+        return lines
 
-    def _longest_sides(self, *, exploring: bool) -> list[tuple[Point, Point]]:
+    def _evaluate(self, points: Sequence[Point]) -> None:
+        """Learn the category at each point."""
+        cases = [self.values(point) for point in points]
+        self._runner.run(cases)
+        for point, values in zip(points, cases, strict=True):
+            row = self._runner.table.get(case_key(values))
+            if self._label not in row.get("result", {self._label: None}):
+                raise InputError(
+                    f"label = {self._label!r}: the function must return a text or a number under this name"
+                )
+            self.points[point] = row["result"][self._label] if "result" in row else None
+
+    def _longest_sides(self, *, exploring: bool) -> list[Line]:
         """The longest side of each triangle between the runs, longest first; later, between categories first."""
         sizes = []
         for corners in _triangles(list(self.points)):
@@ -232,29 +227,7 @@ class _Search:
             sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
         return [side for _, side in sorted(sizes, reverse=True)]
 
-    def _polish(self, runs: int, together: int, resolution: float) -> None:
-        """Bisect lines across the boundary, far apart along it, as many as the runs left are enough for."""
-        brackets = self._crossings()
-        if not brackets:
-            return
-        cost = [max(0, math.ceil(math.log2(_length(bracket) / resolution))) for bracket in brackets]
-        chosen = _far_apart(brackets, cost, runs - len(self.points))
-        self.brackets = [brackets[i] for i in chosen]
-        waiting = [i for i, bracket in enumerate(self.brackets) if _length(bracket) > resolution]
-        while waiting:
-            batch, waiting = waiting[:together], waiting[together:]
-            middles = [_middle(self.brackets[i]) for i in batch]
-            self._evaluate([middle for middle in dict.fromkeys(middles) if middle not in self.points])
-            for i, middle in zip(batch, middles, strict=True):
-                low, high = self.brackets[i]
-                found = self.points[middle]
-                if found is None:  # no further here
-                    continue
-                self.brackets[i] = (middle, high) if found == self.points[low] else (low, middle)
-                if _length(self.brackets[i]) > resolution:
-                    waiting.append(i)
-
-    def _crossings(self) -> list[tuple[Point, Point]]:
+    def _crossings(self) -> list[Line]:
         """Sides of triangles whose ends are in different categories."""
         triangles = _triangles([point for point, found in self.points.items() if found is not None])
         sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
@@ -264,28 +237,28 @@ class _Search:
 # ---------------------------------------------------------------- parts
 
 
-def _far_apart(brackets: Sequence[tuple[Point, Point]], cost: Sequence[int], budget: int) -> list[int]:
-    """Choose lines far from one another, until the runs are spent."""
-    middles = np.array([_middle(bracket) for bracket in brackets])
-    distance = np.full(len(brackets), np.inf)
-    chosen: list[int] = []
-    while len(chosen) < len(brackets):
+def _far_apart(lines: Sequence[Line], resolution: float, budget: int) -> list[Line]:
+    """Choose lines far from one another, until the runs that bisecting them takes are spent."""
+    middles = np.array([_middle(line) for line in lines])
+    distance = np.full(len(lines), np.inf)
+    chosen: list[Line] = []
+    while len(chosen) < len(lines):
         i = int(np.argmax(distance))
-        if cost[i] > budget or distance[i] <= 0:
+        budget -= max(0, math.ceil(math.log2(_length(lines[i]) / resolution)))
+        if budget < 0 or distance[i] <= 0:
             break
-        budget -= cost[i]
-        chosen.append(i)
+        chosen.append(lines[i])
         distance = np.minimum(distance, np.hypot(*(middles - middles[i]).T))
     return chosen
 
 
-def _middle(bracket: tuple[Point, Point]) -> Point:
-    (a, b), (c, d) = bracket
+def _middle(line: Line) -> Point:
+    (a, b), (c, d) = line
     return (a + c) / 2, (b + d) / 2
 
 
-def _length(bracket: tuple[Point, Point]) -> float:
-    return math.dist(*bracket)
+def _length(line: Line) -> float:
+    return math.dist(*line)
 
 
 def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
@@ -293,14 +266,12 @@ def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
         raise InputError(f"box = {dict(box)!r}: must name two axes")
     spans = {}
     for name, given in box.items():
-        if isinstance(given, Span):
-            spans[name] = given
-            continue
+        check_name("box", name)
         try:
-            low, high = given
+            low, high = (0.0, 0.0) if isinstance(given, Span) else given
         except (TypeError, ValueError):
             raise InputError(f"box[{name!r}] = {given!r}: must be (low, high) or a Span") from None
-        spans[name] = Span(low=low, high=high)
+        spans[name] = given if isinstance(given, Span) else Span(low=low, high=high)
     return spans
 
 

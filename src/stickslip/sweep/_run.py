@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -25,18 +27,13 @@ from stickslip.sweep._cases import (
     name_of,
     package_version,
 )
-from stickslip.sweep._executors import Batch, Pool, Workers, check_executor
+from stickslip.sweep._executors import Batch, Pool, Threads, Workers
 from stickslip.sweep._table import Table
 
-SECONDS = 0.5
-"""Aim for the duration of a batch: long beside the cost of handing it out, short beside what a kill may cost."""
-LARGEST_BATCH = 1000
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
 CYCLES = 30.0
 """Cycles of loading that a run lasts at least."""
-CHANCES = 3
-"""Times a case may be lost with its worker, or dropped, before it is held to be the cause."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,23 +142,26 @@ def started(
     check_size(total, options.max_cases)
     asks_seed = check_function(function, names)
     categories = {name: list(words) for name, words in options.categories.items()}
-    job = Job(function=function, seed=options.seed if asks_seed else None, categories=categories)
+    version = package_version()
+    job = Job(function=function, seed=options.seed if asks_seed else None, categories=categories, version=version)
     head = {
         "format": "stickslip-sweep",
-        "stickslip": package_version(),
+        "stickslip": version,
         "function": name_of(function),
         "seed": options.seed,
+        "total": total,
         "identity": {} if store is None else identity_of(function, names, options.seed, options.fingerprint),
         "attributes": {name: dict(given) for name, given in options.attributes.items()},
         "categories": categories,
         "notes": dict(options.notes),
         **content,
     }
-    with ExitStack() as held:
-        table = held.enter_context(Table(None if store is None else Path(store), head))
+    with Table(None if store is None else Path(store), head) as table, ExitStack() as held:
         if options.retry_failed:
             table.forget_failed()
-        yield Runner(job, table, check_executor(executor), total, progress, held)
+        yield Runner(
+            table, lambda: held.enter_context(Pool(Threads() if executor is None else executor, job)), total, progress
+        )
 
 
 def check_size(cases: int, max_cases: int) -> None:
@@ -174,152 +174,124 @@ def check_size(cases: int, max_cases: int) -> None:
 
 
 class Runner:
-    """Runs cases that the table lacks; one start of a sweep."""
+    """Runs cases that the table lacks; one start of a sweep. The pool is opened when there is something to run."""
 
     def __init__(
-        self,
-        job: Job,
-        table: Table,
-        executor: Workers,
-        total: int,
-        progress: Callable[[Progress], object] | None,
-        held: ExitStack,
+        self, table: Table, pool: Callable[[], Pool], total: int, progress: Callable[[Progress], object] | None
     ) -> None:
-        self._job, self.table, self._executor = job, table, executor
-        self._total, self._progress, self._held = total, progress, held
+        self.table = table
+        self._open = pool
         self._pool: Pool | None = None
+        self._total, self._progress = total, progress
         self._finished = self._failed = self._found = 0
-        self._per_case: float | None = None  # seconds, as last seen
+        self._size = 1  # of the next batch: twice what the last one came to in its time
 
     def run(self, cases: Sequence[Values]) -> None:
         """Run those of some cases, no two alike, that the table lacks."""
-        self._cases = cases
-        self._todo: deque[int] = deque()
-        self._suspects: deque[int] = deque()  # lost each time when workers died: run alone, to know the culprit
+        keys = [case_key(values) for values in cases]
+        self._cases, self._keys = cases, keys
+        self._todo = deque(i for i, key in enumerate(keys) if key not in self.table.known)
+        self._alone: deque[int] = deque()  # lost twice when workers died: run alone, to know the culprit
         self._losses: Counter[int] = Counter()
         self._running: dict[Batch, list[int]] = {}
-        for i, values in enumerate(cases):
-            key = case_key(values)
-            if key in self.table.keys:
-                self._found += 1
-                self._count(key)
-            else:
-                self._todo.append(i)
-        if self._todo and self._pool is None:
+        there = [self.table.known[key] for key in keys if key in self.table.known]
+        self._found += len(there)
+        self._finished += len(there)
+        self._failed += sum(there)
+        if self._todo:
             self.table.claim()
-            self._pool = self._held.enter_context(Pool(self._executor, self._job))
+            self._pool = self._pool or self._open()
         self._tell()
-        if self._pool is None or not self._todo:
-            return
-        try:
-            self._hand_out(self._pool)
-        except BaseException:
-            with suppress(InputError):
-                self.table.commit()
-            raise
-        finally:
-            for future in self._running:
-                future.cancel()
-        self.table.commit()
-        self._tell()
+        if self._todo and self._pool:
+            try:
+                self._hand_out(self._pool)
+            except BaseException:
+                with suppress(InputError):
+                    self.table.commit()
+                raise
+            finally:
+                for future in self._running:
+                    future.cancel()
+            self.table.commit()
+            self._tell()
 
     def _hand_out(self, pool: Pool) -> None:
-        while self._todo or self._suspects or self._running:
-            intact = self._fill(pool)
+        while self._todo or self._alone or self._running:
             due = self.table.until_commit()
-            done, _ = wait(self._running, 1.0 if due is None else due, FIRST_COMPLETED)
-            if not self._gather(done) or not intact:
-                self._replace(pool)
+            try:
+                self._fill(pool)
+                self._gather(wait(self._running, 1.0 if due is None else due, FIRST_COMPLETED).done)
+            except BrokenExecutor:
+                with suppress(BrokenExecutor):
+                    self._gather(wait(self._running).done)  # a broken pool ends all its futures, some of them well
+                if not pool.is_ours:
+                    raise InputError(
+                        f"executor = {pool.given!r}: has lost a worker and cannot be built anew from here; "
+                        f"{self._kept()}, or use Processes(n), whose lost workers are replaced"
+                    ) from None
+                pool.rebuild()
             if self.table.until_commit() == 0.0:
                 self.table.commit()
                 self._tell()
 
-    def _fill(self, pool: Pool) -> bool:
-        """Keep two batches per worker on the way; false if the pool is broken."""
-        workers = pool.workers
+    def _fill(self, pool: Pool) -> None:
+        """Keep two batches per worker on the way."""
+        most = 2 * pool.workers
         try:
-            while self._todo and len(self._running) < 2 * workers:
-                self._submit(pool, self._next_batch(workers))
-            if self._suspects and not self._running:
-                self._submit(pool, [self._suspects.popleft()])
+            while self._todo and len(self._running) < most:
+                self._submit(pool, self._todo, min(self._size, math.ceil(len(self._todo) / most)))
+            if self._alone and not self._running:
+                self._submit(pool, self._alone, 1)
         except BrokenExecutor:
-            return False
+            raise
         except RuntimeError as error:  # it was shut down
             raise InputError(f"executor: takes no more cases ({error}); {self._kept()}") from error
-        return True
 
-    def _submit(self, pool: Pool, cases: list[int]) -> None:
-        try:
-            future = pool.submit([self._cases[i] for i in cases], SECONDS)
-        except BaseException:
-            self._todo.extendleft(reversed(cases))
-            raise
-        self._running[future] = cases
+    def _submit(self, pool: Pool, waiting: deque[int], size: int) -> None:
+        batch = list(islice(waiting, size))
+        self._running[pool.submit([self._cases[i] for i in batch])] = batch
+        for _ in batch:
+            waiting.popleft()
 
-    def _next_batch(self, workers: int) -> list[int]:
-        """Take as many cases as fill a batch, fewer towards the end."""
-        size = 1
-        if self._per_case is not None:
-            full = SECONDS / max(self._per_case, 1e-9)
-            shared = max(len(self._todo) / (2 * workers), 0.1 * full)  # all workers end nearly together
-            size = max(1, int(min(LARGEST_BATCH, full, shared)))
-        return [self._todo.popleft() for _ in range(min(size, len(self._todo)))]
-
-    def _gather(self, done: set[Batch]) -> bool:
-        """Note what has finished; false if the pool has lost a worker."""
-        intact = True
+    def _gather(self, done: set[Batch]) -> None:
+        """Note what has finished; `BrokenExecutor` if the pool has lost a worker."""
+        broken: BrokenExecutor | None = None
         for future in done:
             cases = self._running.pop(future)
             try:
-                rows, seconds = future.result()
-            except BrokenExecutor:
-                intact = False
+                rows = future.result()
+            except BrokenExecutor as error:
+                broken = error
                 self._lost(cases)
-            except (CancelledError, CannotLoadError) as error:
-                raise InputError(self._trouble(error)) from error
             except Exception as error:
-                # KilledWorker: of Dask, after several workers died of this batch. Others: a result lost on the way.
-                if type(error).__name__ == "KilledWorker":
-                    for i in cases:
-                        self._losses[i] += CHANCES - (2 if len(cases) > 1 else 1)
-                elif all(self._losses[i] + 1 >= CHANCES for i in cases):
-                    raise InputError(self._trouble(error)) from error
+                if type(error).__name__ != "KilledWorker":  # of Dask, after several workers died of this batch
+                    reason = f"{type(error).__name__}: {error}".rstrip(": ")
+                    dropped = f"executor: dropped a batch of cases ({reason})"
+                    trouble = str(error) if isinstance(error, CannotLoadError) else dropped
+                    raise InputError(f"{trouble}; {self._kept()}") from error
+                self._losses.update(2 * cases)
                 self._lost(cases)
             else:
                 for i, row in zip(cases, rows, strict=False):
                     self._note(i, row)
                 self._todo.extendleft(reversed(cases[len(rows) :]))
-                self._per_case = seconds / len(rows)
-        return intact
+                self._size = 2 * len(rows)
+        if broken is not None:
+            raise broken
 
     def _note(self, i: int, row: str) -> None:
-        key = case_key(self._cases[i])
-        self.table.add(key, row)
-        self._count(key)
-
-    def _count(self, key: str) -> None:
+        self.table.add(self._keys[i], row)
         self._finished += 1
-        self._failed += key in self.table.failed
+        self._failed += self.table.known[self._keys[i]]
 
     def _lost(self, cases: list[int]) -> None:
-        """Put back the cases of a batch that was lost; those lost again and again run alone, then are named."""
-        self._losses.update(cases)
-        if len(cases) == 1 and self._losses[cases[0]] >= CHANCES:
+        """Put back the cases of a batch whose worker died; those lost twice run alone, and one lost then is named."""
+        if len(cases) == 1 and self._losses[cases[0]] >= 2:
             self._note(cases[0], failed(DIED))
             return
-        self._suspects.extend(i for i in cases if self._losses[i] >= CHANCES - 1)
-        self._todo.extendleft(reversed([i for i in cases if self._losses[i] < CHANCES - 1]))
-
-    def _replace(self, pool: Pool) -> None:
-        """Build the pool anew and give the cases that were in flight another chance."""
-        done, _ = wait(self._running)  # a broken pool ends all its futures, some of them well
-        self._gather(done)
-        if not pool.is_ours:
-            raise InputError(
-                f"executor = {pool.given!r}: has lost a worker and cannot be built anew from here; "
-                f"{self._kept()}, or use Processes(n), whose lost workers are replaced"
-            )
-        pool.rebuild()
+        self._losses.update(cases)
+        for i in reversed(cases):
+            (self._alone if self._losses[i] >= 2 else self._todo).appendleft(i)
 
     def _tell(self) -> None:
         if self._progress is not None:
@@ -329,9 +301,3 @@ class Runner:
         if self.table.path is None:
             return "nothing is kept without a store"
         return f"{self._finished} of {self._total} cases are kept in {str(self.table.path)!r}: start again"
-
-    def _trouble(self, error: BaseException) -> str:
-        if isinstance(error, CannotLoadError):
-            return f"{error}; {self._kept()}"
-        reason = f"{type(error).__name__}: {error}".rstrip(": ")
-        return f"executor: dropped a batch of cases ({reason}); {self._kept()}"

@@ -28,7 +28,7 @@ from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import TABLES, methods_with
 from stickslip.io.tables import read_toml, unknown
-from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider, parameter_named
+from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
@@ -47,11 +47,6 @@ SHORTEST = 120.0
 """``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""
 NOTE = "sweep"
 """Attribute of the results that holds the plan."""
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The plan
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,13 +104,10 @@ class Plan:
             title = title.replace(", per contact", "") if whole else title
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
         for name in self.axes:
-            title, unit = OTHERS[name] if name in OTHERS else parameter_named(name).title, "1"
-            if name not in OTHERS:
-                unit = rig.unit_name(parameter_named(name).unit)
+            title, unit = (OTHERS[name], "1") if name in OTHERS else (BY_NAME[name].title, BY_NAME[name].unit)
+            title += ", per contact" if not whole and name in ("stiffness", "mass") else ""
             spacing = "log" if name in self.logarithmic else "linear"
-            found[name] = {"units": unit, "long_name": title, "spacing": spacing}
-            if not whole and name in ("stiffness", "mass"):
-                found[name]["long_name"] += ", per contact"
+            found[name] = {"units": rig.unit_name(unit), "long_name": title, "spacing": spacing}
         return found
 
     def run(
@@ -230,7 +222,7 @@ def sweep(
             f"rig.slider = {rig.slider!r}: must be a Slider, Chain or Sheet; an impedance cannot be simulated"
         )
     try:
-        plan = _plan(rig, axes, runs, refinement, name=rig.name, from_python=True)
+        plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
     except InputError as error:
         raise InputError(f"sweep: {error}") from None
     return plan.run(store=store, executor=executor, progress=progress, retry_failed=retry_failed)
@@ -255,9 +247,7 @@ def plan_of(result: xr.Dataset) -> Plan:
         raise InputError(f"the plan of this sweep: cannot be read ({error})") from None
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Files
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- files
 
 _SIMULATED = ("method", "contacts", "rtol", "seed", "start")
 """Keys of ``[run]`` that stand under ``[simulation]`` in a rig file."""
@@ -286,7 +276,7 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
         runs = Runs(measure=measure, **{key: run[key] for key in _LASTING if key in run})
         rig = _rig_of(document.get("rig"), run, axes.get("velocity"), directory)
         instance("name", name := document.get("name", "sweep"), str, "a text")
-        return _plan(rig, axes, runs, refinement, name=name)
+        return _plan(rig, axes, runs, refinement, name)
     except InputError as error:
         raise InputError(f"{place}: {error}") from None
 
@@ -316,9 +306,7 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         raise InputError(words) from None
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What can be planned
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- what can be planned
 
 
 def _plan(
@@ -326,8 +314,8 @@ def _plan(
     axes: Mapping[str, Any],
     runs: Runs,
     refinement: Refinement | None,
-    *,
     name: str,
+    *,
     from_python: bool = False,
 ) -> Plan:
     """Make a plan of a rig with its method and start."""
@@ -335,44 +323,44 @@ def _plan(
     most = whole("run.max_cases", runs.max_cases, at_least=1)
     reader = AxisReader(rig=rig, most=most, from_python=from_python)
     given = {each: reader.axis(each, values) for each, values in axes.items()}
-    _check_rig(rig, given)
+    _check(rig, given, refinement)
+    ends = [] if refinement is None else [each for each in given if each in BY_NAME]
+    values = {each: axis.values[[0, -1]] if each in ends else axis.values for each, axis in given.items()}
     if refinement is None:
-        _check_grid(given, most)
-    else:
-        _check_plane(given)
+        check_size(math.prod(len(each) for each in values.values()), most)
+    lasting = {"distance": SHORTEST, "duration": 0.0}  # in natural units
+    for key, unit in (("distance", "x_s"), ("duration", "time")):
+        if (value := getattr(runs, key)) is not None:
+            read = reader.quantity(Key(f"2 {rig.unit_name(unit)}", unit=unit, sign="above 0"), value, f"run.{key}")
+            lasting[key] = float(read) / rig.unit(unit)
     method, seed = rig.method, None
     if isinstance(method, DRAWN):
         method, seed = replace(method, seed=0), method.seed
     study = Study(
         rig=replace(rig, method=method, name="", assumed={}, source=""),
-        distance=_lasting(reader, _DISTANCE, runs.distance, "run.distance", SHORTEST),
-        duration=_lasting(reader, _DURATION, runs.duration, "run.duration", 0.0),
         cycles=number("run.cycles", runs.cycles, at_least=0),
         extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
+        **lasting,
     )
+    measures = list(USUAL if runs.measure is None else runs.measure)
+    for each in measures:
+        if each not in MEASURES:
+            raise InputError(f"measure: {each!r} is not measured in a sweep; {unknown(str(each), MEASURES)}")
+    wanted = {"regime", *measures} - {"seed"} | ({"seed"} if seed is not None and "seed" not in given else set())
     return Plan(
         name=name,
         study=study,
-        axes={each: array(axis.ends) if refinement and axis.ends else axis.values for each, axis in given.items()},
+        axes=values,
         logarithmic=tuple(each for each, axis in given.items() if axis.log),
-        measures=_measures(runs.measure, own_seed=seed is not None and "seed" not in given),
+        measures=tuple(each for each in MEASURES if each in wanted),
         seed=seed or 0,
         refinement=refinement,
         max_cases=most,
     )
 
 
-_DISTANCE = Key("2 mm", unit="x_s", sign="above 0")
-_DURATION = Key("2 ms", unit="time", sign="above 0")
-
-
-def _lasting(reader: AxisReader, key: Key, value: float | str | None, place: str, usual: float) -> float:
-    """How far or how long a run lasts, in natural units."""
-    return usual if value is None else float(reader.quantity(key, value, place)) / reader.rig.unit(key.unit)
-
-
-def _check_rig(rig: Rig, axes: Mapping[str, Axis]) -> None:
-    """Refuse a rig that cannot be run along these axes."""
+def _check(rig: Rig, axes: Mapping[str, Axis], refinement: Refinement | None) -> None:
+    """Refuse a rig that cannot be run along these axes, and axes that are none of a grid or of a search."""
     for name in ("seed", "contacts"):
         if name in axes and not isinstance(rig.method, DRAWN):
             raise InputError(f"axes.{name}: changes nothing where no contacts are drawn; use method = 'contacts'")
@@ -383,35 +371,16 @@ def _check_rig(rig: Rig, axes: Mapping[str, Axis]) -> None:
     check_method(rig.interface, rig.method, rig.slider)
     if rig.slider.mass == 0 and "mass" not in axes:
         raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
-    for name in axes:
-        if name in BY_NAME:
-            rig.value(name)  # it has one
-    number("rig.drive.velocity", rig.velocity, above=0)
-
-
-def _check_grid(given: Mapping[str, Axis], most: int) -> None:
-    for name, axis in given.items():
-        if axis.ends and axis.values.size < 2:
-            what = "needs a count of at least 2, the number of values from one end to the other"
-            raise InputError(f"axes.{name}: {what}")
-    check_size(math.prod(axis.values.size for axis in given.values()), most)
-
-
-def _check_plane(given: Mapping[str, Axis]) -> None:
-    parameters = [name for name in given if name in BY_NAME]
-    if len(parameters) != 2 or {*given} - {*parameters} - {"start"}:
-        raise InputError(
-            f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"
-        )
+    parameters = [name for name in axes if name in BY_NAME]
     for name in parameters:
-        if given[name].ends is None:
+        rig.value(name)  # it has one
+    number("rig.drive.velocity", rig.velocity, above=0)
+    if refinement is not None and (len(parameters) != 2 or {*axes} - {*parameters, "start"}):
+        raise InputError(
+            f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(axes)}"
+        )
+    for name, axis in axes.items():
+        if refinement is None and axis.kind == "open":
+            raise InputError(f"axes.{name}.count: is missing, the number of values from one end to the other")
+        if refinement is not None and axis.kind == "listed" and name in parameters:
             raise InputError(f"axes.{name}: [refine] chooses the values itself; give from, to and spacing")
-
-
-def _measures(asked: Sequence[str] | None, *, own_seed: bool) -> tuple[str, ...]:
-    names = list(USUAL if asked is None else asked)
-    for name in names:
-        if name not in MEASURES:
-            raise InputError(f"measure: {name!r} is not measured in a sweep; {unknown(str(name), MEASURES)}")
-    always = ["regime", *(["seed"] if own_seed else [])]
-    return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
