@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import Literal, get_args
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -19,24 +18,8 @@ from stickslip.elastic import Front, front_speed, front_threshold, precursor_for
 from stickslip.errors import InputError, shown
 from stickslip.measure.front_map import front_map, on_blocks
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
-from stickslip.plot.style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    DASHED,
-    GREY,
-    ORANGE,
-    PAGE,
-    VERMILLION,
-    along_time,
-    dress,
-    house_style,
-    label,
-    legend_above,
-    new_axes,
-    new_figure,
-    variable,
-)
+from stickslip.plot import style
+from stickslip.plot.style import along_time, dress, house_style, label, legend_above, new_axes, variable
 from stickslip.simulation import rig_of
 
 What = Literal["attached", "velocity", "force"]
@@ -84,18 +67,15 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
         raise InputError(f"spacetime: what = {shown(what)}: must be one of {', '.join(get_args(What))}")
     found = front_map(run, what, most=(_MOST_ROWS, run.sizes.get("block", 1)), who="plot")
     field, drawn = found.variable, found.values
-    norm: Normalize
+    text, scale, cmap = label(field, most=32), Normalize, "cividis"
     if what == "velocity":
-        top = float(drawn.max()) or 1.0
-        norm, cmap, text = LogNorm(top / 10.0**_DECADES, top), "inferno", label(field, most=32)
-        drawn = np.maximum(drawn, top / 10.0**_DECADES)
+        scale, cmap = LogNorm, "inferno"
+        drawn = np.maximum(drawn, (float(drawn.max()) or 1.0) / 10.0**_DECADES)
     elif what == "attached":
-        before = field.values[0]
-        drawn = drawn / np.where(before > 0, before, 1.0)
-        norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", "attached, relative to before"
-    else:
-        norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", label(field, most=32)
-    ax = new_axes(COLUMN * 1.35, 3.2) if ax is None else ax
+        text = "attached, relative to before"
+        drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
+    norm = scale(float(drawn.min()), float(drawn.max()))
+    ax = new_axes(style.COLUMN * 1.35, 3.2) if ax is None else ax
     edges = (found.block, found.time, drawn) if upright else (found.time, found.block, drawn.T)
     mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
@@ -114,7 +94,7 @@ def elastic_overview(run: xr.Dataset) -> Figure:
     run : Dataset
         A run of a `Chain`, or one row of a `Sheet`.
     """
-    figure = new_figure(PAGE, 4.8)
+    figure = style.new_figure(style.PAGE, 4.8)
     upper, lower = figure.subplots(2, 1, sharex=True)
     precursors(run, upper)
     spacetime(run, "velocity", lower, upright=False)
@@ -134,21 +114,17 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax : Axes, optional
     """
     found = measure.fronts(run)
-    rig = rig_of(run)
-    speed = found["speed"]
+    speed = found["speed"].where(found["speed"] > 0)
     ax = new_axes() if ax is None else ax
-    seen = np.isfinite(speed.values) & (speed.values > 0)
-    ax.semilogy(speed["block"].values[seen], speed.values[seen], ".", color=BLUE, markersize=3, label="first breaks")
-    sound = _chain(rig).sound_speed * rig.unit("1/time")
-    ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=DASHED, label="sound")
+    ax.semilogy(speed["block"], speed, ".", color=style.BLUE, markersize=3, label="first breaks")
+    _dress_speed(ax, rig_of(run))
     low, high = ax.get_ylim()
     if high < 10.0 * low:
         ax.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)))
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
-    ends = [int(x) for x in stops["last_block"].values[:-1]]
-    for end in ends:
-        ax.axvline(end, color=VERMILLION, linewidth=0.8, label="arrest" if end == ends[0] else None)
-    ax.set(xlabel="block", ylabel=_speed_label(rig), xlim=(-0.5, run.sizes["block"] - 0.5))
+    for i, end in enumerate(stops["last_block"].values[:-1]):
+        ax.axvline(end, color=style.VERMILLION, linewidth=0.8, label=None if i else "arrest")
+    ax.set(xlabel="block", xlim=(-0.5, run.sizes["block"] - 0.5))
     legend_above(ax)
     return ax
 
@@ -188,12 +164,13 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         first = found.isel(front=0)
         inside = np.arange(chain.blocks) > start.pushed_blocks + 10
         inside &= np.arange(chain.blocks) < int(first["last_block"]) - 10
-        ax.plot(local[inside], found["speed"].values[inside], ".", color=BLUE, markersize=3, label="along the run")
+        met = found["speed"].values[inside]
+        ax.plot(local[inside], met, ".", color=style.BLUE, markersize=3, label="along the run")
     there = speed > 0
-    ax.plot(prestress[there], speed[there], color=BLACK, label=f"theory ({theory[0].blocks})")
-    ax.axhline(chain.sound_speed * rig.unit("1/time"), color=GREY, linewidth=0.9, linestyle=DASHED, label="sound")
-    ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
-    ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None), ylabel=_speed_label(rig))
+    ax.plot(prestress[there], speed[there], color=style.BLACK, label=f"theory ({theory[0].blocks})")
+    _dress_speed(ax, rig)
+    ax.axvline(least, color=style.ORANGE, linewidth=0.9, label="threshold")
+    ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None))
     legend_above(ax, columns=2)
     return ax
 
@@ -210,11 +187,12 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
     fewest : int
         Blocks of the shortest precursor that is marked.
     """
-    ax, _ = along_time(run, "spring_force", ax, 2.6, color=GREY, linewidth=0.9)
+    ax, _ = along_time(run, "spring_force", ax, 2.6, color=style.GREY, linewidth=0.9)
     found = _events(run, fewest)
     reach, at = found["reach"].values, found["force_before"].values
     whole = found["blocks"].values >= run.sizes["block"]
-    for kind, colour, text in ((~whole, BLUE, "precursor, with its length"), (whole, VERMILLION, "slip of all blocks")):
+    partial = (~whole, style.BLUE, "precursor, with its length")
+    for kind, colour, text in (partial, (whole, style.VERMILLION, "slip of all blocks")):
         if kind.any():
             ax.plot(found["start"].values[kind], at[kind], "o", color=colour, markersize=3.5, label=text)
     told: list[float] = []  # of events close together, the longest
@@ -244,14 +222,12 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 
     found = _events(run, fewest)
     rig = rig_of(run)
     ax = new_axes() if ax is None else ax
-    ax.plot(
-        found["force_before"].values, found["reach"].values, "o", color=BLUE, markersize=3.5, label="events of the run"
-    )
+    ax.plot(found["force_before"], found["reach"], "o", color=style.BLUE, markersize=3.5, label="events of the run")
     thresholds = rig.interface.threshold_distribution
     alike = replace(rig.interface, thresholds=Gaussian(mean=thresholds.moment(1), std=0.0), delay=Delay(float("inf")))
     exact = precursor_force(replace(rig, interface=alike))
     rising = slice(0, int(exact.values.argmax()) + 1)
-    ax.plot(exact.values[rising], exact["tip"].values[rising], color=BLACK, label="theory")
+    ax.plot(exact.values[rising], exact["tip"].values[rising], color=style.BLACK, label="theory")
     dress(ax.xaxis, run["spring_force"])
     ax.set(ylabel="blocks that slip", ylim=(0, run.sizes["block"] * 1.03))
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -276,7 +252,7 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -
     if found.sizes["event"] == 0:
         raise InputError(f"slip_profiles: the run holds no event of {fewest} blocks or more; run it for longer")
     ax = new_axes() if ax is None else ax
-    colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, found.sizes["event"]))
+    colours = style.dark_to_bright(found.sizes["event"])
     for start, end, colour in zip(found["start"].values, found["end"].values, colours, strict=True):
         slip = moved.sel(time=end, method="nearest").values - moved.sel(time=start, method="nearest").values
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
@@ -299,8 +275,11 @@ def _events(run: xr.Dataset, fewest: int) -> xr.Dataset:
     return found.assign(reach=("event", np.array(reach, dtype=int)), force_before=("event", before))
 
 
-def _speed_label(rig: Rig) -> str:
-    return f"front speed (blocks per {'time unit' if rig.scales is None else 's'})"
+def _dress_speed(ax: Axes, rig: Rig) -> None:
+    """Label an axis of front speeds, and mark that of sound."""
+    sound = _chain(rig).sound_speed * rig.unit("1/time")
+    ax.axhline(sound, color=style.GREY, linewidth=0.9, linestyle=style.DASHED, label="sound")
+    ax.set_ylabel(f"front speed (blocks per {'time unit' if rig.scales is None else 's'})")
 
 
 def _chain(rig: Rig) -> Chain:

@@ -11,22 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from stickslip.plot.style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    DASHED,
-    GREY,
-    PAGE,
-    SKY,
-    VERMILLION,
-    dress,
-    envelope,
-    house_style,
-    legend_above,
-    letter,
-    new_figure,
-)
+from stickslip.plot import style
+from stickslip.plot.style import dress, envelope, house_style, legend_above, letter, new_figure
 
 Fit = Any  # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures, which take attributes
 Step = Any  # `stickslip.rate_state.Step`
@@ -42,24 +28,24 @@ def slips(data: xr.Dataset) -> Figure:
     data : Dataset
         As `Events.to_dataset` returns.
     """
-    figure = new_figure(PAGE, 4.6)
+    figure = new_figure(style.PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
-    trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=GREY, linewidth=0.6)
-    for name, colour, text in (("peak", VERMILLION, "before a slip"), ("trough", BLUE, "after it")):
+    trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=style.GREY, linewidth=0.6)
+    for name, colour, text in (("peak", style.VERMILLION, "before a slip"), ("trough", style.BLUE, "after it")):
         trace.plot(data[f"{name}_time"], data[name], ".", color=colour, markersize=3, label=text)
     legend_above(trace)
 
     size = np.sort(data["drop"].values)
-    drops.step(size, np.arange(1, size.size + 1) / size.size, where="post", color=BLACK)
-    drops.axvline(data.attrs["smallest"], color=GREY, linestyle=DASHED, linewidth=0.9)
+    drops.step(size, np.arange(1, size.size + 1) / size.size, where="post", color=style.BLACK)
+    drops.axvline(data.attrs["smallest"], color=style.GREY, linestyle=style.DASHED, linewidth=0.9)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
 
-    pairs.plot(data["peak"], data["trough"], ".", color=BLACK, markersize=3)
-    rate.plot(data["peak_time"], data["loading_rate"], ".", color=BLACK, markersize=3)
+    pairs.plot(data["peak"], data["trough"], ".", color=style.BLACK, markersize=3)
+    rate.plot(data["peak_time"], data["loading_rate"], ".", color=style.BLACK, markersize=3)
     known, when = data["loading_rate"].values[1:], data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
     for part in (slice(0, third), slice(known.size - third, None)):
-        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=VERMILLION)
+        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=style.VERMILLION)
     rate.set_ylim(0, 2.0 * float(np.median(known)))
     named = (("time", "spring_force"), ("drop", ""), ("peak", "trough"), ("peak_time", "loading_rate"))
     for ax, panel, (across, up) in zip((trace, drops, pairs, rate), "abcd", named, strict=True):
@@ -79,7 +65,7 @@ def fitted(found: Fit) -> Figure:
     found : Fit
         What `stickslip.fit` returns.
     """
-    figure = new_figure(PAGE, 6.6)
+    figure = new_figure(style.PAGE, 6.6)
     grid = figure.add_gridspec(3, 2, height_ratios=(1, 1, 4))
     measured = figure.add_subplot(grid[0, :])
     simulated = figure.add_subplot(grid[1, :], sharex=measured, sharey=measured)
@@ -94,8 +80,8 @@ def _draw_test(ax: Axes, found: Fit) -> None:
     """The statistics of the trace among those of series of the draws, in standard deviations of the latter."""
     for row, one in enumerate(found.test):
         at = -row - (0.0 if one.fitted else 0.6)
-        colour = VERMILLION if one.p < _LOW else BLACK
-        ax.plot([one.low, one.high], [at, at], color=SKY, linewidth=4)
+        colour = style.VERMILLION if one.p < _LOW else style.BLACK
+        ax.plot([one.low, one.high], [at, at], color=style.SKY, linewidth=4)
         ax.plot(np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
         text: Any = {"va": "center", "fontsize": 7, "annotation_clip": False}
         ax.annotate(one.name, (-_WIDEST - 0.2, at), ha="right", **text)
@@ -109,7 +95,7 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
     """Where the interval of each parameter lies within its prior."""
     for row, (one, parts) in enumerate(zip(found.parameters, found.prior.parts(found.values).T, strict=True)):
         low, middle, high = np.quantile(parts, (0.05, 0.5, 0.95))
-        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), BLUE)):
+        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), style.BLUE)):
             ax.plot(ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt")
         ax.plot(middle, -row, "|", color="white", markersize=7)
         text = f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}"
@@ -125,8 +111,8 @@ def _beside(measured: Axes, simulated: Axes, found: Fit) -> None:
     begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
     time = made["time"].values - 0.4 * float(made["time"][-1])
     closest = "simulated, the draw nearest to the medians"
-    shown = (measured, events.time - begin, events.force, BLACK, "measured")
-    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, BLUE, closest)):
+    shown = (measured, events.time - begin, events.force, style.BLACK, "measured")
+    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, style.BLUE, closest)):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
         letter(ax, title)
@@ -149,11 +135,11 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
     length : str
         Unit of the displacement.
     """
-    figure = new_figure(PAGE, 3.6)
+    figure = new_figure(style.PAGE, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
     x = np.asarray(step.displacement)
-    upper.plot(x, step.friction, ".", color=GREY, markersize=2.5, label="data")
-    for k, (fit, colour) in enumerate(zip(fits, (BLUE, VERMILLION, "black"), strict=False)):
+    upper.plot(x, step.friction, ".", color=style.GREY, markersize=2.5, label="data")
+    for k, (fit, colour) in enumerate(zip(fits, (style.BLUE, style.VERMILLION, "black"), strict=False)):
         name = names[k] if k < len(names) else f"{fit.law} law"
         curve = fit.friction(x)
         upper.plot(x, curve, color=colour, label=name)
@@ -176,15 +162,15 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
     per_decade : float, optional
         Growth of the peaks by rate and state, ``b ln 10``: a line through the last peak.
     """
-    figure = new_figure(COLUMN, 3.6)
+    figure = new_figure(style.COLUMN, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
     run = run.sortby("hold")
     hold, peak = run["hold"].to_numpy(), run["peak"].to_numpy()
-    upper.semilogx(hold, peak, "o-", color=BLUE, markersize=3.5, label="contacts")
+    upper.semilogx(hold, peak, "o-", color=style.BLUE, markersize=3.5, label="contacts")
     if per_decade is not None:
         line = peak[-1] + per_decade * np.log10(hold / hold[-1])
-        upper.semilogx(hold, line, "--", color=VERMILLION, label="slope by rate and state")
-    lower.semilogx(hold, run["relaxation"], "o-", color=BLUE, markersize=3.5)
+        upper.semilogx(hold, line, "--", color=style.VERMILLION, label="slope by rate and state")
+    lower.semilogx(hold, run["relaxation"], "o-", color=style.BLUE, markersize=3.5)
     dress(upper.yaxis, run["peak"].assign_attrs(long_name="peak above sliding"))
     dress(lower.yaxis, run["relaxation"].assign_attrs(long_name="relaxation"))
     dress(lower.xaxis, run["hold"].assign_attrs(spacing="log"))

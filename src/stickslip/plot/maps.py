@@ -17,29 +17,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.plot.style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREY,
-    ORANGE,
-    PAGE,
-    VERMILLION,
-    YELLOW,
-    Array,
-    dress,
-    house_style,
-    label,
-    letter,
-    minus,
-    new_axes,
-    new_figure,
-)
+from stickslip.plot import style
+from stickslip.plot.style import Array, dress, house_style, label, letter, minus, new_axes, new_figure
 
 REGIMES: dict[str, tuple[str, str, str]] = {
     "smooth sliding": ("#DDEBF3", "o", ""),
-    "sustained oscillation": (ORANGE, "^", ""),
-    "stick-slip": (BLUE, "s", ""),
+    "sustained oscillation": (style.ORANGE, "^", ""),
+    "stick-slip": (style.BLUE, "s", ""),
     "undecided": ("#FFFFFF", "d", "/////////"),
     "seeds differ": ("#FFFFFF", "d", "......."),
     "failed": ("#FFFFFF", "x", "xxxxxxx"),
@@ -51,7 +35,7 @@ _BOUNDARY = "linear boundary, computed"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 _ENTRY = 1.6
 """Inches of an entry of a legend."""
-_LINE: Any = {"color": BLACK, "linewidth": 1.6, "path_effects": _HALO}
+_LINE: Any = {"color": style.BLACK, "linewidth": 1.6, "path_effects": _HALO}
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -108,7 +92,7 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
     starts: list[Any] = [None]
     if "start" in data and data["start"].ndim:
         starts = np.unique(data["start"].to_numpy().astype(str)).tolist()
-    figure = new_figure(PAGE if len(starts) > 1 else 1.2 * COLUMN, 3.5)
+    figure = new_figure(style.PAGE if len(starts) > 1 else 1.2 * style.COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     legend: dict[str, Any] = {}
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
@@ -140,20 +124,20 @@ def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, le
         shown = np.ma.masked_array(np.ones(mine.shape), ~mine)
         paint: Any = {"cmap": ListedColormap([colour]), "zorder": 0.5}
         if hatch:
-            ax.pcolor(*cells, shown, **paint, hatch=hatch, edgecolor=GREY, linewidth=0)
+            ax.pcolor(*cells, shown, **paint, hatch=hatch, edgecolor=style.GREY, linewidth=0)
         else:
             ax.pcolormesh(*cells, shown, **paint, rasterized=here.size > 10_000)
-        legend.setdefault(kind, Patch(facecolor=colour, hatch=hatch, label=kind, edgecolor=GREY, linewidth=0.5))
+        legend.setdefault(kind, Patch(facecolor=colour, hatch=hatch, label=kind, edgecolor=style.GREY, linewidth=0.5))
     return {"xlim": cells[0][[0, -1]], "ylim": cells[1][[0, -1]]}
 
 
 def _draw_runs(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, legend: dict[str, Any]) -> dict[str, Any]:
     """Mark the runs of a refinement, and where it found the regime to change."""
     mine = data.isel(run=data["start"].to_numpy() == start, crossing=data["start_at"].to_numpy() == start)
-    for kind, style, here in _marks(_kinds(mine).to_numpy()):
+    for kind, look, here in _marks(_kinds(mine).to_numpy()):
         x, y = mine[across].to_numpy()[here], mine[up].to_numpy()[here]
-        (legend[kind],) = ax.plot(x, y, **style, markersize=4, markeredgewidth=0.4, label=kind)
-    bars: Any = {"color": VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
+        (legend[kind],) = ax.plot(x, y, **look, markersize=4, markeredgewidth=0.4, label=kind)
+    bars: Any = {"color": style.VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
     bars |= {"xerr": mine[f"{across}_error"], "yerr": mine[f"{up}_error"], "label": "where the regime changes"}
     legend["crossing"] = ax.errorbar(mine[f"{across}_at"], mine[f"{up}_at"], **bars)
     return {}
@@ -164,7 +148,7 @@ def _marks(kinds: NDArray[Any]) -> Iterator[tuple[str, dict[str, Any], NDArray[n
     for kind, (colour, mark, _) in REGIMES.items():
         here = kinds == kind
         if mark and here.any():
-            yield kind, {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": BLACK}, here
+            yield kind, {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": style.BLACK}, here
 
 
 def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, Any]:
@@ -179,9 +163,9 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, 
             (drawn["boundary"],) = ax.plot(x, y, **_LINE, zorder=1.9, label=_BOUNDARY)
     if f"band_{up}_fold" in data and data.sizes["band"]:
         fold = data.sortby(f"band_{across}")
-        style: Any = {"color": VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "marker": "o", "markersize": 3}
-        style |= {"path_effects": _HALO, "label": "stick-slip decays (fold), computed"}
-        (drawn["fold"],) = ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **style)
+        look: Any = {"color": style.VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "path_effects": _HALO}
+        look |= {"marker": "o", "markersize": 3, "label": "stick-slip decays (fold), computed"}
+        (drawn["fold"],) = ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **look)
     return drawn
 
 
@@ -196,25 +180,26 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     """The oscillation of the force along one parameter, and what theory says."""
     if "peak_to_peak" not in data:
         raise InputError("plot: this sweep holds no variable peak_to_peak; measure it to draw it along an axis")
-    ax = new_axes(1.4 * COLUMN, 3.0)
+    ax = new_axes(1.4 * style.COLUMN, 3.0)
     oscillation = data["peak_to_peak"].transpose(axis, ...)
     starts = [str(start) for start in data["start"].values] if "start" in oscillation.dims else [None]
     for start, dashes in zip(starts, ("-", (0, (4, 2))), strict=False):
         mine = oscillation if start is None else oscillation.sel(start=start)
         middle = mine.median("seed") if "seed" in mine.dims and axis != "seed" else mine
         name = _STARTS.get(str(start), "")
-        ax.plot(data[axis], middle, color=GREY, linewidth=0.9, linestyle=dashes, label=name, zorder=1)
+        ax.plot(data[axis], middle, color=style.GREY, linewidth=0.9, linestyle=dashes, label=name, zorder=1)
     place = data[axis].broadcast_like(oscillation).transpose(*oscillation.dims).to_numpy()
-    for kind, style, here in _marks(_kinds(data).transpose(*oscillation.dims).to_numpy()):
+    for kind, look, here in _marks(_kinds(data).transpose(*oscillation.dims).to_numpy()):
         if np.isfinite(values := oscillation.to_numpy()[here]).any():
-            ax.plot(place[here], values, **style, markersize=4.5, markeredgewidth=0.5, label=kind)
+            ax.plot(place[here], values, **look, markersize=4.5, markeredgewidth=0.5, label=kind)
     if f"edge_{axis}" in data:
         for i, value in enumerate(data[f"edge_{axis}"].to_numpy()):
-            ax.axvline(value, color=BLACK, linewidth=1.2, label=None if i else _BOUNDARY, zorder=0.5)
+            ax.axvline(value, color=style.BLACK, linewidth=1.2, label=None if i else _BOUNDARY, zorder=0.5)
     if f"band_{axis}_low" in data:
         ends = (data[f"band_{axis}_{end}"].to_numpy() for end in ("low", "high"))
         for i, (low, high) in enumerate(zip(*ends, strict=True)):
-            ax.axvspan(low, high, color=YELLOW, alpha=0.3, linewidth=0, label=None if i else "both last, computed")
+            title = None if i else "both last, computed"
+            ax.axvspan(low, high, color=style.YELLOW, alpha=0.3, linewidth=0, label=title)
     dress(ax.xaxis, data[axis])
     dress(ax.yaxis, oscillation)
     ax.set_ylim(bottom=0)
@@ -239,26 +224,26 @@ def chart(found: xr.Dataset) -> Figure:
         What `stickslip.advise.chart` returns.
     """
     across, up = map(str, found["growth_rate"].dims)
-    ax = new_axes(1.6 * COLUMN, 4.6)
+    ax = new_axes(1.6 * style.COLUMN, 4.6)
     figure: Figure = ax.figure  # type: ignore[assignment]
     _shade(ax, found, across, up)
     handles: dict[str, Any] = {}
     hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
     written: list[tuple[float, float]] = []
     for x, y, mine in _curves(found, across, up, "curve"):
-        (handles["edge"],) = ax.plot(x, y, color=BLACK, lw=1.6, label="limit of smooth sliding")
+        (handles["edge"],) = ax.plot(x, y, color=style.BLACK, lw=1.6, label="limit of smooth sliding")
         for i in _places(x, y, found[across], found[up], written):
-            style: Any = {"fontsize": 7, "ha": "center", "va": "center"}
-            style["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+            look: Any = {"fontsize": 7, "ha": "center", "va": "center"}
+            look["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
             value = hertz[mine][i]
-            ax.annotate(f"{value:.0f}" if value >= 100 else f"{value:.3g}", (x[i], y[i]), **style)
+            ax.annotate(f"{value:.0f}" if value >= 100 else f"{value:.3g}", (x[i], y[i]), **look)
     if "band" in found.dims and found.sizes["band"]:
         low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
         place = found[f"band_{across}"].to_numpy()
         name = "stick-slip persists, too (bistable)"
-        handles["band"] = ax.vlines(place, low, high, color=BLUE, lw=3.0, alpha=0.7, label=name)
+        handles["band"] = ax.vlines(place, low, high, color=style.BLUE, lw=3.0, alpha=0.7, label=name)
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
-    (handles["here"],) = ax.plot(*here, "o", ms=8, mfc="white", mec=BLACK, mew=1.5, ls="none", label="this rig")
+    (handles["here"],) = ax.plot(*here, "o", ms=8, mfc="white", mec=style.BLACK, mew=1.5, ls="none", label="this rig")
     for axis, name in ((ax.xaxis, across), (ax.yaxis, up)):
         dress(axis, found[name].assign_attrs(spacing="log"))
     ax.set_xlim(float(found[across].min()), float(found[across].max()))
@@ -276,8 +261,8 @@ def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
     values = np.ma.masked_invalid(found["growth_rate"].transpose(up, across).to_numpy())
     largest = float(np.abs(values).max()) if values.count() else 1.0
     norm = SymLogNorm(linthresh=max(1e-2 * largest, 1e-300), vmin=-largest, vmax=largest)
-    style: Any = {"cmap": "PuOr_r", "norm": norm, "shading": "gouraud", "rasterized": True}
-    shade = ax.pcolormesh(found[across], found[up], values, **style)
+    look: Any = {"cmap": "PuOr_r", "norm": norm, "shading": "gouraud", "rasterized": True}
+    shade = ax.pcolormesh(found[across], found[up], values, **look)
     decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
     bar = ax.figure.colorbar(shade, ax=ax, ticks=[*-decades, 0.0, *decades[::-1]], pad=0.02)
     bar.set_label(label(found["growth_rate"]))

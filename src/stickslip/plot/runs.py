@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
@@ -19,31 +17,9 @@ from stickslip.measure.arrays import check_numbers, in_words
 from stickslip.measure.front_map import is_of_a_chain
 from stickslip.measure.headings import ratio
 from stickslip.model.units import engineering
+from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
-from stickslip.plot.style import (
-    BLACK,
-    BLUE,
-    DASHED,
-    GREEN,
-    GREY,
-    MOST_POINTS,
-    ORANGE,
-    PAGE,
-    PALETTE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    along_time,
-    dress,
-    envelope,
-    house_style,
-    legend_above,
-    minus,
-    new_axes,
-    new_figure,
-    unit_text,
-    variable,
-)
+from stickslip.plot.style import along_time, dress, envelope, house_style, legend_above, new_axes, variable
 
 Scale = Literal["linear", "log"]
 
@@ -53,7 +29,7 @@ _WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a lo
 
 @house_style()
 def force_trace(
-    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = BLUE
+    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = style.BLUE
 ) -> Axes:
     """Draw the spring force against time.
 
@@ -78,7 +54,7 @@ def force_trace(
     if "filled" in run and bool(run["filled"].any()):
         gap = run["filled"].to_numpy().astype(bool)
         text = f"{np.count_nonzero(gap)} filled in"
-        ax.plot(run["time"].to_numpy()[gap], force.to_numpy()[gap], "x", color=BLACK, markersize=4, label=text)
+        ax.plot(run["time"].to_numpy()[gap], force.to_numpy()[gap], "x", color=style.BLACK, markersize=4, label=text)
     if "mu" in run and "load" in run:
         _coefficient_on_the_right(ax, run)
     if ax.get_legend_handles_labels()[0]:
@@ -99,20 +75,20 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
         Logarithmic from the drive's velocity on, linear below it, as the slider may move back. By default
         logarithmic where the slider gets more than 25 times as fast as the drive.
     """
-    ax, speed = along_time(run, "velocity", ax, color=GREEN, label="slider")
+    ax, speed = along_time(run, "velocity", ax, color=style.GREEN, label="slider")
     usual = 0.0
     if "drive_velocity" in run:
         drive = variable(run, "drive_velocity", "time").to_numpy()
         usual = float(np.max(np.abs(drive)))
         line = envelope(run["time"].to_numpy(), drive)
-        ax.plot(*line, color=GREY, linewidth=0.9, linestyle=DASHED, label="drive")
+        ax.plot(*line, color=style.GREY, linewidth=0.9, linestyle=style.DASHED, label="drive")
         legend_above(ax)
     if scale is None:
         scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
     if scale == "log":
         linear = usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0
         ax.set_yscale("symlog", linthresh=linear)
-        # Decades within the linear part crowd around 0.
+        minus = style.minus  # decades within the linear part would crowd around 0
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "" if 0 < abs(value) < linear else minus(value)))
         dress(ax.yaxis, speed)
     return ax
@@ -121,7 +97,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
 @house_style()
 def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the fraction of attached contacts against time."""
-    ax, fraction = along_time(run, "attached", ax, color=PURPLE)
+    ax, fraction = along_time(run, "attached", ax, color=style.PURPLE)
     ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
     return ax
 
@@ -145,13 +121,8 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | No
         run = run.sel(time=slice(after, None))
         if run.sizes["time"] < 2:
             raise InputError(f"phase_portrait: after = {after:g}: the data hold no motion after that time")
-    ax.plot(
-        run["velocity"],
-        run["spring_force"],
-        color=BLUE,
-        linewidth=0.8,
-        rasterized=run.sizes["time"] > 10 * MOST_POINTS,
-    )
+    large = run.sizes["time"] > 10 * style.MOST_POINTS
+    ax.plot(run["velocity"], run["spring_force"], color=style.BLUE, linewidth=0.8, rasterized=large)
     dress(ax.xaxis, run["velocity"])
     dress(ax.yaxis, run["spring_force"])
     return ax
@@ -166,11 +137,11 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         check_numbers("plot", run[name])
     ax = new_axes() if ax is None else ax
     count = run.sizes["snapshot"]
-    colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)) if count > len(PALETTE) else PALETTE
-    time = unit_text(str(run["snapshot"].attrs.get("units", "")))
-    time = "" if time == "time units" else f" {time}"
+    colours = style.dark_to_bright(count) if count > len(style.PALETTE) else style.PALETTE
+    unit = style.unit_text(str(run["snapshot"].attrs.get("units", ""))).replace("time units", "")
     for one, colour in zip(run["stretching_density"].transpose("snapshot", "x"), colours, strict=False):
-        ax.plot(run["x"], one, color=colour, label=f"t = {float(one['snapshot']):.4g}{time}", drawstyle="steps-mid")
+        name = f"t = {float(one['snapshot']):.4g} {unit}".strip()
+        ax.plot(run["x"], one, color=colour, label=name, drawstyle="steps-mid")
     dress(ax.xaxis, run["x"])
     dress(ax.yaxis, run["stretching_density"])
     ax.set_ylim(bottom=0)
@@ -179,32 +150,31 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 _ENERGIES = {
-    "broken_energy": ("lost by the contacts", VERMILLION),
-    "damped_energy": ("lost to damping", ORANGE),
-    "contact_energy": ("in contacts", SKY),
-    "spring_energy": ("in the spring", GREEN),
-    "kinetic_energy": ("kinetic", PURPLE),
+    "broken_energy": ("lost by the contacts", style.VERMILLION),
+    "damped_energy": ("lost to damping", style.ORANGE),
+    "contact_energy": ("in contacts", style.SKY),
+    "spring_energy": ("in the spring", style.GREEN),
+    "kinetic_energy": ("kinetic", style.PURPLE),
 }
 
 
 @house_style()
 def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
-    parts = {name: variable(run, name, "time") for name in _ENERGIES}
+    parts = [variable(run, name, "time") for name in _ENERGIES]
     work = variable(run, "work", "time")
-    ax = new_axes(PAGE, 2.6) if ax is None else ax
-    t = run["time"].to_numpy()
+    ax = new_axes(style.PAGE, 2.6) if ax is None else ax
     # An envelope would not stack; the last of each group of samples will do.
-    kept = np.unique(np.append(np.arange(0, t.size, max(1, t.size // MOST_POINTS)), t.size - 1))
-    stack = [part.to_numpy()[kept] for part in parts.values()]
+    count = run.sizes["time"]
+    kept = np.unique(np.append(np.arange(0, count, max(1, count // style.MOST_POINTS)), count - 1))
     names, colours = zip(*_ENERGIES.values(), strict=True)
-    ax.stackplot(t[kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
-    start = sum(float(part[0]) for part in parts.values())
-    ax.plot(t[kept], work.to_numpy()[kept] + start, color=BLACK, linestyle=DASHED, label="work of the drive")
+    stack = [part[kept] for part in parts]
+    ax.stackplot(run["time"][kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
+    total = work + sum(float(part[0]) for part in parts)
+    ax.plot(run["time"][kept], total[kept], color=style.BLACK, linestyle=style.DASHED, label="work of the drive")
     dress(ax.xaxis, run["time"])
-    units = str(work.attrs.get("units", ""))
     per_contact = ", per contact" if "per contact" in str(work.attrs.get("long_name", "")) else ""
-    dress(ax.yaxis, (work + start).assign_attrs(units=units, long_name=f"energy{per_contact}"))
+    dress(ax.yaxis, total.assign_attrs(units=work.attrs.get("units", ""), long_name=f"energy{per_contact}"))
     ax.margins(x=0)
     legend_above(ax, columns=3)
     return ax
@@ -237,14 +207,14 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
         seen, found = regime_and_drops(run)
         events = found if events is None and seen.kind == "stick-slip" else events
     panels = [name for name in ("velocity", "attached") if name in run]
-    figure = new_figure(PAGE, 2.4 + 1.7 * len(panels))
+    figure = style.new_figure(style.PAGE, 2.4 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
     force_trace(run, axes[0], events=events)
-    axes[0].set_title(_over_a_range(run) or _title(seen))
+    axes[0].set_title(_title(run, seen))
     for name, ax in zip(panels, axes[1:], strict=True):
-        (velocity if name == "velocity" else attached)(run, ax)
-    for ax in axes[:-1]:
-        ax.set_xlabel("")
+        {"velocity": velocity, "attached": attached}[name](run, ax)
+    for ax in axes:
+        ax.label_outer()
     figure.align_ylabels(axes)
     return figure
 
@@ -252,41 +222,35 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
 @house_style()
 def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
     """Draw the forces of two runs on one scale, each under its regime and the speed of its drive."""
-    figure = new_figure(PAGE, 2.3)
+    figure = style.new_figure(style.PAGE, 2.3)
     axes = figure.subplots(1, 2, sharey=True)
     for ax, run in zip(axes, (left, right), strict=True):
         seen = regime(run)
-        force_trace(run, ax, color=GREEN if seen.kind == "smooth sliding" else BLUE)
+        force_trace(run, ax, color=style.GREEN if seen.kind == "smooth sliding" else style.BLUE)
         speed = "" if seen.drive_velocity is None else f" at {_speed(seen.drive_velocity, run)}"
         ax.set_title(f"{seen.kind}{speed}")
     axes[1].set_ylabel("")
     return figure
 
 
-def _title(seen: Regime) -> str:
-    """The regime, with frequency or period and drop of what repeats."""
+def _title(run: xr.Dataset, seen: Regime) -> str:
+    """The speeds that a drive goes through, which has no one regime; else that, and how often and how far it drops."""
+    if "drive_velocity" in run:
+        low, high = float(run["drive_velocity"].min()), float(run["drive_velocity"].max())
+        if high - low > 0.02 * max(-low, high):
+            return f"drive from {_speed(low, run)} to {_speed(high, run)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
-    seconds = ratio(seen.time_unit, "s")
-    how_often = (
-        in_words(1.0 / (seconds * seen.period), "Hz", 3)
-        if seconds
-        else f"period {in_words(seen.period, seen.time_unit, 3)}"
-    )
+    if seconds := ratio(seen.time_unit, "s"):
+        how_often = in_words(1.0 / (seconds * seen.period), "Hz", 3)
+    else:
+        how_often = f"period {in_words(seen.period, seen.time_unit, 3)}"
     return f"{seen.kind}, {how_often}, drop {in_words(seen.drop, seen.force_unit, 3)}"
-
-
-def _over_a_range(run: xr.Dataset) -> str:
-    """The speeds that a drive goes through, which has no one regime; nothing for a constant drive."""
-    if "drive_velocity" not in run:
-        return ""
-    low, high = float(run["drive_velocity"].min()), float(run["drive_velocity"].max())
-    return f"drive from {_speed(low, run)} to {_speed(high, run)}" if high - low > 0.02 * max(-low, high) else ""
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
     unit = str(run["drive_velocity"].attrs.get("units", "")) if "drive_velocity" in run else ""
-    said = engineering(value, unit) if unit == "m/s" else f"{value:.4g} {unit_text(unit)}"
+    said = engineering(value, unit) if unit == "m/s" else f"{value:.4g} {style.unit_text(unit)}"
     return said.replace(" um", " µm").strip()
 
 
@@ -301,28 +265,19 @@ def _coefficient_on_the_right(ax: Axes, run: xr.Dataset) -> None:
         other: Any = ax.secondary_yaxis("right", functions=scale)
     else:
         other = ax.twinx()
-        other.plot(*envelope(run["time"].to_numpy(), mu.to_numpy()), color=PURPLE, linewidth=0.7)
+        other.plot(*envelope(run["time"].to_numpy(), mu.to_numpy()), color=style.PURPLE, linewidth=0.7)
     other.spines["right"].set_visible(True)
     dress(other.yaxis, mu)
 
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     """Shade the slips and put a dot on the peak before each."""
-    count = events.sizes.get("event", 0)
-    if count == 0:
+    if (count := events.sizes.get("event", 0)) == 0:
         return
-    slips = events.attrs.get("drops_are", "slips") == "slips"
     start, end = events["start"].to_numpy(), events["end"].to_numpy()
-    spans = [[(a, 0), (a, 1), (b, 1), (b, 0)] for a, b in zip(start, end, strict=True)]
-    shade = PolyCollection(
-        spans,
-        transform=ax.get_xaxis_transform(),
-        facecolor=ORANGE,
-        alpha=0.3,
-        linewidth=0,
-        zorder=0.5,
-        label="slipping" if slips else "falling",
-    )
-    ax.add_collection(shade, autolim=False)
+    shade: Any = {"facecolor": style.ORANGE, "alpha": 0.3, "linewidth": 0, "zorder": 0.5}
+    shade["label"] = "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
+    spans = list(zip(start, end - start, strict=True))
+    ax.broken_barh(spans, (0, 1), transform=ax.get_xaxis_transform(), **shade)
     size, text = 3.5 if count <= _MANY_SLIPS else 2.0, counted(events)
-    ax.plot(start, events["force_before"], "o", color=VERMILLION, markersize=size, markeredgewidth=0, label=text)
+    ax.plot(start, events["force_before"], "o", color=style.VERMILLION, markersize=size, markeredgewidth=0, label=text)

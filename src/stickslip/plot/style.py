@@ -17,7 +17,6 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
-from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
@@ -40,33 +39,7 @@ DASHED = (0, (4, 2))
 COLUMN, PAGE = 3.5, 7.0
 """Widths of a printed column and page, in inches."""
 
-_STYLE: Any = {
-    "axes.axisbelow": True,
-    "axes.labelsize": 9,
-    "axes.linewidth": 0.7,
-    "axes.prop_cycle": cycler(color=PALETTE),
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 9,
-    "figure.constrained_layout.use": True,
-    "figure.dpi": 120,
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-    "legend.handlelength": 1.6,
-    "lines.linewidth": 1.1,
-    "lines.solid_capstyle": "round",
-    "pdf.fonttype": 42,
-    "savefig.dpi": 200,
-    "svg.hashsalt": "stickslip",
-    "xtick.labelsize": 8,
-    "xtick.major.width": 0.7,
-    "ytick.labelsize": 8,
-    "ytick.major.width": 0.7,
-}
-
+_STYLE = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
 _FORMATS = ("png", "svg", "pdf")
 MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is the same, the file is not
 
@@ -74,7 +47,7 @@ MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is t
 @contextmanager
 def house_style() -> Iterator[None]:
     """Draw in the style of the house within this context; what is set outside it stays as it is."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(dict(_STYLE)):
         yield
 
 
@@ -88,11 +61,6 @@ def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
     """Return the axes of a new figure with one panel, in the style of the house."""
     with house_style():
         return new_figure(width, height).add_subplot()
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Words
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 def unit_text(units: str) -> str:
@@ -129,17 +97,16 @@ def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) 
     most : int
         Characters of a line; a longer label is broken into two.
     """
-    name = str(variable.attrs.get("long_name", "" if variable.name is None else variable.name))
+    name = _drawable(str(variable.attrs.get("long_name", "" if variable.name is None else variable.name)))
     units = str(variable.attrs.get("units", "")) if units is None else units
-    name, unit = _drawable(name), _drawable(unit_text(units))
-    words = [(word, len(word)) for word in name.split()]
-    if unit:
-        words.append((f"({unit})", len(units) + 2))
-    if sum(length + 1 for _, length in words) - 1 > most and len(words) > 1:
-        before = np.cumsum([length + 1 for _, length in words])
-        cut = int(np.argmin(np.maximum(before[:-1], before[-1] - before[:-1]))) + 1
-        return "\n".join(" ".join(word for word, _ in line) for line in (words[:cut], words[cut:]))
-    return " ".join(word for word, _ in words)
+    words, lengths = name.split(), [len(word) + 1 for word in name.split()]
+    if unit := _drawable(unit_text(units)):
+        words.append(f"({unit})")
+        lengths.append(len(units) + 3)
+    if sum(lengths) - 1 <= most or len(words) < 2:
+        return " ".join(words)
+    cut = min(range(1, len(words)), key=lambda i: max(sum(lengths[:i]), sum(lengths[i:])))
+    return f"{' '.join(words[:cut])}\n{' '.join(words[cut:])}"
 
 
 def minus(value: float) -> str:
@@ -164,6 +131,11 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     axis.set_label_text(label(variable, units=units, most=24 if upright else 200))
     if log or factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
+
+
+def dark_to_bright(count: int) -> Any:
+    """Colours of so many lines in an order."""
+    return mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count))
 
 
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
