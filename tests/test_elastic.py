@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -364,7 +365,7 @@ method = "quasi-static"
 
 
 def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
-    rig = rig_files.from_text(BAR)
+    rig = ss.read_rig(tomllib.loads(BAR))
     bar, k = rig.slider, 768.0 / 57 / 1.17e-6  # stiffness of all contacts of a block
     assert bar.coupling == pytest.approx(3e9 * 5e-3 * 77.5e-3 / 2.5e-3 / k)
     assert bar.leaf == pytest.approx(1.1e9 * 5e-3 * 2.5e-3 / 77.5e-3 / k)
@@ -373,7 +374,7 @@ def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
     assert rig.interface.sliding_force == pytest.approx(0.425)
     assert bar.mass * rig.unit("f_s time^2/x_s") == pytest.approx(1180 * 5e-3 * 77.5e-3 * 2.5e-3)
     assert rig.method == ss.QuasiStatic(100, seed=1)
-    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+    assert ss.read_rig(tomllib.loads(rig_files.to_toml(rig))) == rig
     run = ss.simulate(rig)
     assert run.spring_force.attrs["units"] == "N"
     assert 326.4 < float(run.spring_force.max()) < 768.0
@@ -406,7 +407,7 @@ start = { stretching = [{ blocks = 8, stretching = 0.8 }, { blocks = 16, stretch
 
 
 def test_a_plate_in_si_units_becomes_a_sheet_and_comes_back() -> None:
-    rig = rig_files.from_text(PLATE)
+    rig = ss.read_rig(tomllib.loads(PLATE))
     sheet, k = rig.slider, 240.0 / 24 / 1e-6
     assert (sheet.along, sheet.across) == (8, 3)
     assert sheet.coupling == pytest.approx(3e9 * 5e-3 * 10e-3 / 2.5e-3 / k)
@@ -416,7 +417,7 @@ def test_a_plate_in_si_units_becomes_a_sheet_and_comes_back() -> None:
     # The push is that on each block, whose contacts have 10 N together.
     assert rig.start == ss.Prestressed(stretching=(0.8,) * 8 + (0.4,) * 16, push=2.0, pushed_blocks=1)
     assert rig.method == ss.Contacts(20, seed=1)
-    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+    assert ss.read_rig(tomllib.loads(rig_files.to_toml(rig))) == rig
     run = ss.simulate(rig)
     assert energy_defect(run) < 1e-4
     assert float(run.broken[-1].max()) == 1.0
@@ -426,7 +427,7 @@ def test_a_plate_in_si_units_becomes_a_sheet_and_comes_back() -> None:
 @pytest.mark.parametrize("push", [0.0, 3.0])
 def test_prestressed_starts_come_back_from_a_file(stretching: float | tuple[float, ...], push: float) -> None:
     rig = replace(small(), start=ss.Prestressed(stretching=stretching, push=push, pushed_blocks=2))
-    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+    assert ss.read_rig(tomllib.loads(rig_files.to_toml(rig))) == rig
 
 
 BLOCKS, MODULUS, PUSH = "blocks = 16, ", 'shear_modulus = "1.1 GPa"', 'push = "20 N"'
@@ -466,7 +467,7 @@ DENSITY = 'density = "1180 kg/m^3"'
 )
 def test_mistakes_in_a_file_are_told(text: str, line: str, instead: str, message: str) -> None:
     with pytest.raises(ss.InputError, match=message) as caught:
-        rig_files.from_text(text.replace(line, instead))
+        ss.read_rig(tomllib.loads(text.replace(line, instead)))
     assert "\n" not in str(caught.value)
 
 

@@ -3,6 +3,7 @@
 import json
 import math
 import runpy
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -684,10 +685,12 @@ def test_a_bar_of_which_no_wave_grows_says_so():
 
 
 def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):
-    rig = rig_files.from_text(
-        '[chain]\nblocks = 12\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\ndamping = "1000 1/s"\n'
-        '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\ndelay = "2 ms"\n'
-        'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
+    rig = ss.read_rig(
+        tomllib.loads(
+            '[chain]\nblocks = 12\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\ndamping = "1000 1/s"\n'
+            '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\ndelay = "2 ms"\n'
+            'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
+        )
     )
     (tmp_path / "bar.toml").write_text(rig_files.to_toml(rig))
     assert cli.main(["predict", str(tmp_path / "bar.toml"), "--plot", str(tmp_path / "bar.png")]) == 0

@@ -145,17 +145,13 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 
 def as_csv(catalogue: xr.Dataset) -> str:
     """Return a Dataset of one dimension as a table of text, names with units first."""
-    import csv
-    import io
-
-    text = io.StringIO()
-    writer = csv.writer(text)
-    names = [str(name) for name in catalogue.data_vars]
-    writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
+    names = {name: f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in catalogue.data_vars}
+    table = catalogue.to_dataframe()[list(names)].rename(columns=names)
     # Ten digits: what a difference of times has beyond them is rounding.
-    columns = ([type(v)(f"{v:.10g}") for v in catalogue[name].to_numpy().tolist()] for name in names)
-    writer.writerows(zip(*columns, strict=True))
-    return text.getvalue()
+    text: str = table.to_csv(
+        index=False, lineterminator="\r\n", na_rep="nan", float_format=lambda v: str(float(f"{v:.10g}"))
+    )
+    return text
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, instance, shortened
-from stickslip.io.rig_reader import rig_from
+from stickslip.io.rig_reader import from_document as from_document
 from stickslip.io.rig_writer import RigWriter
-from stickslip.io.tables import parse_toml, read_toml
+from stickslip.io.tables import read_toml
 from stickslip.model.body import BODIES
 from stickslip.model.rig import Rig
 
@@ -89,20 +89,6 @@ def content_of(path: Path) -> Document:
     if str(path) in example_names() and not path.exists():
         path = example_file(path.name)
     return read_toml(path, "rig file", "`stickslip new pmma_slider`")
-
-
-def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
-    """Make a rig of the content of a file; `place` begins the message of an error.
-
-    The error names every mistake: key, value, remedy; its `mistakes` are told apart, each with its key as `place`.
-    """
-    return rig_from(document, place)
-
-
-def from_text(text: object, place: str = "rig") -> Rig:
-    """Make a rig of the text that `to_toml` wrote; `place` begins the message of an error."""
-    instance(place, text, str, "the text of a rig file")
-    return from_document(parse_toml(str(text), place, "rig file"), place)
 
 
 def to_toml(rig: Rig) -> str:

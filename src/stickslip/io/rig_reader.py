@@ -34,8 +34,11 @@ _MOST_DRAWS = 10_000
 _SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
 
 
-def rig_from(document: Mapping[str, Any], place: str) -> Rig:
-    """Read the content of a rig file; `place` begins the message of an error, which tells of every mistake."""
+def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
+    """Make a rig of the content of a file; `place` begins the message of an error.
+
+    The error names every mistake: key, value, remedy; its `mistakes` are told apart, each with its key as `place`.
+    """
     reader = _Reader(document)
     try:
         return reader.rig()

@@ -30,19 +30,14 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
         text = "\0"
     if "\0" in text:
         raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
-    return parse_toml(text, str(path), kind)
-
-
-def parse_toml(text: str, place: str, kind: str) -> dict[str, Any]:
-    """Read TOML text; `place` begins the message of an error, and `kind` is what the text should be."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{place}: is not valid TOML: {shortened(str(error))}") from None
+        raise InputError(f"{path}: is not valid TOML: {shortened(str(error))}") from None
     except RecursionError:
-        raise InputError(f"{place}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
+        raise InputError(f"{path}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
     except ValueError:  # Python reads no integer of more than 4300 digits
-        raise InputError(f"{place}: holds a whole number of thousands of digits; no {kind} needs one") from None
+        raise InputError(f"{path}: holds a whole number of thousands of digits; no {kind} needs one") from None
 
 
 class MistakesError(Exception):

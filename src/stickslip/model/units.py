@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated
 
 from stickslip.errors import InputError, shown
 from stickslip.model.records import Number, Record
@@ -11,10 +11,6 @@ from stickslip.words import engineering as engineering  # others take it from he
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Quantity = Literal[
-    "force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy", "viscosity", "modulus", "density"
-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +73,7 @@ UNITS: dict[str, tuple[float, float, float, str]] = {
     "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)"),
 }
 """Natural units, as records declare them and results carry them: powers of force, length and time, and the SI unit."""
-QUANTITIES: dict[Quantity, str] = {
+QUANTITIES: dict[str, str] = {
     "force": "f_s",
     "length": "x_s",
     "time": "time",
@@ -98,7 +94,7 @@ def natural_unit(name: object) -> str:
 
     Raises `InputError` if there is none of that name.
     """
-    unit = QUANTITIES.get(cast("Quantity", name), name) if isinstance(name, str) else ""
+    unit = QUANTITIES.get(name, name) if isinstance(name, str) else ""
     if unit not in UNITS:
         raise InputError(f"unit = {shown(name)}: must be one of {', '.join(UNITS)}, or {', '.join(QUANTITIES)}")
     return unit
@@ -107,11 +103,6 @@ def natural_unit(name: object) -> str:
 def si_unit(name: str) -> str:
     """Return the SI unit of a natural unit or a quantity: ``"m/s"``; errors as in `natural_unit`."""
     return UNITS[natural_unit(name)][-1]
-
-
-def quantity(unit: str) -> Quantity:
-    """Return what a natural unit, as results carry it, measures."""
-    return {natural: kind for kind, natural in QUANTITIES.items()}[unit]
 
 
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:

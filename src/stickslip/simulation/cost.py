@@ -14,7 +14,6 @@ import numpy as np
 from stickslip.model import FromSliding, Slider
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
-from stickslip.model.units import Quantity
 
 _RADIAN = 6e-7
 """Seconds a radian of the slider's oscillation takes."""
@@ -34,7 +33,7 @@ class Part:
 
     key: str
     value: float
-    quantity: Quantity | None
+    quantity: str | None
     power: float
     what: str
     seconds: float

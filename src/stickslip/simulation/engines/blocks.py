@@ -29,7 +29,6 @@ from stickslip.model import (
 )
 from stickslip.model.distribution import check_density
 from stickslip.model.rig import Rig
-from stickslip.model.units import Quantity
 from stickslip.simulation.cost import Course, Part
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_of
@@ -242,7 +241,7 @@ class ElasticEngine(Engine):
             stiff = step < longest_step(network._replace(lag=0.0))  # dashpots ask for shorter steps than springs
             steps = body.size * rig.drive.duration / step
         what = "cohorts" if isinstance(method, MasterEquation) else "contacts"
-        name: Quantity = "viscosity" if stiff else "mass"
+        name = "viscosity" if stiff else "mass"
         moving = Part(
             key=f"slider.{name}", value=getattr(body, name), quantity=name, power=1.0 if stiff else -0.5,
             what=f"{steps:.2g} steps of blocks", block_steps=steps,
