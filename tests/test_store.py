@@ -3,7 +3,8 @@
 import json
 import math
 import os
-from dataclasses import dataclass
+import pickle
+from dataclasses import FrozenInstanceError, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,11 @@ def test_the_cases_below_name_every_record():
 
 
 @pytest.mark.parametrize("record", CASES, ids=lambda record: type(record).__name__)
-def test_every_record_comes_back_from_json(record):
+def test_every_record_is_a_value_and_comes_back_from_json(record):
+    assert replace(record) == record == pickle.loads(pickle.dumps(record))
+    assert hash(replace(record)) == hash(record)
+    with pytest.raises(FrozenInstanceError):
+        record.colour = 1.0
     text = json.dumps(store.encode(record), allow_nan=False)
     again = store.decode(json.loads(text), KINDS)
     assert again == record
@@ -115,9 +120,6 @@ def test_numbers_come_back_to_the_last_bit(parts):
 def test_what_is_no_data_is_refused(value):
     with pytest.raises(InputError, match="cannot be written to a file; use a record"):
         store.encode(value)
-
-
-# ------------------------------------------------------------------------------------------------ content hash
 
 
 # ------------------------------------------------------------------------------------------------ files

@@ -2,7 +2,6 @@
 
 import math
 from functools import partial
-from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -12,13 +11,12 @@ import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.model.parameters import Parameter
 from stickslip.model.quantities import read_quantity
-from stickslip.model.units import QUANTITIES, UNITS, Quantity, Scales, engineering, si_unit
+from stickslip.model.units import QUANTITIES, UNITS, Scales, engineering, si_unit
 from stickslip.progress import in_time
 
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 SIZE = st.floats(1e-9, 1e9)
 scales = st.builds(Scales, force=SIZE, stretching=SIZE, time=SIZE)
-quantities = st.sampled_from(get_args(Quantity))
 
 # Powers of (force, stretching, time) in each quantity.
 DIMENSIONS = {
@@ -36,8 +34,9 @@ DIMENSIONS = {
 }
 
 
-@given(scales, quantities)
+@given(scales, st.sampled_from(sorted(DIMENSIONS)))
 def test_a_unit_follows_from_the_dimension(scales, quantity):
+    assert DIMENSIONS.keys() == QUANTITIES.keys()
     force, length, time = DIMENSIONS[quantity]
     expected = scales.force**force * scales.stretching**length * scales.time**time
     assert scales.unit(quantity) == pytest.approx(expected, rel=1e-14)

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache
-from types import NoneType
-from typing import Any, get_args, get_origin
+from typing import Any
 
 from stickslip.errors import InputError
 from stickslip.io.keys import Either, Key, Sign, quantity
@@ -80,7 +79,7 @@ def _of(record: type, rules: tuple[Either, ...] = (), **examples: Any) -> dict[s
 
 
 def _key(record: type, name: str, example: Any) -> Key:
-    """The key of a field of a record: unit, bounds, choices and default are those of the field."""
+    """The key of a field: unit, bounds, choices and default are those of the field."""
     kind, mark = declared(record)[name]
     given = next(field.default for field in fields(record) if field.name == name)
     default = _USUAL.get(name) if record in DISTRIBUTIONS.values() and given is MISSING else given
@@ -295,10 +294,8 @@ def keys_of(record: type) -> Mapping[str, Key]:
         if name == "rate" and by_time(record):
             examples["time"] = Key("1 s", unit="time", sign="above 0", required=True)
         elif name in made:
-            types = [str] if choices_of(kind) else [each for each in get_args(kind) if each is not NoneType]
-            plain = kind if isinstance(kind, type) and not get_origin(kind) else (types or [float])[0]
-            of_type = {bool: False, int: 1, str: "text"}.get(plain, 1.0)
-            examples[name] = _EXAMPLES.get(name, of_type)
+            of_type = (*choices_of(kind), {bool: False, int: 1, str: "text"}.get(kind, 1.0))
+            examples[name] = _EXAMPLES.get(name, of_type[0])
     return _of(record, (instead.rule,) if instead else (), **examples)
 
 
