@@ -207,13 +207,7 @@ def _gained(model: Model, age: float, dt: float, x: float, dx: float) -> float:
         return math.log(max(_integral(hazard, growth, top, age, dt, x, dx), 1e-300)) + top / A
     if growth.first == 0.0:
         return math.log(hazard.attempts * dt * _mean_exponential(abs(dx) / A)) + top / A
-    return gained_evenly(hazard, growth, age, dt, x, dx)
-
-
-@inlined
-def gained_evenly(hazard: Hazard, growth: Growth, age: float, dt: float, x: float, dx: float) -> float:
-    """The same on one side of 0, the exponent all but linear on either half: thresholds grow ever more slowly."""
-    A = hazard.scale
+    # On one side of 0, the exponent all but linear on either half: thresholds grow ever more slowly.
     start = abs(x) - grown(growth, age)[1]
     middle = abs(x + 0.5 * dx) - grown(growth, age + 0.5 * dt)[1]
     end = abs(x + dx) - grown(growth, age + dt)[1]
@@ -591,28 +585,31 @@ def initial_state(model: Model, delays: Delays, x: Array, weight: Array, since: 
 def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_d: float) -> State:
     """Put a slider at 0 in steady sliding on its contacts: newborns taken along step by step until none is left."""
     mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
-    state = _empty(model, delays, 1024, 0.0)
-    for _ in range(4):  # most newborns should not break before the first step is over
+    state, way = _empty(model, delays, 1024, 0.0), step
+
+    def begin() -> None:
         state.run[0], state.cohort[REACH, 0] = untouched(model), 0.0
-        if follow(state, model, 0, 0.0, step / velocity, 0.0, step) > 0.97:
-            break
-        step *= 0.5
-    state.run[0], state.cohort[REACH, 0] = untouched(model), 0.0
-    alive, runs, reaches = [1.0], [state.run[0].copy()], [0.0]
+
+    begin()
+    while follow(state, model, 0, 0.0, way / velocity, 0.0, way) < 0.97 and way > step / 16.0:
+        way *= 0.5  # most newborns should not break before the first step is over
+    begin()
+    x, alive, runs, reaches = [0.0], [1.0], [state.run[0].copy()], [0.0]
     while alive[-1] > EXTINCT:
-        done = len(alive) - 1
-        fraction = follow(state, model, 0, done * step / velocity, step / velocity, done * step, step)
+        fraction = follow(state, model, 0, x[-1] / velocity, way / velocity, x[-1], way)
         state.run[0], state.cohort[REACH, 0] = state.trial[0], state.cohort[TRIAL_REACH, 0]
+        x.append(x[-1] + way)
         alive.append(min(fraction, alive[-1]))
         runs.append(state.run[0].copy())
         reaches.append(float(state.cohort[REACH, 0]))
-    count = len(alive) - 1
-    left, part = np.array(alive[:count]), np.full(count, step)
-    part[0] *= 0.5
+        way = min(1.2 * way, step)
+    place, left, count = np.array(x), np.array(alive[:-1]), len(x) - 1
+    part = 0.5 * np.diff(place, prepend=0.0)
+    part = part[:count] + 0.5 * np.diff(place)
     cycle = float((part * left).sum()) + velocity * mean
     state = _empty(model, delays, 2 * count + 256, velocity / cycle)
-    x, cohort = step * np.arange(count)[::-1], state.cohort
-    cohort[PLACE, :count], cohort[SINCE, :count] = -x, -x / velocity
+    back, cohort = place[count - 1 :: -1], state.cohort
+    cohort[PLACE, :count], cohort[SINCE, :count] = -back, -back / velocity
     cohort[MASS, :count], cohort[ALIVE, :count] = part[::-1] / cycle, (part * left)[::-1] / cycle
     cohort[REACH, :count], state.run[:count] = reaches[count - 1 :: -1], runs[count - 1 :: -1]
     state.motion.slid = f_d

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, special
 
-from stickslip.errors import UndecidedError, instance
-from stickslip.model import Barrier, Bell, Delay, Interface, Langevin, LogarithmicGrowth, Parabolic
+from stickslip.errors import instance
+from stickslip.model import Barrier, Delay, Interface, Langevin, MasterEquation, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
-from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of, lives_of, reached_on
 
 Array = NDArray[np.float64]
 
@@ -93,13 +92,9 @@ def finite_step(
     slip: float,
     *,
     stiffness: float = math.inf,
-    fineness: float = 0.5,
+    method: MasterEquation = MasterEquation(),
 ) -> tuple[Array, Array]:
     """Force over the displacement of the load point after a step of its velocity, from steady sliding.
-
-    By cohorts, each with one number, where that is enough: `Bell` activation without delay, of thresholds that do not
-    grow or do so with the logarithm of age. Else as `velocity_step` by the master equation: other barriers, delays,
-    and thresholds that grow otherwise, which take seconds.
 
     Parameters
     ----------
@@ -110,8 +105,8 @@ def finite_step(
         How far the load point goes after the step.
     stiffness : float
         Of a spring between load point and slider, per contact; infinite for a rigid slider.
-    fineness : float
-        Step of the slider in activation widths, of cohorts with one number.
+    method : MasterEquation
+        How accurately.
 
     Returns
     -------
@@ -124,34 +119,10 @@ def finite_step(
         If the master equation cannot take the interface.
     """
     instance("finite_step: interface", interface, Interface, "an Interface")
-    temperature, ageing = interface.temperature, interface.ageing
-    if (
-        not isinstance(temperature, Bell)
-        or not isinstance(ageing, LogarithmicGrowth | None)
-        or interface.delay.moment(1) > 0
-        or max(before, after) > 0.05 * temperature.attempts * temperature.width  # else some reach their thresholds
-    ):
-        run = velocity_step(interface, before=before, after=after, distance=slip, stiffness=stiffness)
-        since = run["time"].to_numpy()
-        force = run["friction_force"].to_numpy()[since >= 0.0]
-        return after * since[since >= 0.0], force - force[0]
-    from stickslip.kernels import velocity_step as kernel
-
-    distribution, A = interface.threshold_distribution, temperature.width
-    low, high = distribution.support
-    first, spacing = min(low, 0.0) - 40.0 * A, min(0.5 * A, 0.02 * distribution.standard_deviation())
-    count = math.ceil((high + 4.5 * A - first) / spacing)
-    table = blurred_survival(distribution, A, np.asarray(first + spacing * np.arange(count), dtype=float))
-    lives = lives_of(interface, before)
-    mean = distribution.moment(1)
-    dX = min(max(fineness * A, 0.004 * mean), 0.04 * fineness * mean)
-    place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
-    contacts = kernel.Contacts(hazard_of(temperature), growth_of(ageing), table, first, spacing)
-    reached, steps = reached_on(interface, before, place), math.ceil(slip / dX)
-    found = kernel.step(contacts, place, reached, before, after, stiffness, dX, steps)
-    if not np.isfinite(found).all():
-        raise UndecidedError("the velocity step of the contacts: a step of it did not converge; give another stiffness")
-    return found[1], found[0] - found[0, 0]
+    run = velocity_step(interface, before=before, after=after, distance=slip, stiffness=stiffness, method=method)
+    since = run["time"].to_numpy()
+    force = run["friction_force"].to_numpy()[since >= 0.0]
+    return after * since[since >= 0.0], force - force[0]
 
 
 def contact_stiffness(interface: Interface, velocity: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, number
-from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
+from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth, MasterEquation
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, small_step
 from stickslip.rate_state.fitting import Estimate, WithErrors, least_squares
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
+
+_COARSE = MasterEquation(rtol=1e-3)
+"""What a measured step is fitted with: its noise is larger."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -376,7 +379,7 @@ def _rise_of_contacts(
             force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
         else:
             reach = float(since.max()) / x_s + 1.0
-            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, fineness=1.0))
+            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=_COARSE))
         found[since > 0] = force
         return unit * found
 

@@ -291,20 +291,6 @@ def _reached(hazard: Hazard, growth: Growth, v: float, width: Array, x: Array) -
     return reached, shape, aged, decay
 
 
-def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
-    """``A ln G`` of Bell activation at stretchings above 0 in steady sliding, ``G`` the hazard of a threshold of 0."""
-    from stickslip.kernels.lives import NODES
-
-    growth, hazard = growth_of(interface.ageing), hazard_of(interface.temperature)
-    order = np.sort(x)
-    first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]
-    between = order[:-1, None] + np.diff(order)[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
-    edges = np.concatenate([[0.0], first, between.ravel(), order[-1:]])
-    width, nodes, _ = _radau(edges)
-    reached = _reached(hazard, growth, velocity, width, nodes)[0]
-    return np.asarray(np.interp(x, edges[1:], reached[NODES - 1 :: NODES]))
-
-
 def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
     """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 48)."""
     high = np.maximum(high, low)

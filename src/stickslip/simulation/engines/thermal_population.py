@@ -57,8 +57,9 @@ class ThermalPopulation(Cohorts):
         self._interface, self.slider = interface, slider_constants(beginning.slider)
         model, mean = _model(interface), interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
-        reach = 0.5 * min(1.0, math.sqrt(method.rtol / 1e-4))
-        broken = min(1.5 * reach * model.width / mean, _BROKEN)
+        coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
+        reach = 0.5 * coarser
+        broken = min(1.5 * reach * model.width / mean, _BROKEN * coarser)
         limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
         delays = Delays(*interface.delay.quadrature())
         self._case = kernel.Case(model, delays, self.slider, interface.sliding_force, limits)
