@@ -12,8 +12,9 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction, say
+from stickslip.advise.bands import stability_along
 from stickslip.advise.runs import Budget, judge, slides_smoothly
-from stickslip.advise.speeds import Survey, bands_by_theory
+from stickslip.advise.speeds import Survey
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG8
@@ -299,10 +300,10 @@ def test_a_prediction_needs_no_datasets_and_reads_a_run_as_its_dataset():
 def test_what_was_not_simulated_is_not_called_smooth():
     setting = make(stiffness=2.0)
     low, high = 0.01, 100.0
-    linear = bands_by_theory(parameter_named("velocity"), setting, low, high)
+    linear = stability_along(parameter_named("velocity"), setting, low, high)
     assert [band.kind for band in linear] == ["stable", "unstable"]
     here = judge(setting, ss.Contacts(2000, seed=1), Budget(10.0))
-    survey = Survey(setting, linear, here)
+    survey = Survey(setting, linear, here.kind)
     survey.look(Budget(0.0), lambda _share: None)
     # Only the rig's own run is known, which stick-slips beside stable smooth sliding.
     assert {band.kind for band in survey.bands()} == {"stable", "unstable", "stick-slip"}
@@ -357,7 +358,7 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
         method=ss.Contacts(200),
     )
     end = 50.0 * ageing.rate**2
-    *_, stable, beyond = bands_by_theory(parameter_named("velocity"), rig, 0.5 * end, 2.0 * end)
+    *_, stable, beyond = stability_along(parameter_named("velocity"), rig, 0.5 * end, 2.0 * end)
     assert (stable.kind, beyond.kind) == ("stable", "unknown")
     assert stable.high == beyond.low == pytest.approx(end, rel=0.01)
     theory = dict(prediction._theory(rig, (stable, beyond)))
@@ -373,7 +374,7 @@ def test_a_narrow_range_of_instability_is_told():
     """Eight percent wide, between two of the speeds at which modes are counted: it was stable throughout."""
     rig = make(stiffness=0.3, mass=1e-3)
     rig = replace(rig, slider=replace(rig.slider, damping=47.83))
-    kinds = [band.kind for band in bands_by_theory(parameter_named("velocity"), rig, 0.01, 100.0)]
+    kinds = [band.kind for band in stability_along(parameter_named("velocity"), rig, 0.01, 100.0)]
     assert kinds == ["stable", "unstable", "stable"]
 
 

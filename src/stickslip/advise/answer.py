@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from stickslip.advise import say
+from stickslip.advise.bands import OSCILLATES, Band
 from stickslip.advise.mitigations import Attempt, Mitigation
-from stickslip.advise.runs import OSCILLATES
-from stickslip.advise.speeds import Band
 from stickslip.answers import Answer, plain
 from stickslip.measure import Regime
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
@@ -110,8 +109,6 @@ class Prediction(Answer):
     noise: float | None = None
     stays: bool = True
 
-    # ------------------------------------------------------------------------------------------------------ the answer
-
     @cached_property
     def run(self) -> xr.Dataset:
         """The simulated run that `regime` is of."""
@@ -125,8 +122,7 @@ class Prediction(Answer):
     @property
     def stiffness_margin(self) -> float:
         """``K/K*``: above 1 there is no elastic instability; infinite if the force never falls."""
-        own = self.rig.value("stiffness")
-        return own / self.critical_stiffness if self.critical_stiffness > 0 else math.inf
+        return self.rig.value("stiffness") / self.critical_stiffness if self.critical_stiffness > 0 else math.inf
 
     @property
     def smooth(self) -> bool | None:
@@ -136,22 +132,25 @@ class Prediction(Answer):
         return self.regime.kind == "smooth sliding" and not self.unstable_modes
 
     @property
+    def oscillates(self) -> bool:
+        """Whether the run shows stick-slip or a sustained oscillation."""
+        return self.regime.kind in OSCILLATES
+
+    @property
     def bistable(self) -> bool:
         """Whether smooth sliding is stable, and stays, although the run from rest shows sustained stick-slip."""
-        return self.judged and self.unstable_modes == 0 and self.regime.kind in OSCILLATES and self.stays
+        return self.judged and self.unstable_modes == 0 and self.oscillates and self.stays
 
     @property
     def ill(self) -> bool:
         """Whether there is something to mitigate."""
-        return self.judged and (bool(self.unstable_modes) or self.regime.kind in OSCILLATES)
+        return self.judged and (bool(self.unstable_modes) or self.oscillates)
 
     @property
     def frequency(self) -> float | None:
         """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in the run; None if it has none."""
         period = self.regime.period
-        if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0:
-            return 1.0 / period
-        return None
+        return 1.0 / period if self.oscillates and math.isfinite(period) and period > 0 else None
 
     @property
     def amplitude(self) -> float:
@@ -176,14 +175,12 @@ class Prediction(Answer):
     @property
     def at_speeds(self) -> tuple[tuple[float, str], ...]:
         """Each speed at which the rig works, in its own units, and the motion there from a start at rest."""
-        size = self.rig.unit("x_s/time")
-        return tuple((speed * size, self._kind_at(speed * size)) for speed in self.rig.operation.speeds)
-
-    def _kind_at(self, speed: float) -> str:
-        if math.isclose(speed, self.rig.velocity):
-            return self.regime.kind
-        found = next((band for band in self.bands if band.low <= speed <= band.high), None)
-        return "undecided" if found is None else found.motion
+        size, found = self.rig.unit("x_s/time"), list[tuple[float, str]]()
+        for speed in (speed * size for speed in self.rig.operation.speeds):
+            there = (band.motion for band in self.bands if band.low <= speed <= band.high)
+            here = math.isclose(speed, self.rig.velocity)
+            found.append((speed, self.regime.kind if here else next(there, "undecided")))
+        return tuple(found)
 
     @property
     def between(self) -> tuple[float, float] | None:
@@ -193,20 +190,17 @@ class Prediction(Answer):
             low, high = self.rig.operation.between
             return low * size, high * size
         through = sorted(abs(v) * size for piece in self.rig.drive.pieces for v in (piece.start, piece.end))
-        if through[0] == through[-1]:
-            return None
-        return max(through[0], self.speeds_searched[0]), through[-1]
+        return None if through[0] == through[-1] else (max(through[0], self.speeds_searched[0]), through[-1])
 
     def __str__(self) -> str:
         return say.text(self)
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in say.numbers(self)
-        )
-        items = "".join(f"<li>{html.escape(line)}</li>" for line in say.advice(self))
+        told = html.escape
+        rows = "".join(f"<tr><td>{told(name)}</td><td>{told(value)}</td></tr>" for name, value in say.numbers(self))
+        items = "".join(f"<li>{told(line)}</li>" for line in say.advice(self))
         items = f"<ul>{items}</ul>" if items else ""
-        return f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.verdict)}</p><table>{rows}</table>{items}"
+        return f"<p><b>{told(self.rig.name)}</b>: {told(self.verdict)}</p><table>{rows}</table>{items}"
 
     def plot(self) -> Figure:
         """Draw the answer: the motion at each speed, the force at the rig's speed, and the margins."""
@@ -216,20 +210,15 @@ class Prediction(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
-        kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("rig", "recording")}
-        names = [
-            "velocity",
-            "at_speeds",
-            "stiffness_margin",
-            "smooth",
-            "bistable",
-            "frequency",
-            "amplitude",
-            "relative_amplitude",
-        ]
-        mine = {name: getattr(self if hasattr(self, name) else self.rig, name) for name in names}
-        units = {p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
-        units |= {"force": self.rig.unit_name("f_s"), "frequency": say.frequency_unit(self.rig)}
-        own = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
-        found: dict[str, Any] = plain(own | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
+        rig = self.rig
+        units = {p.name: rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
+        units |= {"force": rig.unit_name("f_s"), "frequency": say.frequency_unit(rig)}
+        told = {"rig": rig.name, "verdict": self.verdict, "units": units, "velocity": rig.velocity}
+        told |= {name: getattr(self, name) for name in _TOLD}
+        told |= {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("rig", "recording")}
+        found: dict[str, Any] = plain(told | {"assumed": {key: str(item) for key, item in rig.assumed.items()}})
         return found
+
+
+_TOLD = ("at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude", "relative_amplitude")
+"""Besides the fields."""

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import stability
+from stickslip.advise.mitigations import WIDEST_STD
 from stickslip.errors import number, whole
-from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
 
@@ -42,49 +43,35 @@ def chart(
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
     report = progress or (lambda _share: None)
-    setting = rig.natural
-    parameters = [parameter_named(name) for name in over]
-    here = [parameter.get(setting) for parameter in parameters]
-    for parameter, value in zip(parameters, here, strict=True):
-        number(f"map: {parameter.name} of the rig", value, above=0)
-    window = tuple(
-        (value / around, min(value * around, _widest(parameter)))
-        for parameter, value in zip(parameters, here, strict=True)
-    )
-    grids = tuple(np.geomspace(low, high, max(points // 2, 4)) for low, high in window)
-    names = (parameters[0].name, parameters[1].name)
-    found = stability.stability_map(rig.natural, over=names, values=(grids[0], grids[1]), growth=True)
+    natural, here = rig.natural, dict[str, float]()
+    for parameter in map(parameter_named, over):
+        here[parameter.name] = number(f"map: {parameter.name} of the rig", parameter.get(natural), above=0)
+    one, other = (parameter_named(name).name for name in over)
+    widest = {"std": WIDEST_STD}
+    ends = [(value / around, min(value * around, widest.get(name, math.inf))) for name, value in here.items()]
+    grids = [np.geomspace(low, high, max(points // 2, 4)) for low, high in ends]
+    found = stability.stability_map(natural, over=(one, other), values=(grids[0], grids[1]), growth=True)
     report(0.7)
-    edge = stability.boundary(rig.natural, over=names, between=(window[0], window[1])).rename(
-        {name: f"edge_{name}" for name in (*names, "frequency")}
-    )
-    found = found.merge(edge, combine_attrs="override")
+    edge = stability.boundary(natural, over=(one, other), between=(ends[0], ends[1]))
+    edges = {name: f"edge_{name}" for name in (one, other, "frequency")}
+    found = found.merge(edge.rename(edges), combine_attrs="override")
     if bistable:
         from stickslip.cycles import bistable_region
 
-        bands = bistable_region(
-            rig.natural,
-            over=names,
-            edge=edge.rename({f"edge_{name}": name for name in names}),
-            between=window[1],
-            progress=lambda share: report(0.7 + 0.3 * share),
-        )
+        def watch(share: float) -> None:
+            report(0.7 + 0.3 * share)
+
+        bands = bistable_region(natural, over=(one, other), edge=edge, between=ends[1], progress=watch)
         found = found.merge(bands, combine_attrs="override")
     report(1.0)
-    modes = stability.count_unstable(rig.natural)
-    for name, value in zip(names, here, strict=True):
+    for name, value in here.items():
         found[f"here_{name}"] = ((), value, dict(found[name].attrs))
-    curves = len(set(edge["curve"].to_numpy().tolist()))
+    modes, curves = stability.count_unstable(natural), len(set(edge["curve"].to_numpy().tolist()))
     state = f"unstable ({modes} growing modes)" if modes else "stable"
+    boundary = f"{curves} neutral curve{'s' * (curves > 1)}" if curves else "no boundary"
     found.attrs["rig"] = rig.name
     found.attrs["summary"] = (
-        f"{rig.name}: smooth sliding is {state} at the rig's own point; "
-        + (f"{curves} neutral curve{'s' * (curves > 1)}" if curves else "no boundary")
-        + f" within a factor {around:g} of it in {names[0]} and {names[1]}"
+        f"{rig.name}: smooth sliding is {state} at the rig's own point; {boundary} within a factor {around:g} of it in "
+        f"{one} and {other}"
     )
     return rig.in_its_units(found)
-
-
-def _widest(parameter: Parameter) -> float:
-    """Largest value that makes sense: a distribution of thresholds wider than half its mean is another distribution."""
-    return 0.5 if parameter.name == "std" else math.inf

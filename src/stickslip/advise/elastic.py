@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from stickslip.advise import say
-from stickslip.advise.linear import CANNOT_GROW, stability_along
-from stickslip.advise.speeds import check_speed, range_of_speeds
+from stickslip.advise.bands import CANNOT_GROW, stability_along
+from stickslip.advise.speeds import range_of_speeds
 from stickslip.answers import Answer, plain
 from stickslip.errors import UndecidedError
-from stickslip.model import Chain, ElasticBody, Slider
+from stickslip.model import Chain, ElasticBody
 from stickslip.model.drive import constant
 from stickslip.model.parameters import VELOCITY
 from stickslip.model.rig import Rig
@@ -115,16 +115,11 @@ class ElasticPrediction(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
-        kept = {
-            name: getattr(self, name) for name in ("growing", "waves", "critical", "theory_note", "speeds_searched")
-        }
-        own = {"rig": self.rig.name, "verdict": self.verdict, "velocity": self.rig.velocity, "speeds": self.speeds}
-        units = {
-            "velocity": self.rig.unit_name("x_s/time"),
-            "stiffness": self.rig.unit_name("k"),
-            "wavelength": "blocks",
-        }
-        found: dict[str, Any] = plain(own | {"units": units} | kept)
+        rig = self.rig
+        units = {"velocity": rig.unit_name("x_s/time"), "stiffness": rig.unit_name("k"), "wavelength": "blocks"}
+        told = {"rig": rig.name, "verdict": self.verdict, "velocity": rig.velocity, "speeds": self.speeds}
+        told |= {"units": units} | {f.name: getattr(self, f.name) for f in fields(self) if f.name != "rig"}
+        found: dict[str, Any] = plain(told)
         return found
 
 
@@ -138,41 +133,33 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
     """
     from stickslip.elastic.modes import critical_length, sliders_of  # some .13 s that no rigid rig needs
 
-    setting = rig.natural
-    body, interface, velocity = setting.slider, setting.interface, setting.velocity
+    setting, body = rig.natural, rig.slider
     assert isinstance(body, ElasticBody)
-    check_speed(rig)
+    low, high = range_of_speeds(rig)
     stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
-    low, high = range_of_speeds(setting)
-    speed, note = rig.unit("x_s/time"), ""
+    speed, rate, note = rig.unit("x_s/time"), rig.unit("1/time"), ""
+    sliding = [replace(setting, slider=slider, drive=constant(setting.velocity)) for slider in sliders]
     growing, waves, critical = 0, list[WaveAnswer](), None
-
-    def slides(slider: Slider) -> Rig:
-        return replace(setting, slider=slider, drive=constant(velocity))
-
     try:
-        if respond(interface).inert:
+        if respond(setting.interface).inert:
             raise UndecidedError(CANNOT_GROW)
         alike = Counter(sliders)  # modes come in pairs of one stiffness
-        growing = sum(count for slider, count in alike.items() if count_unstable(slides(slider)))
-        told: set[Slider] = set()
-        for i, slider in enumerate(sliders):
-            if slider in told or len(told) == _MODES:
-                continue
-            told.add(slider)
-            root = _root(slides(slider))
-            parts = stability_along(VELOCITY, slides(slider), low, high)
+        first = [sliders.index(slider) for slider in alike]
+        growing = sum(alike[sliders[i]] for i in first if count_unstable(sliding[i]))
+        for i in first[:_MODES]:
+            root = _root(sliding[i])
+            bands = stability_along(VELOCITY, sliding[i], low, high)
             waves.append(
                 WaveAnswer(
                     name=_name(float(wavelength[i]), float(coupling[i]), body),
                     wavelength=float(wavelength[i]),
                     stiffness=float(stiffness[i]) * rig.unit("k"),
-                    growth=None if root is None else root.real * rig.unit("1/time"),
-                    frequency=None if root is None else abs(root.imag) / (2 * math.pi) * rig.unit("1/time"),
-                    speeds=tuple((part.low * speed, part.high * speed) for part in parts if part.stable is False),
+                    growth=None if root is None else root.real * rate,
+                    frequency=None if root is None else abs(root.imag) / (2 * math.pi) * rate,
+                    speeds=tuple((band.low * speed, band.high * speed) for band in bands if band.kind == "unstable"),
                 )
             )
-            report(len(told) / _MODES)
+            report(len(waves) / _MODES)
         critical = critical_length(rig) if isinstance(body, Chain) else None
     except UndecidedError as reason:
         note = str(reason)

@@ -3,38 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
-from stickslip.advise.linear import Part, is_dear, is_stable, stability_along, together
-from stickslip.advise.runs import (
-    PRECISION,
-    Budget,
-    Spent,
-    at_speed,
-    contacts_of,
-    first_smooth,
-    judge,
-    slides_smoothly,
-)
-from stickslip.advise.speeds import BY_THEORY
+from stickslip.advise.bands import PRECISION, Band, by_theory, is_dear, stability_along
+from stickslip.advise.runs import Budget, Spent, at_speed, contacts_of, first_smooth, judge, slides_smoothly
 from stickslip.errors import InputError
 from stickslip.measure.slips import SLIP_VELOCITY
-from stickslip.model import FromRest, FromSliding, OnArrest
-from stickslip.model.parameters import (
-    AGEING,
-    CONTACT_STIFFNESS,
-    DAMPING,
-    DELAY,
-    FRICTION,
-    LOAD,
-    MASS,
-    STD,
-    STIFFNESS,
-    VELOCITY,
-    Parameter,
-)
+from stickslip.model import FromRest, FromSliding, OnArrest, Start, parameters
+from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
 RANGE, DEAR_RANGE = 30.0, 10.0
@@ -44,29 +22,31 @@ _SLIGHT = 0.05
 _CLEARANCE = 1.03
 _CLEARANCES = (_CLEARANCE, 1.1, 1.25)
 """How far past a linear boundary runs begin; and those that test whether smooth sliding stays."""
-Parts = tuple[tuple[Parameter, int], ...]
-"""Parameters varied together, each up (+1) or down (-1)."""
-Choices = tuple[tuple[Parameter, tuple[int, ...]], ...]
-"""Parameters, and which ways each is turned."""
-TURNABLE: Choices = (
-    (VELOCITY, (1, -1)),
-    (STIFFNESS, (1, -1)),
-    (DAMPING, (1, -1)),
-    (MASS, (1, -1)),
-    (LOAD, (-1, 1)),
-)
-"""What can be changed on a machine, and which way is looked at first."""
-OTHERS: Choices = (
-    (FRICTION, (-1,)),
-    (CONTACT_STIFFNESS, (1, -1)),
-    (DELAY, (-1,)),
-    (STD, (1,)),
-    (AGEING, (-1, 1)),
-)
-"""What only another material or surface would change."""
+_FOR_AN_ANSWER = 30.0
+"""Seconds more, by estimate, that runs may take until a first change is found."""
 WIDEST_STD = 0.5
 """Relative to the mean."""
-NATURAL_SIDES = {"stiffness": 1, "damping": 1}
+Change = tuple[tuple[Parameter, int], ...]
+"""Parameters that are varied together, by one factor, each up (+1) or down (-1)."""
+Choices = tuple[tuple[Parameter, tuple[int, ...]], ...]
+"""Parameters, and which ways each is turned, that which is looked at first before."""
+TURNABLE: Choices = (
+    (parameters.VELOCITY, (1, -1)),
+    (parameters.STIFFNESS, (1, -1)),
+    (parameters.DAMPING, (1, -1)),
+    (parameters.MASS, (1, -1)),
+    (parameters.LOAD, (-1, 1)),
+)
+"""What can be changed on a machine."""
+OTHERS: Choices = (
+    (parameters.FRICTION, (-1,)),
+    (parameters.CONTACT_STIFFNESS, (1, -1)),
+    (parameters.DELAY, (-1,)),
+    (parameters.STD, (1,)),
+    (parameters.AGEING, (-1, 1)),
+)
+"""What only another material or surface would change."""
+_PAIRED = {"stiffness": 1, "damping": 1}
 """Ways to turn in pairs, unless runs have shown better ones."""
 
 
@@ -128,85 +108,83 @@ class Attempt:
 
 
 class Search:
-    """The search for changes of one rig; it stops when its budget is spent, and says what it left out."""
+    """The search for changes of one rig, by factors; it stops when its budget is spent, and says what it left out."""
 
-    def __init__(self, rig: Rig, unstable: bool, theory: Mapping[str, Sequence[Part]], budget: Budget) -> None:
+    def __init__(self, rig: Rig, unstable: bool, theory: Mapping[str, Sequence[Band]], budget: Budget) -> None:
         setting = rig.natural
         self.rig, self.setting = rig, at_speed(setting, setting.velocity)
         self.unstable, self.theory, self.budget = unstable, theory, budget
+        self.reserve = _FOR_AN_ANSWER
+        budget.left += self.reserve
         self.method = contacts_of(setting)
         self.range = DEAR_RANGE if is_dear(setting.interface) else RANGE
         self.left_out: list[str] = []
 
-    def single(self, parameters: Choices, report: Callable[[float], None]) -> list[Mitigation]:
+    def single(self, choices: Choices, report: Callable[[float], None]) -> list[Mitigation]:
         """The smallest change of each of some parameters; of an unstable rig also that which keeps it smooth."""
-        choices = [choice for choice in parameters if self._may_vary(choice[0])]
-        stops, found = list[tuple[int, float] | None](), list[Mitigation]()
-        for i, (parameter, sides) in enumerate(choices):
-            report(0.7 * i / len(choices))
-            stops.append(_nearest({side: self._stop(((parameter, side),)) for side in sides}))
-        for i, ((parameter, sides), stop) in enumerate(zip(choices, stops, strict=True)):  # with what time is left
-            report(0.7 + 0.3 * i / len(choices))
-            within = math.log(stop[1] / (1.0 + PRECISION) ** 2) if stop else math.inf
-            near = (stop[0],) if stop else sides
-            keep = _nearest({side: self._keep((parameter, side), within) for side in near if self.unstable})
+        ways = [[((p, side),) for side in sides] for p, sides in choices if self._may_vary(p)]
+        stops: list[tuple[float, Change] | None] = []
+        found: list[Mitigation] = []
+        for i, changes in enumerate(ways):
+            report(0.7 * i / len(ways))
+            stops.append(_nearest((self._stop(change), change) for change in changes))
+        for i, (changes, stop) in enumerate(zip(ways, stops, strict=True)):  # with what time is left
+            report(0.7 + 0.3 * i / len(ways))
+            near, below = ([stop[1]], stop[0] / (1.0 + PRECISION) ** 2) if stop else (changes, math.inf)
+            keep = _nearest((self._keep(change, below), change) for change in near if self.unstable)
             if nearest := stop or keep:
-                way = ((parameter, nearest[0]),)
-                found.append(self._mitigation(way, stop and stop[1], keep and keep[1]))
+                found.append(self._mitigation(nearest[1], stop and stop[0], keep and keep[0]))
         return found
 
-    def pairs(self, sides: dict[str, int]) -> list[Mitigation]:
-        """Two of the parameters that can be turned, each by the same factor, in the directions given."""
+    def pairs(self, tried: dict[str, int]) -> list[Mitigation]:
+        """Two of the parameters that can be turned, each by the same factor, in the directions that did best."""
+        sides = _PAIRED | tried
         choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides and self._may_vary(p)]
-        return [
-            self._mitigation(pair, factor, None)
-            for pair in combinations(choices, 2)
-            if (factor := self._stop(pair)) is not None
-        ]
+        found = ((pair, self._stop(pair)) for pair in combinations(choices, 2))
+        return [self._mitigation(pair, factor, None) for pair, factor in found if factor is not None]
 
-    def attempts(self, before: float, static_friction: float, mitigated: set[str]) -> Iterator[tuple[Attempt, int]]:
-        """The better end of its range, for each parameter that can be turned and gives no smooth sliding there."""
+    def attempts(self, before: float, static_friction: float, mitigated: set[str]) -> dict[Attempt, int]:
+        """The better end of its range, and its side, for each parameter to turn that gives no smooth sliding there."""
+        found: dict[Attempt, int] = {}
         for parameter, sides in TURNABLE:
             if parameter.name in mitigated or not self._may_vary(parameter):
                 continue
-            value = parameter.get(self.setting)
-            ends = [
-                (*self._oscillation(parameter.set(self.setting, reached), static_friction), reached, side)
-                for side in sides
-                if (reached := value * self._furthest(((parameter, side),)) ** side) != value
-            ]
-            if not ends:
-                continue
-            amplitude, kind, reached, side = min(ends, key=lambda end: (end[0], end[2]))
-            size = self.rig.unit(parameter.unit)
-            yield (
-                Attempt(
+            value, size = parameter.get(self.setting), self.rig.unit(parameter.unit)
+            ends = []
+            for side in sides:
+                reached = value * self._furthest(((parameter, side),)) ** side
+                if reached != value:
+                    there = parameter.set(self.setting, reached)
+                    ends.append((*self._oscillation(there, static_friction), reached, side))
+            if ends:
+                amplitude, kind, reached, side = min(ends, key=lambda end: (end[0], end[2]))
+                attempt = Attempt(
                     parameter=parameter.name,
                     value=value * size,
                     reached=reached * size,
                     amplitude_before=before,
                     amplitude=amplitude if amplitude < math.inf else None,
                     kind=kind,
-                ),
-                side,
-            )
+                )
+                found[attempt] = side
+        return found
 
     def _oscillation(self, there: Rig, static_friction: float) -> tuple[float, str]:
         """Peak-to-peak force from rest over static friction, and the motion; infinite and by theory if it costs much.
 
         Smooth sliding is believed of a rig that the theory calls unstable only where it is slight.
         """
-        stable = is_stable(there)
+        theory = by_theory(there)
         try:
             seen = judge(there, self.method, self.budget)
         except (Spent, InputError):
-            return math.inf, BY_THEORY[stable]
+            return math.inf, theory
         amplitude, fast = seen.peak_to_peak / static_friction, (seen.largest_velocity or 0.0) > SLIP_VELOCITY
         if seen.kind != "smooth sliding":
             return amplitude, str(seen.kind)
-        if fast or (stable is False and amplitude > _SLIGHT):
+        if fast or (theory == "unstable" and amplitude > _SLIGHT):
             return amplitude, "undecided"
-        return amplitude, "smooth sliding" if stable is False else "smooth in one run"
+        return amplitude, "smooth sliding" if theory == "unstable" else "smooth in one run"
 
     def _may_vary(self, parameter: Parameter) -> bool:
         """Whether a rig has a parameter that can be varied: natural units have none that only rescales them.
@@ -216,103 +194,115 @@ class Search:
         """
         if parameter.rescales and self.rig.scales is None:
             return False
-        if parameter is DAMPING and isinstance(self.setting.interface.delay, OnArrest):
+        if parameter is parameters.DAMPING and isinstance(self.setting.interface.delay, OnArrest):
             return False
         try:
             return parameter.get(self.setting) > 0
         except InputError:
             return False
 
-    def _ranges(self, parts: Parts) -> list[Part]:
+    def _furthest(self, change: Change) -> float:
+        """Largest factor: a distribution wider than half its mean is no longer one of thresholds about a mean."""
+        furthest = self.range
+        for parameter, side in change:
+            value = parameter.get(self.setting)
+            if (feasible := self.setting.operation.range_of(parameter.name)) is not None:
+                low, high = feasible
+                furthest = min(furthest, high / value if side > 0 else value / low)
+            if parameter is parameters.STD and side > 0:
+                furthest = min(furthest, WIDEST_STD * self.setting.interface.thresholds.moment(1) / value)
+        return furthest
+
+    def _ranges(self, change: Change) -> list[Band]:
         """Factors from 1 to the largest at which smooth sliding may be stable: where the theory does not deny it."""
-        furthest = self._furthest(parts)
+        furthest = self._furthest(change)
         if furthest <= 1.0:
             return []
-        if len(parts) > 1 or parts[0][0].name not in self.theory:
-            along = stability_along(together(parts), self.setting, 1.0, furthest)
-            return [part for part in along if part.stable is not False]
-        ((parameter, side),) = parts
-        value, found = parameter.get(self.setting), list[Part]()
-        for low, high, stable in self.theory[parameter.name]:
-            first, last = (low / value, high / value) if side > 0 else (value / high, value / low)
-            if stable is not False and last > 1.0 and first < furthest:
-                found.append(Part(max(first, 1.0), min(last, furthest), stable))
-        return sorted(found)
+        ((parameter, side), *more) = change
+        along = self.theory.get(parameter.name)
+        if more or along is None:
+            factors = stability_along(_factor(change), self.setting, 1.0, furthest)
+            return [band for band in factors if band.kind != "unstable"]
+        value, found = parameter.get(self.setting), list[Band]()
+        for band in along[::side]:
+            low, high = (band.low / value, band.high / value) if side > 0 else (value / band.high, value / band.low)
+            if band.kind != "unstable" and high > 1.0 and low < furthest:
+                found.append(replace(band, low=max(low, 1.0), high=min(high, furthest)))
+        return found
 
-    def _promising(self, parts: Parts) -> list[Part]:
+    def _promising(self, change: Change) -> list[Band]:
         """These ranges; none for a parameter of a stable rig that does not lead away from a limit on the other side."""
-        ranges = self._ranges(parts)
-        if len(parts) > 1 or not ranges or not ranges[0].stable or ranges[0].low > 1.0:
+        ranges = self._ranges(change)
+        if len(change) > 1 or not ranges or ranges[0].kind != "stable" or ranges[0].low > 1.0:
             return ranges
-        ((parameter, side),) = parts
-        behind, opposite = ((parameter, -side),), self._furthest(((parameter, -side),))
-        if ranges[0].high < self._furthest(parts) or opposite <= 1.0:
+        ((parameter, side),) = change
+        behind = ((parameter, -side),)
+        opposite = self._furthest(behind)
+        if ranges[0].high < self._furthest(change) or opposite <= 1.0:
             return []
         limited = self._ranges(behind)
         return ranges if limited and limited[0].high < opposite else []
 
-    def _stop(self, parts: Parts) -> float | None:
-        """By which factor to vary parameters together until stick-slip decays from rest."""
+    def _stop(self, change: Change) -> float | None:
+        """By which factor to vary parameters until stick-slip decays from rest."""
         try:
-            for low, high, _ in self._promising(parts):
-                if (begin := low * _CLEARANCE) < high:
-                    factor = first_smooth(self._test(parts, FromRest()), begin, high, ill=low)
+            for band in self._promising(change):
+                if (begin := band.low * _CLEARANCE) < band.high:
+                    factor = first_smooth(self._test(change, FromRest()), begin, band.high, rough=band.low)
                     if factor is not None:
+                        self.budget.left -= self.reserve
+                        self.reserve = 0.0
                         return factor
         except Spent:
-            self.left_out.append(" and ".join(parameter.title for parameter, _ in parts))
+            self.left_out.append(" and ".join(parameter.title for parameter, _ in change))
         return None
 
-    def _keep(self, part: tuple[Parameter, int], within: float) -> float | None:
-        """By which factor, of a logarithm below `within`, to vary a parameter until smooth sliding stays, once reached.
-
-        Just past its boundary, or a little further.
-        """
-        smooth = self._test((part,), FromSliding())
+    def _keep(self, change: Change, below: float) -> float | None:
+        """By which factor to vary a parameter until smooth sliding stays, once reached: just past its boundary."""
+        smooth = self._test(change, FromSliding())
         try:
-            for low, high, _ in self._promising((part,))[:1]:
-                for factor in (low * clearance for clearance in _CLEARANCES):
-                    if factor < high and math.log(factor) < within and smooth(factor):
+            for band in self._promising(change)[:1]:
+                for factor in (band.low * clearance for clearance in _CLEARANCES):
+                    if factor < min(band.high, below) and smooth(factor):
                         return factor
         except Spent:
             pass
         return None
 
-    def _mitigation(self, parts: Parts, stops: float | None, keeps: float | None) -> Mitigation:
-        """A change in the rig's own units, from factors."""
-
-        def values(factor: float | None) -> tuple[float, ...] | None:
-            return None if factor is None else tuple(self.rig.value(p) * factor**side for p, side in parts)
-
-        own = tuple(self.rig.value(p) for p, _ in parts)
-        return Mitigation(
-            parameters=tuple(p.name for p, _ in parts), values=own, keeps=values(keeps), stops=values(stops)
-        )
-
-    def _furthest(self, parts: Parts) -> float:
-        """Largest factor: a distribution wider than half its mean is no longer one of thresholds about a mean."""
-        furthest = self.range
-        for parameter, side in parts:
-            value = parameter.get(self.setting)
-            if (feasible := self.setting.operation.range_of(parameter.name)) is not None:
-                low, high = feasible
-                furthest = min(furthest, high / value if side > 0 else value / low)
-            if parameter is STD and side > 0:
-                furthest = min(furthest, WIDEST_STD * self.setting.interface.thresholds.moment(1) / value)
-        return furthest
-
-    def _test(self, parts: Parts, start: FromRest | FromSliding) -> Callable[[float], bool]:
+    def _test(self, change: Change, start: Start) -> Callable[[float], bool]:
         """Whether the rig slides smoothly, by the factor of a change."""
-        path = together(parts)
 
         def smooth(factor: float) -> bool:
-            there = path.set(self.setting, factor)
-            return is_stable(there) is not False and slides_smoothly(there, self.method, self.budget, start)
+            there = _factor(change).set(self.setting, factor)
+            return by_theory(there) != "unstable" and slides_smoothly(there, self.method, self.budget, start)
 
         return smooth
 
+    def _mitigation(self, change: Change, stops: float | None, keeps: float | None) -> Mitigation:
+        """A change in the rig's own units, from factors."""
 
-def _nearest(factors: dict[int, float | None]) -> tuple[int, float] | None:
-    """The smallest of the factors that were found, with its direction."""
-    found = [(side, factor) for side, factor in factors.items() if factor is not None]
-    return min(found, key=lambda pair: pair[1], default=None)
+        def values(factor: float | None) -> tuple[float, ...] | None:
+            return None if factor is None else tuple(self.rig.value(p) * factor**side for p, side in change)
+
+        return Mitigation(
+            parameters=tuple(p.name for p, _ in change),
+            values=tuple(self.rig.value(p) for p, _ in change),
+            keeps=values(keeps),
+            stops=values(stops),
+        )
+
+
+def _factor(change: Change) -> Parameter:
+    """Several parameters varied together, as one: the factor, from where they stand."""
+
+    def varied(rig: Rig, factor: float) -> Rig:
+        for parameter, side in change:
+            rig = parameter.set(rig, parameter.get(rig) * factor**side)
+        return rig
+
+    return Parameter(name=" and ".join(each.name for each, _ in change), unit="1", get=lambda _rig: 1.0, set=varied)
+
+
+def _nearest(found: Iterable[tuple[float | None, Change]]) -> tuple[float, Change] | None:
+    """The smallest of the factors that were found, with its change."""
+    return min(((f, change) for f, change in found if f is not None), key=lambda each: each[0], default=None)

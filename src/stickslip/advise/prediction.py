@@ -8,29 +8,23 @@ from dataclasses import replace
 
 from stickslip import stability
 from stickslip.advise import mitigations as changes
-from stickslip.advise import speeds
 from stickslip.advise.answer import Margin, Prediction
+from stickslip.advise.bands import CANNOT_GROW, OSCILLATES, Band, is_dear, stability_along
 from stickslip.advise.elastic import ElasticPrediction, predict_waves
-from stickslip.advise.linear import CANNOT_GROW, Part, is_dear, stability_along
-from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.runs import (
     Budget,
-    Spent,
+    about_stable_sliding,
     at_speed,
     cost_of,
     cycle_of,
     length_of,
-    outlasting,
     rms_over_mean,
-    steady_state,
     until_judged,
-    untold,
 )
-from stickslip.advise.speeds import Band
+from stickslip.advise.speeds import Survey, range_of_speeds
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime
 from stickslip.model import Contacts, Delay, ElasticBody, OnArrest
-from stickslip.model.delays import DelayModel
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
@@ -45,8 +39,6 @@ _DEARER = 10.0
 """How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
-_FOR_AN_ANSWER = 30.0
-"""For runs of what is left to try when no change was found in that time."""
 _FOR_A_VERDICT, _LONGEST, _MOST_RUNS = 40.0, 80.0, 30
 """For runs that tell noise from oscillation; and for a run that is made twice as long, again and again."""
 NO_THEORY_OF_ARREST = (
@@ -97,36 +89,24 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     setting = rig.natural
-    speeds.check_speed(rig)
+    low, high = range_of_speeds(rig)
     modes, growth, note = _linear(setting)
     without = note == CANNOT_GROW
-    low, high = speeds.range_of_speeds(setting)
-    bands: tuple[Band, ...] = (Band(kind="unknown", bistable=False, low=low, high=high),)
+    bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
     if not note:
-        bands = speeds.bands_by_theory(VELOCITY, at_speed(setting, low), low, high)
+        bands = stability_along(VELOCITY, at_speed(setting, low), low, high)
     report(0.2)
     recording, seen = _watch(rig, lambda share: report(0.2 + 0.8 * share))
-    noise, stays, method = None, True, recording.rig.method
-    if modes == 0 and not without and seen.kind != "smooth sliding" and isinstance(method, Contacts):
-        budget = Budget(_FOR_A_VERDICT)
-        try:
-            recording, seen = outlasting(recording, seen, budget)
-            state = "stays" if seen.kind == "smooth sliding" else steady_state(recording, seen, budget)
-        except Spent:
-            state, seen = "stays", untold(seen)
-        stays = state != "leaves"
-        if state == "noise":
-            noise = rms_over_mean(recording, seen.window[0])
-            reason = (
-                f"the force fluctuates by {100 * noise:.2g} % rms, noise of {method.count} contacts: as "
-                "much from sliding as from rest, and more with a quarter as many"
-            )
-            seen = replace(seen, kind="smooth sliding", reason=reason)
+    state = "stays"
+    if modes == 0 and not without and seen.kind != "smooth sliding" and isinstance(recording.rig.method, Contacts):
+        kinds = (*OSCILLATES, "undecided")
+        recording, seen, state = about_stable_sliding(recording, seen, Budget(_FOR_A_VERDICT), kinds)
     if modes:  # what grows is no transient
         seen = replace(seen, reason=seen.reason.split(" (seen for")[0])
     # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
     # slider that never stops attaches none that wait for its arrest.
-    lasting = replace(rig.interface, delay=_without_arrest(rig.interface.delay), track_scatter=0.0)
+    delay = rig.interface.delay
+    lasting = replace(rig.interface, delay=Delay(math.inf) if isinstance(delay, OnArrest) else delay, track_scatter=0.0)
     aged = replace(lasting, ageing=None, temperature=None)
     force, stiffness, rate = rig.unit("f_s"), rig.unit("k"), rig.unit("1/time")
     speed = rig.unit("x_s/time")
@@ -143,33 +123,27 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         mode_frequency=None if growth is None else abs(growth.imag) / (2 * math.pi) * rate,
         theory_note=note,
         speeds_searched=(low * speed, high * speed),
-        bands=tuple(_scaled(band, speed) for band in bands),
+        bands=tuple(band.scaled(speed) for band in bands),
         delays=_over_delays(rig) if without else (),
-        noise=noise,
-        stays=stays,
+        noise=rms_over_mean(recording, seen) if state == "noise" else None,
+        stays=state != "leaves",
     )
-
-
-def _without_arrest(delay: DelayModel) -> DelayModel:
-    return Delay(math.inf) if isinstance(delay, OnArrest) else delay
 
 
 def complete(found: Prediction, *, progress: Progress | None = None) -> Prediction:
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from rest, margins, mitigations."""
     report = progress or (lambda _share: None)
     rig = found.rig
-    setting = at_speed(rig.natural, rig.natural.velocity)
+    setting, speed = at_speed(rig.natural, rig.natural.velocity), rig.unit("x_s/time")
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         report(1.0)
         return replace(found, complete=True)
     spent = min(cost_of(found.recording.rig), 0.7 * _ALL)
     left = (_ALL - spent) * (_DEARER if is_dear(rig.interface) else 1.0)
-    speed = rig.unit("x_s/time")
-    linear = tuple(_scaled(band, 1.0 / speed) for band in found.bands)
-    survey = speeds.Survey(setting, linear, found.regime)
-    allowed = Budget(_FOR_SPEEDS * left)
+    bands = tuple(band.scaled(1.0 / speed) for band in found.bands)
+    survey, allowed = Survey(setting, bands, found.regime.kind), Budget(_FOR_SPEEDS * left)
     survey.look(allowed, lambda share: report(0.3 * share))
-    theory = {} if found.theory_note else dict(_theory(setting, linear))
+    theory = {} if found.theory_note else dict(_theory(setting, bands))
     found = replace(found, margins=tuple(_margins(rig, theory)), complete=True)
     report(0.4)
     if found.ill:
@@ -178,50 +152,42 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
         found = _with_mitigations(found, search, lambda share: report(0.4 + 0.5 * share))
         for change in found.mitigations:
             if change.parameters == (VELOCITY.name,) and change.stops is not None:
-                survey.know(change.stops[0] / speed, "smooth sliding")
+                survey.known[change.stops[0] / speed] = "smooth sliding"
         survey.look(changing, lambda share: report(0.9 + 0.1 * share))
     report(1.0)
-    return replace(found, bands=tuple(_scaled(band, speed) for band in survey.bands()))
+    return replace(found, bands=tuple(band.scaled(speed) for band in survey.bands()))
 
 
 def _with_mitigations(found: Prediction, search: changes.Search, report: Progress) -> Prediction:
     """Look for changes of one parameter; of two, if none of those that can be turned suffices."""
-    single = search.single(changes.TURNABLE, lambda share: report(0.4 * share))
-    if search.left_out and all(m.stops is None for m in single):  # a first answer may take longer than was planned
-        search.budget, left_out = Budget(_FOR_AN_ANSWER), search.left_out
-        search.left_out = []
-        again = tuple((p, sides) for p, sides in changes.TURNABLE if p.title in left_out)
-        more = search.single(again, lambda share: report(0.4 + 0.1 * share))
-        single = [m for m in single if m.parameters[0] not in {p.name for p, _ in again}] + more
-    turnable = {parameter.name for parameter, _ in changes.TURNABLE}
-    pairs: list[Mitigation] = []
-    tried: list[tuple[Attempt, int]] | None = None
 
-    def attempts() -> list[tuple[Attempt, int]]:
-        mitigated = {m.parameters[0] for m in single if m.stops is not None}
-        return list(search.attempts(found.relative_amplitude, found.static_friction / found.rig.unit("f_s"), mitigated))
+    def stopping() -> set[str]:
+        return {m.parameters[0] for m in single if m.stops is not None}
 
-    if all(m.stops is None for m in single):
+    def attempts() -> dict[changes.Attempt, int]:
+        static = found.static_friction / found.rig.unit("f_s")
+        return search.attempts(found.relative_amplitude, static, stopping())
+
+    single = search.single(changes.TURNABLE, lambda share: report(0.5 * share))
+    tried: dict[changes.Attempt, int] = {}
+    pairs: list[changes.Mitigation] = []
+    if not stopping():
         tried = attempts()
         report(0.6)
-        pairs = search.pairs(changes.NATURAL_SIDES | {each.parameter: side for each, side in tried})
+        pairs = search.pairs({each.parameter: side for each, side in tried.items()})
     single += search.single(changes.OTHERS, lambda share: report(0.7 + 0.3 * share))
-    tried = attempts() if tried is None else tried
+    turnable = {parameter.name for parameter, _ in changes.TURNABLE}
 
-    def order(mitigation: Mitigation) -> tuple[bool, bool, float]:
+    def order(mitigation: changes.Mitigation) -> tuple[bool, bool, float]:
         return not turnable.issuperset(mitigation.parameters), mitigation.stops is None, round(mitigation.size, 3)
 
-    helped = {parameter_named(m.parameters[0]).title for m in single if m.stops is not None}
+    helped = {parameter_named(name).title for name in stopping()}
     return replace(
         found,
         mitigations=tuple(sorted([*single, *pairs], key=order)),
-        attempts=tuple(each for each, _ in tried),
+        attempts=tuple(tried or attempts()),
         not_searched=tuple(name for name in dict.fromkeys(search.left_out) if name not in helped),
     )
-
-
-def _scaled(band: Band, size: float) -> Band:
-    return replace(band, low=band.low * size, high=band.high * size)
 
 
 def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
@@ -266,10 +232,10 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     time = setting.interface.threshold_distribution.moment(1) / setting.velocity
     low, high = (factor * time for factor in _DELAYS)
     supposed = replace(setting, interface=replace(setting.interface, delay=Delay(time)))
-    return tuple(_scaled(band, rig.unit("time")) for band in speeds.bands_by_theory(DELAY, supposed, low, high))
+    return tuple(band.scaled(rig.unit("time")) for band in stability_along(DELAY, supposed, low, high))
 
 
-def _theory(setting: Rig, bands: tuple[Band, ...]) -> Iterator[tuple[str, list[Part]]]:
+def _theory(setting: Rig, speeds: tuple[Band, ...]) -> Iterator[tuple[str, tuple[Band, ...]]]:
     """Ranges of each parameter that a rig has in which smooth sliding is stable or not; speeds are known already."""
     for parameter in PARAMETERS:
         try:
@@ -280,40 +246,31 @@ def _theory(setting: Rig, bands: tuple[Band, ...]) -> Iterator[tuple[str, list[P
             continue
         low, high = _searched(parameter, value, setting)
         if parameter is VELOCITY:
-            inside = [band for band in bands if band.low < high and band.high > low]
-            yield parameter.name, [Part(max(b.low, low), min(b.high, high), speeds.STABLE[b.kind]) for b in inside]
+            inside = [band for band in speeds if band.low < high and band.high > low]
+            yield parameter.name, tuple(replace(b, low=max(b.low, low), high=min(b.high, high)) for b in inside)
         else:
-            yield parameter.name, list(stability_along(parameter, setting, low, high))
+            yield parameter.name, stability_along(parameter, setting, low, high)
 
 
-def _margins(rig: Rig, theory: Mapping[str, list[Part]]) -> Iterator[Margin]:
+def _margins(rig: Rig, theory: Mapping[str, tuple[Band, ...]]) -> Iterator[Margin]:
     """Look up and down from where each parameter stands for the nearest limit of linear stability."""
-    for name, along in theory.items():
+    for name, bands in theory.items():
         value, size = rig.value(name), rig.unit(parameter_named(name).unit)
-        if not (parts := _known_about(along, value / size)):
-            continue
-        edges = [part.high * size for part in parts[:-1]]
-        yield Margin(
-            parameter=name,
-            value=value,
-            lower=max((edge for edge in edges if edge < value), default=None),
-            upper=min((edge for edge in edges if edge > value), default=None),
-            searched=(parts[0].low * size, parts[-1].high * size),
-            stable=tuple((part.low * size, part.high * size) for part in parts if part.stable),
-        )
-
-
-def _known_about(parts: list[Part], value: float) -> list[Part]:
-    """Those about a value of which the theory can tell, without a gap; none if it cannot there."""
-    found: list[Part] = []
-    for part in parts:
-        if part.stable is not None:
-            found.append(part)
-        elif part.low > value:
-            break
-        else:
-            found = []
-    return found
+        # As far about the value as the theory can tell without a gap.
+        gaps = [band for band in bands if band.kind == "unknown"]
+        begin = max((gap.high for gap in gaps if gap.low <= value / size), default=0.0)
+        end = min((gap.low for gap in gaps if gap.low > value / size), default=math.inf)
+        known = [band.scaled(size) for band in bands if begin <= band.low < end and band.kind != "unknown"]
+        if known:
+            edges = [band.high for band in known[:-1]]
+            yield Margin(
+                parameter=name,
+                value=value,
+                lower=max((edge for edge in edges if edge < value), default=None),
+                upper=min((edge for edge in edges if edge > value), default=None),
+                searched=(known[0].low, known[-1].high),
+                stable=tuple((band.low, band.high) for band in known if band.kind == "stable"),
+            )
 
 
 def _searched(parameter: Parameter, value: float, rig: Rig) -> tuple[float, float]:

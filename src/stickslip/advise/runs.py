@@ -9,22 +9,22 @@ from typing import Literal
 
 import numpy as np
 
-from stickslip.advise import linear
+from stickslip.advise.bands import OSCILLATES, PRECISION, by_theory
+from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime_of
 from stickslip.measure.arrays import Trace
 from stickslip.measure.slips import SLIP_VELOCITY
-from stickslip.model import Contacts, FromRest, FromSliding, Method, Start
+from stickslip.model import Contacts, FromRest, FromSliding, Start
 from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
 from stickslip.simulation import Recording, estimate, record
 from stickslip.stability import growth_rate
 
-CYCLES = 12.0
+_CYCLES = 12.0
 """A run lasts a dozen cycles of the slowest oscillation that the rig can have ..."""
-_SHORTEST = 60.0
-_RINGING = 10.0
+_SHORTEST, _RINGING = 60.0, 10.0
 """... at least this far, in mean thresholds, and until the free slider has rung out, in units of ``1/eta``."""
 _DECAYS, _LONGEST = 6.0, 4.0
 """A last test lasts for so many times 1/decay rate, but not for more than so many runs."""
@@ -34,11 +34,8 @@ _NO_NOISE = 2.0 * SLIP_VELOCITY
 """Times the velocity of the drive that no noise of contacts in smooth sliding reaches."""
 _PARTS = 10
 """Parts of a run over which the error of a variance is told."""
-OSCILLATES = ("stick-slip", "sustained oscillation")
 _READING = 0.006
 """Seconds that it takes to set up a run and to read it."""
-PRECISION = 0.05
-"""Where motion changes is found to this part of the value; nor is one set more closely on a machine."""
 CONFIDENCE, FRACTION = 0.95, 2.0 / 3.0
 """Of a change that is advised: at this confidence, at least this fraction of all runs slides smoothly."""
 SEEDS = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(FRACTION))
@@ -56,11 +53,16 @@ class Budget:
     def __init__(self, seconds: float) -> None:
         self.left = seconds
 
-    def pay(self, seconds: float) -> None:
+    def pay(self, case: Rig) -> None:
         """Take the cost of a run, or raise `Spent` if there is not as much left."""
-        if seconds > self.left:
+        if (seconds := cost_of(case)) > self.left:
             raise Spent
         self.left -= seconds
+
+
+def cost_of(case: Rig) -> float:
+    """Seconds that a run takes, with its reading."""
+    return estimate(case).seconds + _READING
 
 
 def contacts_of(rig: Rig) -> Contacts:
@@ -69,9 +71,12 @@ def contacts_of(rig: Rig) -> Contacts:
     return own if rig.interface.ageing is None else replace(own, count=min(own.count, _MOST_AGED))
 
 
-def other_contacts(method: Contacts, other: int) -> Contacts:
+def others(method: Contacts, other: int) -> Contacts:
     """Other contacts of the same kind."""
     return replace(method, seed=method.seed + other)
+
+
+# How long
 
 
 def cycle_of(setting: Rig) -> float:
@@ -86,11 +91,9 @@ def cycle_of(setting: Rig) -> float:
 
 def length_of(setting: Rig) -> float:
     """Travel of the drive after which a run can be judged."""
-    damping = setting.slider.damping
+    damping, cycles = setting.slider.damping, _CYCLES * cycle_of(setting)
     ringing = setting.velocity * _RINGING / damping if damping > 0 else 0.0
-    shortest = _SHORTEST * setting.interface.threshold_distribution.moment(1)
-    cycles = CYCLES * cycle_of(setting)
-    return max(shortest, cycles, min(ringing, 5.0 * cycles))
+    return max(_SHORTEST * setting.interface.threshold_distribution.moment(1), cycles, min(ringing, 5.0 * cycles))
 
 
 def until_decayed(setting: Rig) -> float:
@@ -110,9 +113,14 @@ def at_speed(setting: Rig, speed: float, distance: float | None = None) -> Rig:
     return replace(setting, drive=constant(speed, (length_of(setting) if distance is None else distance) / speed))
 
 
-def cost_of(rig: Rig) -> float:
-    """Seconds that a run takes, with its reading."""
-    return estimate(rig).seconds + _READING
+def _longer(case: Rig, lasts: float) -> Rig:
+    """The run, with the last piece of its drive so much longer that it takes twice the time, or that which is given."""
+    *before, last = case.drive.pieces
+    lasts = max(2.0 * case.drive.duration, lasts) - (case.drive.duration - last.duration)
+    return replace(case, drive=Drive((*before, replace(last, duration=lasts))))
+
+
+# What they tell
 
 
 def until_judged(
@@ -135,9 +143,9 @@ def until_judged(
         if seen.kind != "undecided":
             break
         method = contacts_of(case) if isinstance(case.method, Contacts) else case.method
-        case = replace(case, method=method, drive=_longer(case.drive, fewest))
+        case = _longer(replace(case, method=method), fewest)
         try:
-            budget.pay(cost_of(case))
+            budget.pay(case)
         except Spent:
             break
         run = record(case, progress=progress, long=True)
@@ -145,47 +153,66 @@ def until_judged(
     return run, seen
 
 
-def _longer(drive: Drive, fewest: float) -> Drive:
-    """The drive, with its last piece so much longer that the whole takes twice the time, or that which is given."""
-    *before, last = drive.pieces
-    lasts = max(2.0 * drive.duration, fewest) - (drive.duration - last.duration)
-    return Drive((*before, replace(last, duration=lasts)))
-
-
 def judge(
-    setting: Rig, method: Method, budget: Budget, *, start: Start = FromRest(), distance: float | None = None
+    setting: Rig, method: Contacts, budget: Budget, *, start: Start = FromRest(), distance: float | None = None
 ) -> Regime:
     """The regime that a start leads to at the constant speed of a rig, in natural units; runs on until it can be told.
 
-    An oscillation about stable smooth sliding is sustained only if it outlasts the slowest mode.
-
-    Raises
-    ------
-    Spent
-        If the budget does not allow for a first run. What cannot be told with what is left is undecided.
+    Raises `Spent` if the budget does not allow for a first run. What cannot be told with what is left is undecided.
     """
     case = replace(at_speed(setting, setting.velocity, distance), method=method, start=start)
-    budget.pay(cost_of(case))
+    budget.pay(case)
     run, seen = until_judged(case, budget)
-    if seen.kind not in OSCILLATES or not linear.is_stable(setting):
-        return seen
-    try:
-        run, seen = outlasting(run, seen, budget)
-        if seen.kind not in OSCILLATES or not isinstance(method, Contacts):
-            return seen
-        if steady_state(run, seen, budget) == "noise":
-            return replace(seen, kind="smooth sliding", reason=f"noise of {method.count} contacts, as from sliding")
-    except Spent:
-        return untold(seen)
+    if seen.kind in OSCILLATES and by_theory(setting) == "stable":
+        _, seen, _ = about_stable_sliding(run, seen, budget)
     return seen
 
 
-def untold(seen: Regime) -> Regime:
-    """A regime of which runs do not tell, within what they may cost, whether it is noise."""
-    return replace(seen, kind="undecided", reason="an oscillation, or noise of its contacts: longer runs would tell")
+def about_stable_sliding(
+    run: Recording, seen: Regime, budget: Budget, kinds: tuple[str, ...] = OSCILLATES
+) -> tuple[Recording, Regime, Literal["stays", "leaves", "noise"]]:
+    """What a linearly stable rig does that does not look smooth from rest, and whether smooth sliding stays.
+
+    An oscillation is sustained only if it outlasts the slowest mode. A rig that does the same from rest and from
+    sliding is in its steady state: noise of its contacts has four times the variance with a quarter of them, or else
+    they leave smooth sliding. Where the run from sliding fluctuates less, smooth sliding, once reached, stays.
+    """
+    try:
+        run, seen = _outlasting(run, seen, budget)
+        state = "stays" if seen.kind not in kinds else _steady_state(run, seen, budget)
+    except Spent:
+        reason = "an oscillation, or noise of its contacts: longer runs would tell"
+        return run, replace(seen, kind="undecided", reason=reason), "stays"
+    if state == "noise":
+        count, rms = getattr(run.rig.method, "count", 0), 100 * rms_over_mean(run, seen)
+        reason = (
+            f"the force fluctuates by {rms:.2g} % rms, noise of {count} contacts: as much from sliding as from rest, "
+            "and more with a quarter as many"
+        )
+        seen = replace(seen, kind="smooth sliding", reason=reason)
+    return run, seen, state
 
 
-def outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
+def _steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["stays", "leaves", "noise"]:
+    """What runs from smooth sliding tell; raises `Spent` if they cost too much, or do not tell."""
+    case, method, begin = run.rig, contacts_of(run.rig), seen.window[0]
+    sliding = replace(case, start=FromSliding(), method=others(method, 1))
+    budget.pay(sliding)
+    (from_rest, error), (from_sliding, other) = _variance(run, begin), _variance(record(sliding, long=True), begin)
+    # Noise that a mode amplifies stays as it is for as long as the mode takes to decay: few values of a variance.
+    judged = case.drive.duration * (1.0 - begin / seen.window[1])
+    few = math.sqrt(2.0 * until_decayed(case.natural) / (_DECAYS * case.natural.velocity * judged))
+    if from_rest - from_sliding > max(math.log(2.0), 3.0 * max(math.hypot(error, other), few)):
+        return "stays"
+    if from_rest - from_sliding > math.log(2.0):
+        raise Spent
+    fewer = replace(sliding, method=replace(others(method, 2), count=max(method.count // 4, 1)))
+    budget.pay(fewer)
+    risen = _variance(record(fewer, long=True), begin)[0] - 0.5 * (from_rest + from_sliding)
+    return "noise" if risen > math.log(2.0) else "leaves"  # twice the variance lies between as much and four times
+
+
+def _outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
     """A run of an oscillation about stable smooth sliding, made longer until that has lasted or decayed.
 
     It lasts if it does not become weaker any more, after the slowest mode has had time to decay.
@@ -195,8 +222,8 @@ def outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording,
     for _ in range(_MOST_RUNS):
         if seen.kind not in OSCILLATES or (run.rig.drive.duration >= needed and _is_steady(run, seen)):
             return run, seen
-        case = replace(run.rig, drive=_longer(run.rig.drive, needed))
-        budget.pay(cost_of(case))
+        case = _longer(run.rig, needed)
+        budget.pay(case)
         run, seen = until_judged(case, budget)
     if seen.kind in OSCILLATES and not _is_steady(run, seen):
         reason = "the oscillation becomes weaker little by little: a longer run would tell whether it decays"
@@ -211,36 +238,6 @@ def _is_steady(run: Recording, seen: Regime) -> bool:
     return before[0] - after[0] < 3.0 * math.hypot(before[1], after[1])
 
 
-def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise", "leaves", "stays"]:
-    """What a linearly stable rig does that does not look smooth from rest, told by runs from smooth sliding.
-
-    A rig that does the same from rest and from sliding is in its steady state. Noise of its contacts has four times the
-    variance with a quarter of them: then that is what it does. Otherwise its contacts leave smooth sliding. Where the
-    run from sliding fluctuates less, smooth sliding stays, once reached.
-
-    Raises
-    ------
-    Spent
-        If the budget does not allow for these runs, or they do not tell.
-    """
-    method, begin = run.rig.method, seen.window[0]
-    assert isinstance(method, Contacts)
-    own = replace(run.rig, start=FromSliding(), method=other_contacts(method, 1))
-    budget.pay(cost_of(own))
-    (from_rest, error), (from_sliding, other) = _variance(run, begin), _variance(record(own, long=True), begin)
-    # Noise that a mode amplifies stays as it is for as long as the mode takes to decay: few values of a variance.
-    judged = run.rig.drive.duration * (1.0 - begin / seen.window[1])
-    few = math.sqrt(2.0 * until_decayed(run.rig.natural) / (_DECAYS * run.rig.natural.velocity * judged))
-    if from_rest - from_sliding > max(math.log(2.0), 3.0 * max(math.hypot(error, other), few)):
-        return "stays"
-    if from_rest - from_sliding > math.log(2.0):
-        raise Spent
-    fewer = replace(own, method=replace(method, count=max(method.count // 4, 1), seed=method.seed + 2))
-    budget.pay(cost_of(fewer))
-    risen = _variance(record(fewer, long=True), begin)[0] - 0.5 * (from_rest + from_sliding)
-    return "noise" if risen > math.log(2.0) else "leaves"  # twice the variance lies between as much and four times
-
-
 def _variance(run: Recording, begin: float, end: float = math.inf) -> tuple[float, float]:
     """Logarithm of the variance of the force between two times, with its standard error over parts of the run."""
     trace = Trace.of_recording(run).part(begin, end)
@@ -250,9 +247,9 @@ def _variance(run: Recording, begin: float, end: float = math.inf) -> tuple[floa
     return math.log(mean), float(parts.std(ddof=1)) / mean / math.sqrt(_PARTS)
 
 
-def rms_over_mean(run: Recording, begin: float) -> float:
-    """Standard deviation of the force from a time on, over its mean."""
-    force = Trace.of_recording(run).part(begin).force
+def rms_over_mean(run: Recording, seen: Regime) -> float:
+    """Standard deviation of the force in what is judged, over its mean."""
+    force = Trace.of_recording(run).part(seen.window[0]).force
     return float(force.std() / abs(force.mean()))
 
 
@@ -263,7 +260,7 @@ def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start
     distances = [usual, long, *[usual] * (SEEDS - 2)]  # what does not slide is most often told by the first, short one
     try:
         for other, distance in enumerate(distances, start=1):
-            seen = judge(setting, other_contacts(method, other), budget, start=start, distance=distance)
+            seen = judge(setting, others(method, other), budget, start=start, distance=distance)
             # So few contacts that slips are no larger than their noise: how fast the slider goes tells them apart.
             fast = seen.largest_velocity is not None and seen.largest_velocity > _NO_NOISE
             if fast or seen.kind != "smooth sliding":
@@ -273,18 +270,18 @@ def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start
     return True
 
 
-def first_smooth(smooth: Callable[[float], bool], begin: float, end: float, ill: float) -> float | None:
+def first_smooth(smooth: Callable[[float], bool], begin: float, end: float, rough: float) -> float | None:
     """A value between two ends down to `PRECISION` below which it slides smoothly, the nearest one within `PRECISION`.
 
-    Steps double from the beginning on; the end itself is the last that is tried. It does not slide smoothly at `ill`,
+    Steps double from the beginning on; the end itself is the last that is tried. It does not slide smoothly at `rough`,
     before the beginning. None if there is no such value.
     """
     step, value = 1.0 + PRECISION, begin
     while not smooth(value):
-        ill = value
         if value == end:
             return None
-        value = min(value * step, end)
+        rough, value = value, min(value * step, end)
         step *= step
-    value = linear.bisect(smooth, ill, value, PRECISION)[1] * (1.0 + PRECISION)
+    width = 1.001 * math.log1p(PRECISION)  # to which doubled steps are halved, whatever the rounding
+    value = halved(smooth, rough, value, width)[1] * (1.0 + PRECISION)
     return value if value <= end else None

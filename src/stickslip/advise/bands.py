@@ -1,0 +1,127 @@
+"""Ranges with one kind of motion along a parameter; where smooth sliding is stable, as linear theory tells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from stickslip.cycles.edges import halved
+from stickslip.errors import InputError, UndecidedError
+from stickslip.model.interface import Interface
+from stickslip.model.parameters import Parameter
+from stickslip.model.rig import Rig
+from stickslip.stability import count_unstable
+from stickslip.stability.critical import search
+
+PRECISION = 0.05
+"""Where motion changes is found to this part of the value; nor is one set more closely on a machine."""
+CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
+"""What is said of contacts whose linear response is 0."""
+OSCILLATES = ("stick-slip", "sustained oscillation")
+MOTIONS = {
+    **{kind: kind for kind in ("smooth sliding", *OSCILLATES)},
+    "unstable": "linearly unstable",
+    "stable": "linearly stable",
+    "unknown": "not known",
+}
+"""What each kind of motion is called in a sentence."""
+_PER_DECADE, _DEAR_PER_DECADE = 16, 6
+"""Points at which growing modes are counted; the latter where `is_dear` says so."""
+_NARROW = 1e-3
+"""Where the theory cannot tell of a whole range, the ends of what it can tell are found to this part of the value."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A range of a parameter, the speed of a prediction, with one kind of motion.
+
+    Attributes
+    ----------
+    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "stable", "unstable", "unknown"}
+        From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
+        a start at rest was not simulated or could not be judged; "unknown" where the theory cannot tell either.
+    bistable : bool
+        Whether smooth sliding, once reached, is stable as well (linear, so without the noise of contacts).
+    low, high : float
+    low_found, high_found : bool
+        Whether the motion changes at that end; False where it was seen that far, and not looked for beyond.
+    """
+
+    kind: str
+    bistable: bool = False
+    low: float
+    high: float
+    low_found: bool = True
+    high_found: bool = True
+
+    @property
+    def single(self) -> bool:
+        """Whether its motion was seen at one speed only, about which no end was looked for."""
+        return not (self.low_found or self.high_found) and self.high < (1.0 + 3.0 * PRECISION) * self.low
+
+    @property
+    def motion(self) -> str:
+        """Its motion in words."""
+        return MOTIONS[self.kind] + (" from rest only" if self.bistable else "")
+
+    def scaled(self, size: float) -> Band:
+        """The band in a unit that is smaller by a factor."""
+        return replace(self, low=self.low * size, high=self.high * size)
+
+
+def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
+    """Neighbours of one kind as one."""
+    found: list[Band] = []
+    for band in bands:
+        if band.high <= band.low:
+            continue
+        if found and (found[-1].kind, found[-1].bistable) == (band.kind, band.bistable):
+            found[-1] = replace(found[-1], high=band.high, high_found=band.high_found)
+        else:
+            found.append(band)
+    return tuple(found)
+
+
+def is_dear(interface: Interface) -> bool:
+    """Whether a look at the linear response costs a hundred times as much: contacts age, or heat breaks them."""
+    return interface.ageing is not None or interface.temperature is not None
+
+
+def by_theory(setting: Rig) -> str:
+    """What linear theory says of smooth sliding: the kind of a band."""
+    try:
+        return "unstable" if count_unstable(setting) else "stable"
+    except (InputError, UndecidedError):
+        return "unknown"
+
+
+def stability_along(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:
+    """Ranges of a parameter, in natural units, rising, in which smooth sliding is stable throughout, or not.
+
+    Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot tell of the whole
+    range, unstable ones.
+    """
+    density = _DEAR_PER_DECADE if is_dear(setting.interface) else _PER_DECADE
+    try:
+        found = search(parameter, setting, low, high, density=density, edges_only=True)
+        ends = [low, *(edge.value for edge in found.edges), found.searched[1]]
+        growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
+        kinds = ["unstable" if modes else "stable" for modes in growing]
+    except (InputError, UndecidedError):  # at some value the theory cannot tell
+        values = np.geomspace(low, high, 2 + math.ceil(density * math.log10(high / low))).tolist()
+        told = [by_theory(parameter.set(setting, value)) for value in values]
+        ends, kinds = [low], [told[0]]
+        for (left, one), (right, two) in pairwise(zip(values, told, strict=True)):
+            if one != two:
+
+                def has_changed(value: float, before: str = one) -> bool:
+                    return by_theory(parameter.set(setting, value)) != before
+
+                ends.append(math.sqrt(math.prod(halved(has_changed, left, right, _NARROW))))
+                kinds.append(two)
+        ends.append(high)
+    return tuple(Band(kind=kind, low=a, high=b) for kind, (a, b) in zip(kinds, pairwise(ends), strict=True))
