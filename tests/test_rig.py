@@ -55,13 +55,6 @@ def test_the_published_bench_reaches_the_model_in_natural_units():
     assert rig.slider.damping_ratio == pytest.approx(0.15)
 
 
-def test_every_assumed_value_says_how_to_measure_it():
-    rig = rigs.read_rig(EXAMPLE)
-    assert "interface.breaking_displacement" in rig.assumed
-    assert all(len(item.how) > 30 and item.value for item in rig.assumed.values())
-    assert str(rig.assumed["interface.breaking_displacement"]).startswith("2 um; divide the static friction force")
-
-
 def test_a_default_that_was_taken_is_assumed_with_its_value(document):
     for key in ("interface.delay", "interface.initial"):
         document = with_value(document, key, None)

@@ -21,16 +21,8 @@ _KINDS = {
 }
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Reading
-# ---------------------------------------------------------------------------------------------------------------------
-
-
 def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
-    """Return how many bytes a file has that is about to be read; `kind` names it in errors: ``"rig file"``.
-
-    Raises `InputError` if there is no such file, it is no regular file, or it has more bytes than `largest`.
-    """
+    """Return how many bytes a regular file has, at most `largest`; `kind` names it in errors: ``"rig file"``."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         found = os.stat(path)
@@ -47,7 +39,7 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
 
 
 def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
-    """Return the content of a file; arguments and errors are those of `size`, and it may be unreadable."""
+    """Return the content of a file; arguments and errors are those of `size`."""
     if size(path, kind, largest=largest) == 0:  # the kernel's own files have no size, and some have no end
         return b""
     try:
@@ -61,17 +53,8 @@ def unreadable(path: str | os.PathLike[str], error: OSError | ValueError) -> Inp
     return InputError(f"{path}: cannot be read ({_reason(error)})")
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Writing
-# ---------------------------------------------------------------------------------------------------------------------
-
-
 def target(path: str | os.PathLike[str]) -> Path:
-    """Return where a file is to be written: a free name, or a regular file that may be replaced; links are followed.
-
-    Raises `InputError` if something else is there, if it is read-only (for root, too), or if nothing can be written
-    there.
-    """
+    """Return where a file is to be written: a free name, or a regular file that may be replaced; links are followed."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         place = Path(os.path.realpath(path))
@@ -96,12 +79,7 @@ def target(path: str | os.PathLike[str]) -> Path:
 
 
 def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
-    """Write a file whole or not at all: beside its place, and moved there when it is complete.
-
-    Its permissions are those of the file that it replaces.
-
-    Raises `InputError` if `target` refuses the place or it cannot be written.
-    """
+    """Write a file whole or not at all: beside its place and moved there, with the permissions of the one before."""
     place = target(path)
     try:
         part = place.parent / f".stickslip-{secrets.token_hex(8)}.part"

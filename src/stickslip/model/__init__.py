@@ -4,7 +4,6 @@ Records only, each validated on construction. Natural units throughout: contact 
 force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per contact. Time is in any unit.
 """
 
-from stickslip.model.activation import Activation as Activation
 from stickslip.model.activation import Barrier as Barrier
 from stickslip.model.activation import Bell as Bell
 from stickslip.model.activation import Parabolic as Parabolic
@@ -50,9 +49,7 @@ from stickslip.model.methods import QuasiStatic as QuasiStatic
 from stickslip.model.methods import Renewal as Renewal
 from stickslip.model.methods import Start as Start
 from stickslip.model.operation import Operation as Operation
-from stickslip.model.parameters import PARAMETERS as PARAMETERS
 from stickslip.model.parameters import Parameter as Parameter
-from stickslip.model.parameters import parameter_named as parameter_named
 from stickslip.model.rig import Rig as Rig
 from stickslip.model.slider import Slider as Slider
 from stickslip.model.units import Scales as Scales

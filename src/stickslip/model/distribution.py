@@ -129,19 +129,26 @@ class Distribution(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Positive(Distribution):
-    """The positive part of another distribution."""
+    """The positive part of another distribution, or its part beyond the size of a stretching, counted from there."""
 
     whole: Distribution
+    stretching: float = 0.0
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
-        x = np.asarray(x, dtype=float)
-        return np.where(x > 0, self.whole.density(x) / self.whole.survival(0.0), 0.0)
+        y, begin = np.asarray(x, dtype=float) + self.stretching, abs(self.stretching)
+        return np.where(y > begin, self.whole.density(y) / self.whole.survival(begin), 0.0)
+
+    @property
+    def leftmost(self) -> float:
+        """That of the whole: its tail is the same."""
+        return self.whole.leftmost
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Zero, and what jumps there are above it."""
-        return (0.0, *(knot for knot in self.whole.knots if knot > 0))
+        """Where it begins, and what jumps there are above."""
+        begin = abs(self.stretching)
+        return (begin - self.stretching, *(knot - self.stretching for knot in self.whole.knots if knot > begin))
 
 
 DISTRIBUTIONS: dict[str, type] = {}

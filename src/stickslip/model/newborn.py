@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
+from stickslip.model.distribution import Positive
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.interface import Interface
 from stickslip.model.quadrature import panels
@@ -75,28 +76,6 @@ def half_distance(interface: Interface) -> float:
     return life.path if force == 0 else life.path / (1.0 - 2.0 * force / slow)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Margin(Distribution):
-    """How much further contacts of one stretching can go: thresholds beyond it, counted from it."""
-
-    thresholds: Distribution
-    stretching: float
-
-    def density(self, x: ArrayLike) -> Array:
-        y, begin = np.asarray(x, dtype=float) + self.stretching, abs(self.stretching)
-        beyond = self.thresholds.density(np.where(y > begin, y, 1.0)) / self.thresholds.survival(begin)
-        return np.where(y > begin, beyond, 0.0)
-
-    @property
-    def leftmost(self) -> float:
-        return self.thresholds.leftmost
-
-    @property
-    def knots(self) -> tuple[float, ...]:
-        begin = abs(self.stretching)
-        return (begin - self.stretching, *(knot - self.stretching for knot in self.thresholds.knots if knot > begin))
-
-
 def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
     """Return thresholds and sliding force of unstretched newborns that answer perturbations of steady sliding alike.
 
@@ -116,7 +95,7 @@ def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
     force = 0.0 if math.isclose(interface.sliding_force, x, rel_tol=1e-12) else interface.sliding_force - x
     if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
         return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), force
-    return Margin(thresholds=thresholds, stretching=x), force
+    return Positive(whole=thresholds, stretching=x), force
 
 
 def thresholds_beyond(

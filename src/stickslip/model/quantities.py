@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 from itertools import product
@@ -80,11 +79,8 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
     """Read a quantity such as ``"4 MN/m"``, one number with a decimal point and its unit, as a number in `unit`.
 
     A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole exponents: ``N*s/m``, ``N s`` never;
-    ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``, ``s^-1``. Names may be symbols or words; SI units take prefixes. With `bare`
-    a number without a unit is taken, too. The value is the double nearest to the exact one.
-
-    Raises `InputError` if the text is anything else, or its value is no finite number of full precision; the message
-    shows `example`, and does not name the place.
+    ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``, ``s^-1``. With `bare` a number without a unit is taken, too. The value is
+    the double nearest to the exact one. Errors show `example`, and do not name the place.
 
     >>> read_quantity("2 um", "m", "2 um")
     2e-06
@@ -112,10 +108,7 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
 
 
 def read_number(text: str) -> float:
-    """Read a plain number with a decimal point, as it stands on a command line or in a link.
-
-    Raises `InputError` if the text is anything else, or the number is not finite; the message does not name the place.
-    """
+    """Read a plain number with a decimal point, as it stands on a command line; errors do not name the place."""
     found = _PLAIN_NUMBER.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
     if found is None:
         raise InputError(_remedy(text, _PLAIN_NUMBER) or "must be a number, such as 0.5")
@@ -175,17 +168,13 @@ def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
     """Every way to write one unit, with its size and the exponents of the SI base units."""
     ways: dict[str, tuple[Fraction, dict[str, int]]] = {}
     for (symbol, (name, power)), (symbols, names, size, parts) in product(PREFIXES.items(), _UNITS):
-        for way in (*(symbol + own for own in symbols.split()), *_with_plurals(name + own for own in names.split())):
+        words = [name + own for own in names.split()]
+        for way in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
             ways[way] = Fraction(10) ** power * size, parts
     for symbols, names, size, parts in (*_UNITS, *_WITHOUT_PREFIX):  # "ft" is a foot, and no femtotonne
-        for way in (*symbols.split(), *_with_plurals(names.split())):
+        for way in (*symbols.split(), *names.split(), *(f"{word}s" for word in names.split())):
             ways[way] = Fraction(size), parts
     return ways
-
-
-def _with_plurals(names: Iterable[str]) -> Iterator[str]:
-    for name in names:
-        yield from (name, f"{name}s")
 
 
 _SLIPS = (

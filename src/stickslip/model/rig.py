@@ -31,21 +31,11 @@ USUAL_RANGE = 30.0
 
 @dataclass(frozen=True)
 class Assumption:
-    """A value of a rig that was not measured; in words, the value and how to measure it.
+    """A value of a rig that was not measured; in words, the value and how to measure it."""
 
-    Parameters
-    ----------
-    value : str
-        As it stands in the rig's file; empty if the file does not say.
-    how : str
-        How to measure it.
-    default : bool
-        Whether it was taken because the file said nothing.
-    """
-
-    value: str
+    value: str  # as it stands in the rig's file; empty if the file does not say
     how: str
-    default: bool = False
+    default: bool = False  # whether it was taken because the file said nothing
 
     @property
     def said(self) -> str:
@@ -58,24 +48,12 @@ class Assumption:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A value of a rig that was fitted to a measured trace.
+    """A value of a rig that was fitted to a measured trace."""
 
-    Parameters
-    ----------
-    value : str
-        As it stands in the rig's file.
-    interval : str
-        Its 90 % interval, in words.
-    how : str
-        What the trace says of it: identified, weak, not identified, at a bound, or assumed, and why.
-    draws : tuple of float
-        Equally likely values in SI units; those of all keys belong together, in their order.
-    """
-
-    value: str
-    interval: str
-    how: str
-    draws: tuple[float, ...] = ()
+    value: str  # as it stands in the rig's file
+    interval: str  # of 90 %, in words
+    how: str  # what the trace says of it: identified, weak, not identified, at a bound, or assumed, and why
+    draws: tuple[float, ...] = ()  # equally likely values in SI units; those of all keys belong together, in order
 
     def __str__(self) -> str:
         return f"{self.value} ({self.interval}); {self.how}"
