@@ -20,27 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from stickslip.errors import InputError, number, numbers, whole
-from stickslip.model.distribution import DISTRIBUTIONS, NEGLIGIBLE, Distribution, excess, register
-from stickslip.model.quadrature import panels, transforms_of_bins, transforms_on_a_path
+from stickslip.model.distribution import DISTRIBUTIONS as DISTRIBUTIONS
+from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
+from stickslip.model.distribution import Distribution as Distribution
+from stickslip.model.distribution import excess as excess
+from stickslip.model.distribution import register as register
+from stickslip.model.quadrature import transforms_of_bins, transforms_on_a_path
 from stickslip.model.records import Number
-from stickslip.model.steady_state import SteadyState
-
-__all__ = [
-    "DISTRIBUTIONS",
-    "NEGLIGIBLE",
-    "Distribution",
-    "Empirical",
-    "Exponential",
-    "Gamma",
-    "Gaussian",
-    "LogNormal",
-    "SteadyState",
-    "Uniform",
-    "Weibull",
-    "excess",
-    "panels",
-    "register",
-]
+from stickslip.model.steady_state import SteadyState as SteadyState
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
