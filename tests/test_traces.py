@@ -137,8 +137,8 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
         (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
         ("", {"step": 1.0}, "empty"),
-        (" \n\n", {"step": 1.0}, "blanks only"),
-        ("# nothing\n# here\n", {"step": 1.0}, "comments only"),
+        (" \n\n", {"step": 1.0}, "blanks and comments only"),
+        ("# nothing\n# here\n", {"step": 1.0}, "blanks and comments only"),
         ("to be\nor not\nto be\n", {"step": 1.0}, "no column of numbers"),
         ("1\n2\n3\n", {"step": 1.0}, "3 readings are too few"),
         (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", {"step": 1.0}, "4 of 68 rows cannot be read, first line 61"),
@@ -303,7 +303,7 @@ def test_a_cell_in_no_unit_is_no_force(tmp_path):
         (lambda lines: ["t (s);F (s)", *lines], "line 2.*'N' below the heading 's'"),
         (
             lambda lines: [line.replace(" N", " Nx" if i != 6 else " kN") for i, line in enumerate(lines)],
-            r"line 7, '1\.5;.* kN': column 2 holds 'kN' among 'Nx'",
+            "column 2 holds numbers in 'Nx'",
         ),
     ],
 )
@@ -471,6 +471,6 @@ def test_a_row_of_a_number_too_many_and_the_end_of_a_file_of_dos(tmp_path):
 def test_exponents_of_fortran_and_cells_in_no_unit(tmp_path):
     column = "".join(f"{f:.6f}D+01\n" for f in WAVE)
     np.testing.assert_allclose(read_trace(written(tmp_path, column), step=0.01)["spring_force"], 10.0 * WAVE)
-    for end, message in (("foo", "cannot be read"), ("E+", "cannot be read"), (" N/m", "holds 'N/m'")):
-        with pytest.raises(InputError, match=message):
+    for end in ("foo", "E+", " N/m"):
+        with pytest.raises(InputError, match=f"holds numbers in {end.strip()!r}".replace("+", r"\+")):
             read_trace(written(tmp_path, column.replace("D+01", end)), step=0.01)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from stickslip.model.quantities import unit_size
 from stickslip.words import PREFIXES
@@ -32,27 +31,23 @@ _WORDS: dict[str, tuple[str, float]] = {
     **dict.fromkeys(("deg", "°", "rad", "rpm"), ("angle", 1.0)),
 }
 """What instruments write besides the units that `stickslip.model.quantities` reads."""
-_NAMES: dict[Quantity, set[str]] = {
-    "time": {"t", "time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit", "x value", "timestamp"},
-    "coefficient": {
-        *("cof", "mu", "coefficient of friction", "friction coefficient", "friction coeff", "coeff of friction"),
-        *("reibwert", "reibungszahl", "reibungskoeffizient", "reibkoeffizient", "coefficient de frottement"),
-    },
-    "load": {
-        *("load", "normal load", "normal force", "fn", "f n", "fz", "f z", "normalkraft", "last", "normal stress"),
-        *("force normale", "sigma n", "axial load"),
-    },
-    "force": {
-        *("f", "f d", "fd", "force", "pull", "friction", "friction force", "frictional force", "driving force"),
-        *("spring force", "tangential force", "shear force", "lateral force", "shear stress", "fx", "f x", "ft", "f t"),
-        *("kraft", "reibkraft", "reibungskraft", "tangentialkraft", "zugkraft", "force de frottement", "ff", "f f"),
-    },
-    "displacement": {
-        *("x", "s", "displacement", "displ", "disp", "position", "pos", "distance", "travel", "stroke", "slip"),
-        *("extension", "weg", "load point displacement", "slider displacement", "traverse", "traversenweg"),
-    },
+_NAMES: dict[Quantity, str] = {
+    "time": "t, time, times, elapsed, elapsed time, seconds, sec, zeit, x value, timestamp",
+    "coefficient": "cof, mu, coefficient of friction, friction coefficient, friction coeff, coeff of friction, "
+    "reibwert, reibungszahl, reibungskoeffizient, reibkoeffizient, coefficient de frottement",
+    "load": "load, normal load, normal force, fn, f n, fz, f z, normalkraft, last, normal stress, force normale, "
+    "sigma n, axial load",
+    "force": "f, f d, fd, force, pull, friction, friction force, frictional force, driving force, spring force, "
+    "tangential force, shear force, lateral force, shear stress, fx, f x, ft, f t, ff, f f, "
+    "kraft, reibkraft, reibungskraft, tangentialkraft, zugkraft, force de frottement",
+    "displacement": "x, s, displacement, displ, disp, position, pos, distance, travel, stroke, slip, extension, weg, "
+    "load point displacement, slider displacement, traverse, traversenweg",
 }
-_BRACKET = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_NAMED: dict[str, Quantity] = {name: quantity for quantity, names in _NAMES.items() for name in names.split(", ")}
+_TOLD_BY_UNIT: dict[str, Quantity] = {"force": "force", "time": "time", "length": "displacement"}
+_UNITS_OF = {"time": ("time",), "force": ("force", "stress"), "load": ("force", "stress"), "displacement": ("length",)}
+
+_BRACKET = re.compile(r"(?P<name>.+?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
 _TAIL = re.compile(r"(?P<name>.*?[^\W_])\s*(?:[/,_]|\s+in\b|\s)\s*(?P<unit>[^\s/,_]+)")
 
 
@@ -82,8 +77,7 @@ def simple(name: str) -> str:
     return " ".join(re.split(r"[\s_.\-:]+", plain)).strip()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Heading:
+class Heading(NamedTuple):
     """Name and unit of a column as the file has them; either may be empty."""
 
     name: str = ""
@@ -92,57 +86,52 @@ class Heading:
     @classmethod
     def read(cls, cell: str) -> Heading:
         """Take the head of a column apart: ``Force (N)``, ``Force [N]``, ``Force / N``, ``force_N``."""
-        cell = cell.strip().strip('"').strip()
-        bracket = _BRACKET.search(cell)
-        if bracket and bracket.start():
-            return cls(name=cell[: bracket.start()].strip(), unit=bracket[1])
+        cell = cell.strip(' "\t')
+        if bracket := _BRACKET.fullmatch(cell):
+            return cls(**bracket.groupdict())
         tail = _TAIL.fullmatch(cell)
-        if tail and _named(cell) != "load":  # F_N is the normal force, and no force in N
-            kind, unit = _named(tail["name"]), unit_named(tail["unit"])
-            fits = {"time": {"time"}, "force": {"force", "stress"}, "load": {"force", "stress"}}
-            if unit and unit[0] in fits.get(kind, {"length"} if kind == "displacement" else set()):
-                return cls(name=tail["name"].strip(), unit=tail["unit"])
-        return cls(name=cell)
+        if tail and _quantity(cell) != "load":  # F_N is the normal force, and no force in N
+            unit = unit_named(tail["unit"])
+            if unit and unit[0] in _UNITS_OF.get(_quantity(tail["name"]), ()):
+                return cls(**tail.groupdict())
+        return cls(cell)
 
     @property
     def quantity(self) -> Quantity:
         """What the column holds, by its name and, where that says nothing, by its unit; empty if neither tells."""
-        known = unit_named(self.unit) if self.unit else None
-        kind = known[0] if known else ""
-        named = _named(self.name)
-        if kind in ("temperature", "frequency", "angle", "velocity"):
+        kind = (unit_named(self.unit) or ("",))[0]
+        named = _quantity(self.name)
+        if kind in ("temperature", "frequency", "angle", "velocity") or (
+            named == "force" and kind in ("length", "time")
+        ):
             return "other"
         if named == "force" and kind == "number":
             return "coefficient"
-        if named == "force" and kind in ("length", "time"):
-            return "other"
-        if not named:
-            return {"force": "force", "time": "time", "length": "displacement"}.get(kind, "")  # type: ignore[return-value]
-        return named
+        return named or _TOLD_BY_UNIT.get(kind, "")
 
     def __str__(self) -> str:
         return self.name + (f" ({self.unit})" if self.unit else "")
 
 
-def _named(name: str) -> Quantity:
-    return next((kind for kind, names in _NAMES.items() if simple(name) in names), "")
+def _quantity(name: str) -> Quantity:
+    return _NAMED.get(simple(name), "")
 
 
-def is_units_row(cells: Sequence[str], *, below_names: bool) -> bool:
-    """Whether the cells of a line are units: all known, or, below a line of names, most of them."""
-    filled = [cell.strip().strip('"').strip("[]() ") for cell in cells if cell.strip()]
-    known = [unit_named(cell) for cell in filled]
-    if not any(unit and unit[0] in ("force", "time", "length", "stress", "signal") for unit in known):
-        return False
-    count = sum(unit is not None for unit in known)
-    return count == len(filled) or (below_names and count >= 0.5 * len(filled) and max(map(len, filled)) <= 12)
+def units_in(cells: Sequence[str], *, below_names: bool) -> list[str]:
+    """The units in the cells of a line, if it is one of units: all known, or, below a line of names, most of them."""
+    units = [cell.strip().strip('"').strip("[]() ") for cell in cells]
+    filled = [unit for unit in units if unit]
+    known = [found[0] for unit in filled if (found := unit_named(unit))]
+    if not {"force", "time", "length", "stress", "signal"} & set(known):
+        return []
+    most = below_names and len(known) >= 0.5 * len(filled) and max(map(len, filled)) <= 12
+    return units if most or len(known) == len(filled) else []
 
 
-def coefficients_without_unit(headings: Sequence[Heading]) -> list[Heading]:
-    """Name the unit of a bare friction column: without one where the others have theirs, it is a coefficient."""
-    carry = sum(bool(heading.unit) for heading in headings)
-    found = []
-    for heading in headings:
-        bare = simple(heading.name) == "friction" and not heading.unit
-        found.append(Heading(name=heading.name, unit="1") if bare and carry >= 2 else heading)
-    return found
+def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
+    """Give a bare friction column the unit 1: without a unit where the others have theirs, it is a coefficient."""
+    carried = sum(bool(heading.unit) for heading in headings) >= 2
+    return [
+        Heading(each.name, "1") if carried and not each.unit and simple(each.name) == "friction" else each
+        for each in headings
+    ]
