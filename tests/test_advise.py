@@ -20,35 +20,16 @@ from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG8
 
 
-def make(*, stiffness, damping_ratio=0.15, mass=1e-4, std=0.1, delay=0.1, velocity=1.0, contacts=3000, seed=1):
+def make(*, stiffness, damping_ratio=0.15, mass=1e-4, delay=0.1):
     """A rig in natural units, its damping given by its ratio."""
-    return rigs.from_document(
-        {
-            "units": "natural",
-            "slider": {"stiffness": stiffness, "mass": mass, "damping_ratio": damping_ratio},
-            "interface": {"thresholds": {"distribution": "gaussian", "std": std}, "delay": delay},
-            "drive": {"velocity": velocity, "distance": 80.0},
-            "simulation": {"contacts": contacts, "seed": seed},
-        }
-    )
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=2.0 * damping_ratio * math.sqrt(stiffness / mass))
+    interface = ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), delay=ss.Delay(delay))
+    return ss.Rig(interface, slider, ss.constant(1.0, 80.0), method=ss.Contacts(3000, seed=1))
 
 
 def at(rig, parameter, value):
     """The rig with one parameter varied."""
     return parameter_named(parameter).set(rig.natural, value)
-
-
-def motion_from_rest(setting, seed):
-    """The regime from rest; a run that is not smooth is made longer, as a slow decay takes its time."""
-    distance = max(150.0, 15.0 / setting.slider.stiffness)
-    for longer in (1.0, 2.0, 4.0):
-        drive = ss.constant(setting.velocity, longer * distance / setting.velocity)
-        seen = ss.regime(
-            ss.simulate(ss.Rig(setting.interface, setting.slider, drive), method=replace(setting.method, seed=seed))
-        )
-        if seen.kind == "smooth sliding":
-            break
-    return seen
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +69,10 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert 0.8 * 0.0755 < stops["delay",][0] < 0.0755 + 0.003
     assert found.mitigations[0].parameters[0] != "delay"  # a machine has other handles
     for mitigation in found.mitigations:
-        assert motion_from_rest(changed(rig, mitigation, mitigation.stops), seed=5).kind == "smooth sliding", mitigation
+        there = changed(rig, mitigation, mitigation.stops)
+        long = replace(there, drive=ss.constant(there.velocity, 300.0 / there.velocity))
+        run = ss.simulate(long, method=replace(there.method, seed=5))
+        assert ss.regime(run).kind == "smooth sliding", mitigation
 
 
 def test_the_change_proposed_is_the_smallest_to_a_few_percent(paper_s_rig):
@@ -156,39 +140,6 @@ def test_the_verdict_on_the_examples_is_decided(name):
     assert ss.predict(ss.example(name), fast=True).regime.kind in ("stick-slip", "sustained oscillation")
 
 
-RIG_17 = {
-    "stiffness": 0.3849,
-    "mass": 8.2693e-5,
-    "damping": 33.766,
-    "thresholds": ss.Gamma(mean=1.0, std=0.0896),
-    "delay": ss.RandomDelay(mean=0.05447, std=0.015955, negative="fold"),
-}
-RIG_247 = {
-    "stiffness": 0.195,
-    "mass": 1.6304e-4,
-    "damping": 19.031,
-    "thresholds": ss.Uniform(low=0.4729369, high=1.5270631),
-    "delay": ss.Delay(0.14152),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", [RIG_17, RIG_247], ids=["17", "247"])
-def test_smooth_sliding_is_said_to_stay_only_where_the_rig_s_own_contacts_stay(case):
-    """Where linear theory is right for ever more contacts, the 2000 of the rig leave smooth sliding."""
-    slider = ss.Slider(stiffness=case["stiffness"], mass=case["mass"], damping=case["damping"])
-    interface = ss.Interface(thresholds=case["thresholds"], delay=case["delay"])
-    rig = ss.Rig(interface, slider, ss.constant(1.0, 120.0), method=ss.Contacts(2000, seed=3))
-    found = ss.predict(rig)
-    for mitigation in found.mitigations:
-        if mitigation.keeps is not None:
-            there = changed(rig, mitigation, mitigation.keeps)
-            longer = replace(there, drive=ss.constant(there.velocity, 120.0 / there.velocity))
-            for seed in (3, 8):
-                run = ss.simulate(longer, method=ss.Contacts(2000, seed=seed), start=ss.FromSliding())
-                assert ss.regime(run).kind == "smooth sliding", mitigation
-
-
 def test_a_slow_decay_is_waited_for():
     """After 120 x_s these runs cannot be judged; they are smooth after 600 and 1500."""
     thresholds = ss.Gaussian(mean=1.0, std=0.1996)
@@ -238,30 +189,6 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
         run = ss.simulate(ss.Rig(here.interface, here.slider, drive), method=ss.Contacts(2_000, seed=77))
         late = run["spring_force"].to_numpy()[run["time"].to_numpy() > 36.0 / here.velocity]
         assert np.ptp(late) < 0.25
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(20))
-def test_mitigations_of_rigs_drawn_at_random_are_true(number):
-    rng = np.random.default_rng([7, number])
-    rig = make(
-        stiffness=float(np.exp(rng.uniform(np.log(0.7), np.log(6.0)))),
-        damping_ratio=0.5 * float(rng.uniform(0.1, 1.2)),
-        mass=float(10 ** rng.uniform(-4.5, -3.0)),
-        std=float(rng.uniform(0.06, 0.2)),
-        delay=float(rng.uniform(0.03, 0.3)),
-        velocity=float(np.exp(rng.uniform(np.log(0.4), np.log(2.5)))),
-    )
-    found = advise.predict(rig)
-    if not found.ill:
-        assert motion_from_rest(at(rig, "velocity", rig.velocity), seed=3).kind in ("smooth sliding", "undecided")
-    for mitigation in found.mitigations:
-        if mitigation.keeps is not None:
-            kept = changed(rig, mitigation, mitigation.keeps)
-            assert ss.stability.count_unstable(kept) == 0
-        if mitigation.stops is not None:
-            seen = motion_from_rest(changed(rig, mitigation, mitigation.stops), seed=number)
-            assert seen.kind == "smooth sliding", (mitigation, seen)
 
 
 @pytest.mark.slow
