@@ -339,13 +339,6 @@ def test_names_seed_fingerprint_and_version_are_part_of_the_case(tmp_path, monke
         run_cases(**same)
 
 
-def test_a_function_that_holds_what_cannot_be_read_takes_no_store(tmp_path):
-    lock = threading.Lock()
-    with pytest.raises(InputError, match=r"^function = .*: a value in it cannot be read"):
-        run_cases(lambda x: {"y": x if lock else 0}, {"x": [1.0]}, store=tmp_path / "s.sqlite")
-    assert run_cases(lambda x: {"y": x if lock else 0}, {"x": [1.0]})["y"] == 1.0
-
-
 @contextmanager
 def changing(store):
     """Change a store behind the back of the sweep."""
@@ -422,13 +415,6 @@ def test_a_reader_never_stands_in_the_way(cases, tmp_path):
     run_cases(cases.logged, LOGGED_AXES, store=store, progress=look)
     assert len(lines) > 5
     assert re.match(rf"\d+ of 60 cases done, \d+ not run yet; process {os.getpid()} on .* is at it; about", lines[-1])
-
-
-def test_too_many_cases_are_refused_before_they_start():
-    axes = {"a": range(1000), "b": range(1000), "c": range(1000)}
-    with pytest.raises(InputError, match=r"1e\+09 cases are more than max_cases = 1e\+06; take fewer values, or set"):
-        run_cases(lambda a, b, c: {"x": 1}, axes)  # noqa: ARG005
-    assert summary(run_cases(product, {"a": [1, 3], "b": [1]}, options=Options(max_cases=2))).done == 2
 
 
 # ---------------------------------------------------------------- two at once
@@ -524,23 +510,35 @@ def test_a_pool_handed_in_that_loses_a_worker_is_not_ours_to_rebuild(cases, tmp_
 # ---------------------------------------------------------------- executors
 
 
-def test_what_is_no_executor_is_refused():
-    with pytest.raises(InputError, match=r"executor = 4: must be Threads\(n\)"):
-        run_cases(product, ONE, executor=4)
-    with pytest.raises(InputError, match=r"Threads\.workers = 0: must be"):
-        Threads(0)
+def closed():
     pool = ThreadPoolExecutor(1)
     pool.shutdown()
-    with pytest.raises(InputError, match="takes no more cases"):
-        run_cases(product, ONE, executor=pool)
+    return pool
 
 
-def test_functions_that_cannot_be_sent_are_named():
-    def local(a):
-        return {"a": a}
-
-    with pytest.raises(InputError, match=r"function = .*local: cannot be sent to another process .*use Threads"):
-        run_cases(local, {"a": [1]}, executor=Processes(1))
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda _: run_cases(product, ONE, executor=4), r"executor = 4: must be Threads\(n\)"),
+        (lambda _: Threads(0), r"Threads\.workers = 0: must be"),
+        (lambda _: run_cases(product, ONE, executor=closed()), "takes no more cases"),
+        (
+            lambda _: run_cases(closing_over(2), {"x": [1]}, executor=Processes(1)),
+            r"function = .*f: cannot be sent to another process .*use Threads",
+        ),
+        (
+            lambda store: run_cases(closing_over(threading.Lock()), {"x": [1]}, store=store),
+            "^function = .*f: a value in it cannot be read",
+        ),
+        (
+            lambda _: run_cases(lambda **_: {"x": 1}, dict.fromkeys("abc", range(1000))),
+            r"1e\+09 cases are more than max_cases = 1e\+06; take fewer values, or set",
+        ),
+    ],
+)
+def test_what_cannot_be_run_is_refused(tmp_path, ask, message):
+    with pytest.raises(InputError, match=message):
+        ask(tmp_path / "s.sqlite")
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -31,16 +31,16 @@ REGIMES: dict[str, tuple[str, str, str]] = {
 }
 """Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
-_BOUNDARY = "linear boundary, computed"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 _ENTRY = 1.6
 """Inches of an entry of a legend."""
-_LINE: Any = {"color": style.BLACK, "linewidth": 1.6, "path_effects": _HALO}
+_LINE: Any = {"color": style.BLACK, "linewidth": 1.6, "path_effects": _HALO, "zorder": 1.9}
+_LINE["label"] = "linear boundary, computed"
+EDGE: Any = {"edgecolor": style.GREY, "linewidth": 0.5}
+"""The line about a patch in a legend."""
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Sweeps
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- sweeps
 
 
 @house_style()
@@ -76,15 +76,13 @@ def sweep_picture(data: xr.Dataset) -> Figure:
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
     """What became of each case, in words."""
-
-    def decoded(name: str) -> xr.DataArray:
-        flags, known = data[name].attrs, xr.full_like(data[name], "", dtype=object)
-        for code, word in zip(np.asarray(flags["flag_values"]), flags["flag_meanings"].split(), strict=True):
-            known = known.where(data[name] != code, word.replace("_", " "))
-        return known
-
-    regime, status = decoded("regime").where(lambda kind: kind != "", "not run"), decoded("status")
+    regime, status = _words(data["regime"]), _words(data["status"])
     return regime.where(~status.isin(["failed", "not run"]), status)
+
+
+def _words(codes: xr.DataArray) -> xr.DataArray:
+    words = np.array([word.replace("_", " ") for word in codes.attrs["flag_meanings"].split()], dtype=object)
+    return codes.copy(data=words[codes.to_numpy() - codes.attrs["flag_values"][0]])
 
 
 def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
@@ -94,29 +92,30 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
         starts = np.unique(data["start"].to_numpy().astype(str)).tolist()
     figure = new_figure(style.PAGE if len(starts) > 1 else 1.2 * style.COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
-    legend: dict[str, Any] = {}
+    patches: list[Patch] = []
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
         if start is not None:
             letter(ax, f"({'abc'[i]}) {_STARTS.get(start, start)}")
-        limits = draw(ax, data, across, up, start, legend)
-        legend |= _draw_theory(ax, data, across, up)
+        found, limits = draw(ax, data, across, up, start)
+        patches += found
+        _draw_theory(ax, data, across, up)
         dress(ax.xaxis, data[across])
         dress(ax.yaxis, data[up])
         ax.set(**limits)
         ax.label_outer()
-    order = [kind for kind in REGIMES if kind in legend] + [name for name in legend if name not in REGIMES]
-    legend_below(figure, [legend[name] for name in order])
+    legend_below(figure, patches)
     return figure
 
 
-def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, legend: dict[str, Any]) -> dict[str, Any]:
-    """Colour the cell of each case; return the limits of the axes."""
+def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any) -> tuple[list[Patch], dict[str, Any]]:
+    """Colour the cell of each case; return what the legend shows, and the limits of the axes."""
     kinds = _kinds(data)
     if "seed" in kinds.dims:
         first = kinds.isel(seed=0, drop=True)
         kinds = first.where((kinds == first).all("seed"), "seeds differ")
     here = (kinds if start is None else kinds.sel(start=start)).transpose(up, across).to_numpy()
     cells = [_cell_edges(data[name]) for name in (across, up)]
+    patches = []
     for kind, (colour, _, hatch) in REGIMES.items():
         mine = here == kind
         if not mine.any() or kind == "not run":
@@ -127,46 +126,45 @@ def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, le
             ax.pcolor(*cells, shown, **paint, hatch=hatch, edgecolor=style.GREY, linewidth=0)
         else:
             ax.pcolormesh(*cells, shown, **paint, rasterized=here.size > 10_000)
-        legend.setdefault(kind, Patch(facecolor=colour, hatch=hatch, label=kind, edgecolor=style.GREY, linewidth=0.5))
-    return {"xlim": cells[0][[0, -1]], "ylim": cells[1][[0, -1]]}
+        patches.append(Patch(facecolor=colour, hatch=hatch, label=kind, **EDGE))
+    return patches, {"xlim": cells[0][[0, -1]], "ylim": cells[1][[0, -1]]}
 
 
-def _draw_runs(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any, legend: dict[str, Any]) -> dict[str, Any]:
+def _draw_runs(ax: Axes, data: xr.Dataset, across: str, up: str, start: Any) -> tuple[list[Patch], dict[str, Any]]:
     """Mark the runs of a refinement, and where it found the regime to change."""
     mine = data.isel(run=data["start"].to_numpy() == start, crossing=data["start_at"].to_numpy() == start)
-    for kind, look, here in _marks(_kinds(mine).to_numpy()):
-        x, y = mine[across].to_numpy()[here], mine[up].to_numpy()[here]
-        (legend[kind],) = ax.plot(x, y, **look, markersize=4, markeredgewidth=0.4, label=kind)
+    for look, here in _marks(_kinds(mine).to_numpy()):
+        ax.plot(mine[across][here], mine[up][here], **look, markersize=4, markeredgewidth=0.4)
     bars: Any = {"color": style.VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
     bars |= {"xerr": mine[f"{across}_error"], "yerr": mine[f"{up}_error"], "label": "where the regime changes"}
-    legend["crossing"] = ax.errorbar(mine[f"{across}_at"], mine[f"{up}_at"], **bars)
-    return {}
+    ax.errorbar(mine[f"{across}_at"], mine[f"{up}_at"], **bars)
+    return [], {}
 
 
-def _marks(kinds: NDArray[Any]) -> Iterator[tuple[str, dict[str, Any], NDArray[np.bool_]]]:
+def _marks(kinds: NDArray[Any]) -> Iterator[tuple[dict[str, Any], NDArray[np.bool_]]]:
     """The mark of each kind of case that there is, and where."""
     for kind, (colour, mark, _) in REGIMES.items():
-        here = kinds == kind
-        if mark and here.any():
-            yield kind, {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": style.BLACK}, here
+        look = {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": style.BLACK, "label": kind}
+        if mark and (here := kinds == kind).any():
+            yield look, here
 
 
-def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, Any]:
-    """Draw the boundary and the lower edge of the bistable band; return their lines by name."""
-    drawn: dict[str, Any] = {}
-    for name, draw in ((across, ax.axvline), (up, ax.axhline)):  # theory knows one of the axes only
-        if f"edge_{name}" in data and "edge_curve" not in data:
-            for value in data[f"edge_{name}"].to_numpy().tolist():
-                drawn["boundary"] = draw(value, **_LINE, label=_BOUNDARY)
+def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
+    """Draw the boundary of smooth sliding, and where stick-slip ends beside it."""
     if "edge_curve" in data:
         for x, y, _ in _curves(data, across, up, "edge_curve"):
-            (drawn["boundary"],) = ax.plot(x, y, **_LINE, zorder=1.9, label=_BOUNDARY)
+            ax.plot(x, y, **_LINE)
+    else:  # theory knows one of the axes only
+        for name, draw in ((across, ax.axvline), (up, ax.axhline)):
+            for value in data.get(f"edge_{name}", []):
+                draw(float(value), **_LINE)
+    for ends in zip(*(data.get(f"band_{across}_{end}", []) for end in ("low", "high")), strict=True):
+        ax.axvspan(*map(float, ends), color=style.YELLOW, alpha=0.3, linewidth=0, label="both last, computed")
     if f"band_{up}_fold" in data and data.sizes["band"]:
         fold = data.sortby(f"band_{across}")
         look: Any = {"color": style.VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "path_effects": _HALO}
         look |= {"marker": "o", "markersize": 3, "label": "stick-slip decays (fold), computed"}
-        (drawn["fold"],) = ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **look)
-    return drawn
+        ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **look)
 
 
 def _curves(data: xr.Dataset, across: str, up: str, number: str) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
@@ -189,29 +187,19 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
         name = _STARTS.get(str(start), "")
         ax.plot(data[axis], middle, color=style.GREY, linewidth=0.9, linestyle=dashes, label=name, zorder=1)
     place = data[axis].broadcast_like(oscillation).transpose(*oscillation.dims).to_numpy()
-    for kind, look, here in _marks(_kinds(data).transpose(*oscillation.dims).to_numpy()):
+    for look, here in _marks(_kinds(data).transpose(*oscillation.dims).to_numpy()):
         if np.isfinite(values := oscillation.to_numpy()[here]).any():
-            ax.plot(place[here], values, **look, markersize=4.5, markeredgewidth=0.5, label=kind)
-    if f"edge_{axis}" in data:
-        for i, value in enumerate(data[f"edge_{axis}"].to_numpy()):
-            ax.axvline(value, color=style.BLACK, linewidth=1.2, label=None if i else _BOUNDARY, zorder=0.5)
-    if f"band_{axis}_low" in data:
-        ends = (data[f"band_{axis}_{end}"].to_numpy() for end in ("low", "high"))
-        for i, (low, high) in enumerate(zip(*ends, strict=True)):
-            title = None if i else "both last, computed"
-            ax.axvspan(low, high, color=style.YELLOW, alpha=0.3, linewidth=0, label=title)
+            ax.plot(place[here], values, **look, markersize=4.5, markeredgewidth=0.5)
+    _draw_theory(ax, data, axis)
     dress(ax.xaxis, data[axis])
     dress(ax.yaxis, oscillation)
     ax.set_ylim(bottom=0)
-    found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
     figure: Figure = ax.figure  # type: ignore[assignment]
-    legend_below(figure, [handle for name, handle in found.items() if name])
+    legend_below(figure)
     return figure
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The stability map
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- the stability map
 
 
 @house_style()
@@ -227,11 +215,10 @@ def chart(found: xr.Dataset) -> Figure:
     ax = new_axes(1.6 * style.COLUMN, 4.6)
     figure: Figure = ax.figure  # type: ignore[assignment]
     _shade(ax, found, across, up)
-    handles: dict[str, Any] = {}
     hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
     written: list[tuple[float, float]] = []
     for x, y, mine in _curves(found, across, up, "curve"):
-        (handles["edge"],) = ax.plot(x, y, color=style.BLACK, lw=1.6, label="limit of smooth sliding")
+        ax.plot(x, y, color=style.BLACK, lw=1.6, label="limit of smooth sliding")
         for i in _places(x, y, found[across], found[up], written):
             look: Any = {"fontsize": 7, "ha": "center", "va": "center"}
             look["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
@@ -240,10 +227,10 @@ def chart(found: xr.Dataset) -> Figure:
     if "band" in found.dims and found.sizes["band"]:
         low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
         place = found[f"band_{across}"].to_numpy()
-        name = "stick-slip persists, too (bistable)"
-        handles["band"] = ax.vlines(place, low, high, color=style.BLUE, lw=3.0, alpha=0.7, label=name)
+        look = {"color": style.BLUE, "lw": 3.0, "alpha": 0.7, "label": "stick-slip persists, too (bistable)"}
+        ax.vlines(place, low, high, **look)
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
-    (handles["here"],) = ax.plot(*here, "o", ms=8, mfc="white", mec=style.BLACK, mew=1.5, ls="none", label="this rig")
+    ax.plot(*here, "o", ms=8, mfc="white", mec=style.BLACK, mew=1.5, ls="none", label="this rig")
     for axis, name in ((ax.xaxis, across), (ax.yaxis, up)):
         dress(axis, found[name].assign_attrs(spacing="log"))
     ax.set_xlim(float(found[across].min()), float(found[across].max()))
@@ -252,7 +239,7 @@ def chart(found: xr.Dataset) -> Figure:
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
     numbers = f"numbers: frequency at the limit ({unit}); growth above 0: unstable"
     ax.set_title(f"{title}\n{numbers}" if title else numbers)
-    legend_below(figure, list(handles.values()))
+    legend_below(figure)
     return figure
 
 
@@ -288,9 +275,7 @@ def _places(x: Any, y: Any, across: xr.DataArray, up: xr.DataArray, written: lis
     return found
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Axes and legends
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- axes and legends
 
 
 def _cell_edges(axis: xr.DataArray) -> Array:
@@ -306,8 +291,14 @@ def _cell_edges(axis: xr.DataArray) -> Array:
     return np.asarray(np.exp(edges) if log else edges)
 
 
-def legend_below(figure: Figure, handles: list[Any]) -> None:
-    """Put the legend below all axes, where it hides no data, in as many rows as its width asks for."""
+def legend_below(figure: Figure, patches: Iterable[Patch] = ()) -> None:
+    """Put one legend of all axes below them, where it hides no data, in as many rows as its width asks for."""
+    found: dict[Any, Any] = {patch.get_label(): patch for patch in patches}
+    for ax in figure.axes:
+        found |= {name: handle for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
+    handles = [found[kind] for kind in REGIMES if kind in found] + [
+        found[name] for name in found if name not in REGIMES
+    ]
     rows = math.ceil(len(handles) / max(figure.get_figwidth() // _ENTRY, 1))
     columns = math.ceil(len(handles) / max(rows, 1))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4)

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from stickslip.model.parameters import parameter_named
-from stickslip.plot.maps import REGIMES, legend_below
+from stickslip.plot.maps import EDGE, REGIMES, legend_below
 from stickslip.plot.runs import force_trace
 from stickslip.plot.style import BLACK, DASHED, GREY, PAGE, VERMILLION, dress, house_style, new_figure
 
@@ -29,7 +29,6 @@ _BY_THEORY = {
     "stable": "stable (linear, without noise)",
     "unknown": "not known",
 }
-_EDGE: Any = {"edgecolor": GREY, "linewidth": 0.5}
 _BAR: Any = {"height": 0.62, "linewidth": 0}
 
 
@@ -47,11 +46,12 @@ def prediction(answer: Prediction) -> Figure:
     figure = new_figure(PAGE, 2.0 + sum(heights))
     axes = figure.subplots(len(heights), 1, height_ratios=heights)
     figure.suptitle(_title(answer.rig, answer.headline), x=0.01, ha="left", fontsize=9)
-    handles = _strip_of_speeds(axes[0], answer)
+    patches = _strip_of_speeds(axes[0], answer)
     _force_at_its_speed(axes[1], answer)
     if rows:
-        handles |= _margins(axes[2], answer)
-    legend_below(figure, list(handles.values()))
+        _margins(axes[2], answer)
+        patches.append(_patch("unstable"))
+    legend_below(figure, patches)
     return figure
 
 
@@ -61,18 +61,23 @@ def _title(rig: Any, sentence: str) -> str:
     return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
 
 
-def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
+def _patch(kind: str) -> Patch:
+    """A kind of motion in the legend."""
+    hatch = "....." if kind == "unknown" else None
+    return Patch(label=_BY_THEORY.get(kind, kind), facecolor=_COLOURS.get(kind, "#FFFFFF"), hatch=hatch, **EDGE)
+
+
+def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
     """Colour the speeds by their motion; mark those of the rig."""
-    handles: dict[str, Any] = {}
+    patches = []
     for band in answer.bands:
-        look: Any = {"facecolor": _COLOURS.get(band.kind, "#FFFFFF")}
-        look["hatch"] = "....." if band.kind == "unknown" else None
+        patches.append(patch := _patch(band.kind))
+        look: Any = {"facecolor": patch.get_facecolor(), "hatch": patch.get_hatch()}
         ax.axvspan(band.low, band.high, edgecolor=GREY, linewidth=0, **look)
-        handles.setdefault(band.kind, Patch(label=_BY_THEORY.get(band.kind, band.kind), **_EDGE, **look))
         if band.bistable:
-            ax.axvspan(band.low, band.high, facecolor="none", edgecolor="white", hatch="/////", linewidth=0)
-            also: Any = {"label": "... or smooth: bistable (without noise)", "hatch": "/////"}
-            handles.setdefault("bistable", Patch(facecolor=GREY, edgecolor="white", **also))
+            look = {"edgecolor": "white", "hatch": "/////"}
+            ax.axvspan(band.low, band.high, facecolor="none", linewidth=0, **look)
+            patches.append(Patch(facecolor=GREY, label="... or smooth: bistable (without noise)", **look))
     rig, operation = answer.rig, answer.rig.operation
     ax.axvline(rig.velocity, color=BLACK, linewidth=1.6)
     place = ax.get_xaxis_transform()
@@ -87,7 +92,7 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
     others = "; dashed, its other speeds" if len(operation.speeds) > 1 else ""
     others = "; the bar is its range" if answer.between is not None else others
     ax.set_title(f"motion at each speed; the mark is this rig{others}", fontsize=8)
-    return handles
+    return patches
 
 
 def _axis_of_speeds(ax: Axes, answer: Any) -> None:
@@ -109,7 +114,7 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
     ax.set_title("force at its speed", fontsize=8)
 
 
-def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
+def _margins(ax: Axes, answer: Prediction) -> None:
     """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
     singles = [each for each in answer.mitigations if len(each.parameters) == 1]
     names = [margin.parameter for margin in answer.margins]
@@ -128,14 +133,12 @@ def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
         for edge in (margin.lower, margin.upper):
             if edge is not None:
                 ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
-    unstable = Patch(label=_BY_THEORY["unstable"], facecolor=_COLOURS["unstable"], **_EDGE)
-    handles: dict[str, Any] = {"unstable": unstable}
     mark: Any = {"color": VERMILLION, "markersize": 5, "markeredgecolor": "white", "linestyle": "none"}
     mark |= {"clip_on": False, "label": "mitigation (simulated)"}
     for each in singles:
         if each.stops is not None:
             at = each.stops[0] / each.values[0]
-            (handles["stops"],) = ax.plot(at, names.index(each.parameters[0]), "D", **mark)
+            ax.plot(at, names.index(each.parameters[0]), "D", **mark)
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest))
     ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
@@ -145,7 +148,6 @@ def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0)
     ax.set_title("smooth sliding, each parameter varied alone: by this factor", fontsize=8)
-    return handles
 
 
 @house_style()
@@ -172,5 +174,5 @@ def waves(answer: Any) -> Figure:
     ax.spines["left"].set_visible(False)
     figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
     named = ((grows, "grows (linear)"), (decays, "decays"))
-    legend_below(figure, [Patch(facecolor=colour, label=name, **_EDGE) for colour, name in named])
+    legend_below(figure, [Patch(facecolor=colour, label=name, **EDGE) for colour, name in named])
     return figure

@@ -28,7 +28,7 @@ from stickslip.sweep._cases import (
     package_version,
 )
 from stickslip.sweep._executors import Batch, Pool, Threads, Workers
-from stickslip.sweep._table import Table
+from stickslip.sweep._table import EVERY, Table
 
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
@@ -217,10 +217,9 @@ class Runner:
 
     def _hand_out(self, pool: Pool) -> None:
         while self._todo or self._alone or self._running:
-            due = self.table.until_commit()
             try:
                 self._fill(pool)
-                self._gather(wait(self._running, 1.0 if due is None else due, FIRST_COMPLETED).done)
+                self._gather(wait(self._running, EVERY, FIRST_COMPLETED).done)
             except BrokenExecutor:
                 with suppress(BrokenExecutor):
                     self._gather(wait(self._running).done)  # a broken pool ends all its futures, some of them well
@@ -230,8 +229,7 @@ class Runner:
                         f"{self._kept()}, or use Processes(n), whose lost workers are replaced"
                     ) from None
                 pool.rebuild()
-            if self.table.until_commit() == 0.0:
-                self.table.commit()
+            if self.table.commit(if_due=True):
                 self._tell()
 
     def _fill(self, pool: Pool) -> None:

@@ -126,14 +126,13 @@ class Table:
             found = self._connection.execute("SELECT key, row FROM cases WHERE key > ''")
             return {key: json.loads(row) for key, row in found}
 
-    def until_commit(self) -> float | None:
-        """Seconds until the next commit is due; None if there is nothing to commit."""
-        return max(0.0, self._due - time.monotonic()) if self._connection.in_transaction else None
-
-    def commit(self) -> None:
-        """Write down what was added."""
+    def commit(self, *, if_due: bool = False) -> bool:
+        """Write down what was added, or, `if_due`, what was added a while ago; say whether that was done."""
+        if if_due and not (self._connection.in_transaction and time.monotonic() >= self._due):
+            return False
         with _in_one_line(self.path):
             self._connection.commit()
+        return True
 
     def _connect(self, mode: str) -> None:
         assert self.path is not None
