@@ -7,14 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.optimize import approx_fprime
 
 from stickslip.kernels import flight as flights
-from stickslip.kernels import hazard, network, rules, tournament, turning_points
+from stickslip.kernels import hazard, tournament, turning_points
 from stickslip.kernels.drive import Quadratic, drive_at
-from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth, ageing_time, grown, threshold_at
 from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
-from stickslip.kernels.langevin import bernoulli
 from stickslip.kernels.oscillator import Load, Motion, Slider, travel
 
 # ---------------------------------------------------------------- the smallest of many
@@ -86,31 +83,6 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
     assert turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), few) == 4  # no more are there
 
 
-# ---------------------------------------------------------------- functions
-
-
-@given(st.floats(-800.0, 800.0))
-def test_bernoulli(z):
-    exact = 1.0 if z == 0.0 else z / math.expm1(z) if z < 700.0 else 0.0
-    assert bernoulli(z) == pytest.approx(exact, rel=1e-12, abs=1e-300)
-
-
-def test_rules_are_exact_for_the_polynomials_that_they_promise():
-    for power in range(2 * rules.GAUSS.size):
-        assert rules.WEIGHT @ rules.GAUSS**power == pytest.approx(1.0 / (power + 1), rel=1e-14)
-
-
-def test_thresholds_that_grow():
-    factor, addend, *slopes = grown(Growth(EXPONENTIAL, 0.5, 0.2), 3.0)
-    assert (factor, addend) == pytest.approx((1 - math.exp(-1.5), 0.2 * math.exp(-1.5)))
-    assert slopes == pytest.approx([0.5 * math.exp(-1.5), -0.5 * 0.2 * math.exp(-1.5)])
-    assert grown(Growth(LOGARITHMIC, 0.5, 0.2), 3.0) == pytest.approx((1.0, 0.5 * math.log(16.0), 0.0, 0.5 / 3.2))
-    assert threshold_at(Growth(LOGARITHMIC, 0.5, 0.2), 2.0, 3.0) == pytest.approx(2.0 + 0.5 * math.log(16.0))
-    assert ageing_time(Growth(LOGARITHMIC, 0.5, 0.2), 3.0) == pytest.approx(3.2)
-    assert ageing_time(Growth(LOGARITHMIC, 0.0, 0.2), 3.0) == math.inf
-    assert ageing_time(Growth(EXPONENTIAL, 0.5, 0.2), 3.0) == pytest.approx(0.5)
-
-
 # ---------------------------------------------------------------- rates of breaking
 
 HAZARDS = [
@@ -152,45 +124,6 @@ def test_rates_and_their_slopes(held, x, threshold):
 def test_the_largest_rate_is_that_of_the_worst_contact(held, x):
     rates = [plain_rate(held, each, 1.0) for each in np.linspace(0.0, x, 200_001)]
     assert hazard.largest_rate(held, x, 1.0) == pytest.approx(max(rates), rel=1e-4)
-
-
-# ---------------------------------------------------------------- elastic bodies
-
-
-def test_forces_are_the_slopes_of_energies():
-    rng = np.random.default_rng(2)
-    # A ring of five blocks: each spring is known to both of its ends.
-    springs = np.array([3.0, 5.0, 2.0, 4.0, 1.0])
-    neighbour = np.array([[(j - 1) % 5, (j + 1) % 5] for j in range(5)], np.int32)
-    body = network.Network(
-        neighbour=neighbour,
-        spring=np.stack([np.roll(springs, 1), springs], axis=1),
-        pull=np.array([0.7, 0.0, 0.3, 0.0, 1.1]),
-        load=np.array([0.2, 0.5, -0.1, 0.0, 0.4]),
-        push=np.array([0.05, 0.5, 0.0, 0.0, -0.2]),
-        mass=0.4,
-        damping=2.0,
-        lag=0.03,
-    )
-    X, V, D = rng.normal(size=5), rng.normal(size=5), 0.6
-    found = network.energies(body, X, V, D)
-    assert found.kinetic == pytest.approx(0.5 * body.mass * np.sum(V**2))
-    assert found.bulk == pytest.approx(0.5 * np.sum(springs * (np.roll(X, -1) - X) ** 2))
-    carried = body.pull * (D - X) + body.load - body.push
-    assert found.force == pytest.approx(carried.sum())
-    pulled = body.pull > 0
-    assert found.springs == pytest.approx(0.5 * np.sum(carried[pulled] ** 2 / body.pull[pulled]))
-    assert found.pushed == pytest.approx(body.push @ X)
-    slopes = approx_fprime(X, lambda x: network.energies(body, x, V, D).bulk, 1e-7)
-    assert [network.stretch(body, X, j) for j in range(5)] == pytest.approx(-slopes, abs=1e-5)
-    matrix = np.diag(body.pull + 1.0 + body.spring.sum(axis=1))
-    for j in range(5):
-        for k, spring in zip(neighbour[j], body.spring[j], strict=True):
-            matrix[j, k] -= spring
-    squares = np.linalg.eigvalsh(matrix) / body.mass
-    assert math.sqrt(squares[-1]) <= network.fastest(body) < 1.5 * math.sqrt(squares[-1])
-    dashpots = body.lag * np.linalg.eigvalsh(matrix - np.diag(body.pull + 1.0)) / body.mass
-    assert dashpots[-1] <= network.stiffest_dashpot(body) < 1.5 * dashpots[-1]
 
 
 # ---------------------------------------------------------------- flights that need no search

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 import stickslip as ss
 from stickslip import stability
 from stickslip.errors import InputError
-from stickslip.explorer import documents
 from stickslip.io import rig_files
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.units import Scales
@@ -509,13 +508,6 @@ def test_at_the_speed_v_half_the_friction_has_halved_with_a_sliding_force_too():
     document["interface"]["sliding_force"] = "300 N"
     with pytest.raises(InputError, match=r"interface\.v_half: the friction never halves"):
         rig_files.from_document(document)
-
-
-def test_the_page_of_the_browser_app_keeps_every_mechanism():
-    interface = ss.Interface(
-        thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.25, newborn=STRETCHED, track_scatter=0.125
-    )
-    assert documents.rig_of(documents.of(rig_of(interface))).interface == interface
 
 
 def test_the_margin_of_stretched_newborns_is_exceeded_as_often_as_it_says():
