@@ -162,6 +162,9 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     InputError
         If there is no such file or it is not NetCDF.
     """
+    import h5py
+    import xarray as xr
+
     files.size(path, "run", largest=LARGEST_RUN)
     source = Path(path)
     try:
@@ -170,31 +173,20 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
         raise files.unreadable(source, error) from None
     if not known:
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
-    found = _read_netcdf(source)
-    if isinstance(found, str):
-        raise InputError(f"{source}: cannot be read as NetCDF ({found}); the file may be damaged")
-    return found
-
-
-def _read_netcdf(source: Path) -> xr.Dataset | str:
-    """Read a Dataset, or say why it cannot be; whatever the libraries below print is kept back."""
-    import h5py
-    import xarray as xr
-
-    with _silence():
+    with _silence():  # whatever the libraries below print
         try:
             h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
             # A time is a number here; its unit may be anything in a damaged file.
             with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
                 if data.nbytes > LARGEST_RUN:
-                    return f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}"
+                    raise ValueError(f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}")
                 holders: list[Any] = [data, *data.variables.values()]
-                for holder in holders:
-                    for text in (word for item in holder.attrs.items() for word in item if isinstance(word, str)):
-                        text.encode()  # a byte that has changed may stand for no letter
+                for text in (word for holder in holders for item in holder.attrs.items() for word in item):
+                    str(text).encode()  # a byte that has changed may stand for no letter
                 return data.load()
         except Exception as error:  # a damaged file fails in many ways
-            return str(error).splitlines()[0] if str(error) else type(error).__name__
+            why = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged") from None
 
 
 @contextmanager

@@ -109,14 +109,10 @@ class Key:
 
 def quantity(example: str, sign: Sign = "above 0", **rest: Any) -> Key:
     """The key of a quantity; the example says in which unit it is measured."""
-    measured = _exponents(example.partition(" ")[2])
-    unit = next(unit for unit, (*_, si) in UNITS.items() if _exponents(si) == measured)
+    measured = unit_size(example.partition(" ")[2])
+    of_units = {unit: unit_size(si) for unit, (*_, si) in UNITS.items()}
+    unit = next(unit for unit, size in of_units.items() if size and measured and size[1] == measured[1])
     return Key(example, unit=unit, sign=sign, **rest)
-
-
-def _exponents(unit: str) -> dict[str, int]:
-    size = unit_size(unit)
-    return size[1] if size else {"": 1}
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,7 @@ class Table:
             if health != "ok":
                 raise _damaged(path, str(health).splitlines()[-1])
             for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
-                if weigh and checksum != _checksum(key, row):
+                if row is None or (weigh and checksum != _checksum(key, row)):
                     raise _damaged(path, "a row is not what was written")
                 if key == _HEAD:
                     self._stored = row
