@@ -17,8 +17,6 @@ from stickslip.model.rig import Rig
 
 RANGE, DEAR_RANGE = 30.0, 10.0
 """Changes are looked for up to this factor."""
-_SLIGHT = 0.05
-"""Peak to peak over static friction up to which an oscillation is slight (a convention)."""
 _CLEARANCE = 1.03
 _CLEARANCES = (_CLEARANCE, 1.1, 1.25)
 """How far past a linear boundary runs begin; and those that test whether smooth sliding stays."""
@@ -95,8 +93,8 @@ class Attempt:
         Peak-to-peak force from rest, as a fraction of static friction, now and at `reached`; None where that was not
         simulated.
     kind : str
-        Of the motion at `reached`: "smooth sliding" only of an unstable rig whose oscillation is slight, and "smooth in
-        one run" where not all of eight were; where it was not simulated, what linear theory says.
+        Of the motion at `reached`: "smooth in one run" where not all of eight were; where it was not simulated, what
+        linear theory says.
     """
 
     parameter: str
@@ -170,21 +168,17 @@ class Search:
         return found
 
     def _oscillation(self, there: Rig, static_friction: float) -> tuple[float, str]:
-        """Peak-to-peak force from rest over static friction, and the motion; infinite and by theory if it costs much.
-
-        Smooth sliding is believed of a rig that the theory calls unstable only where it is slight.
-        """
+        """Peak-to-peak force from rest over static friction, and the motion; infinite, and by theory, if it is dear."""
         theory = by_theory(there)
         try:
             seen = judge(there, self.method, self.budget)
         except (Spent, InputError):
             return math.inf, theory
-        amplitude, fast = seen.peak_to_peak / static_friction, (seen.largest_velocity or 0.0) > SLIP_VELOCITY
-        if seen.kind != "smooth sliding":
-            return amplitude, str(seen.kind)
-        if fast or (theory == "unstable" and amplitude > _SLIGHT):
-            return amplitude, "undecided"
-        return amplitude, "smooth sliding" if theory == "unstable" else "smooth in one run"
+        kind = str(seen.kind)
+        if kind == "smooth sliding":  # too little is seen where slips are fast, or smooth sliding is unstable
+            fast = (seen.largest_velocity or 0.0) > SLIP_VELOCITY
+            kind = "undecided" if fast or theory == "unstable" else "smooth in one run"
+        return seen.peak_to_peak / static_friction, kind
 
     def _may_vary(self, parameter: Parameter) -> bool:
         """Whether a rig has a parameter that can be varied: natural units have none that only rescales them.

@@ -278,10 +278,9 @@ def attempts(found: Prediction) -> Iterator[str]:
             now = f"now {100 * each.amplitude_before:.0f} %"
             after = f"{100 * each.amplitude:.0f} % of static friction peak to peak, {now}"
             better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
-            told = {
-                "smooth sliding": f"{there} still unstable, but the remaining oscillation is small ({after})",
-                "smooth in one run": f"{there} {each.kind} ({after}), but not found to be in {SEEDS} of {SEEDS}",
-            }.get(each.kind, f"no smooth sliding found {there}; there it is {better} ({each.kind}, {after})")
+            told = f"no smooth sliding found {there}; there it is {better} ({each.kind}, {after})"
+            if each.kind == "smooth in one run":
+                told = f"{there} {each.kind} ({after}), but not found to be in {SEEDS} of {SEEDS}"
         yield f"{parameter_named(each.parameter).title}: {told}"
 
 

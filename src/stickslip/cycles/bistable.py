@@ -39,14 +39,11 @@ class BistableRange(Along):
         What was looked at and found to be no band, and why.
     """
 
+    _intervals = "bands"
+
     bands: tuple[Interval, ...]
     crossings: Crossings
     notes: tuple[str, ...] = ()
-
-    @property
-    def intervals(self) -> tuple[Interval, ...]:
-        """The bands."""
-        return self.bands
 
     def __str__(self) -> str:
         found = f"no bistable band found {self.where}"

@@ -104,11 +104,6 @@ def cycle_branch(
     return rig.in_its_units(xr.Dataset(columns, coords={along: place}, attrs=attributes))
 
 
-def _unstable(point: Point) -> float:
-    growing = point.verdict.linearly_unstable
-    return math.nan if growing is None else float(growing)
-
-
 _COLUMNS: dict[str, tuple[str, str, Callable[[Point], float]]] = {
     "amplitude": ("peak to peak of the spring force, per contact", "f_s", lambda p: p.look.amplitude),
     "period": ("period of the cycle", "time", lambda p: p.look.period),
@@ -118,7 +113,11 @@ _COLUMNS: dict[str, tuple[str, str, Callable[[Point], float]]] = {
         lambda p: p.ride.drive.velocity * p.verdict.largest_velocity,
     ),
     "mean_force": ("mean spring force, per contact", "f_s", lambda p: p.look.mean_force),
-    "linearly_unstable": ("whether smooth sliding is unstable by linear theory", "1", _unstable),
+    "linearly_unstable": (
+        "whether smooth sliding is unstable by linear theory",
+        "1",
+        lambda p: math.nan if p.verdict.linearly_unstable is None else float(p.verdict.linearly_unstable),
+    ),
 }
 """Title, natural unit and value of each column of a branch."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from stickslip.answers import Answer
 from stickslip.cycles.ride import Look, Ride, check_rig
@@ -93,14 +93,11 @@ class Interval(Answer):
 class Along(Answer):
     """Intervals that were found along a parameter, in the rig's own units: it iterates over them."""
 
+    _intervals: ClassVar[str]  # the field that they are in
+
     parameter: str
     unit: str
     searched: tuple[float, float]
-
-    @property
-    def intervals(self) -> tuple[Interval, ...]:
-        """The intervals, rising."""
-        raise NotImplementedError
 
     @property
     def where(self) -> str:
@@ -109,13 +106,13 @@ class Along(Answer):
         return f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
 
     def __iter__(self) -> Iterator[Interval]:
-        return iter(self.intervals)
+        return iter(getattr(self, self._intervals))
 
     def __len__(self) -> int:
-        return len(self.intervals)
+        return len(getattr(self, self._intervals))
 
     def __contains__(self, value: float) -> bool:
-        return any(value in interval for interval in self.intervals)
+        return any(value in interval for interval in self)
 
 
 class Point(NamedTuple):

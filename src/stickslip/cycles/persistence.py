@@ -33,15 +33,12 @@ class Sustained(Along):
         Values at which a run could not tell.
     """
 
+    _intervals = "windows"
+
     start: Start
     windows: tuple[Interval, ...]
     grid: tuple[tuple[float, Verdict], ...]
     undecided: tuple[float, ...] = ()
-
-    @property
-    def intervals(self) -> tuple[Interval, ...]:
-        """The windows."""
-        return self.windows
 
     def __str__(self) -> str:
         doubt = f"; undecided at {', '.join(f'{value:.4g}' for value in self.undecided)}" if self.undecided else ""
