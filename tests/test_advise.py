@@ -371,7 +371,7 @@ def test_contacts_that_attach_on_arrest_are_judged_by_runs():
 @pytest.mark.parametrize("temperature", [None, ss.Bell(width=0.1, attempts=1.0)])
 def test_only_contacts_without_any_response_cannot_become_unstable(temperature):
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), temperature=temperature)
-    modes, _, note = prediction._linear(
+    modes, note = prediction._linear(
         ss.Rig(interface, ss.Slider(stiffness=0.3, mass=1e-3, damping=1.0), ss.constant(0.5))
     )
     assert modes == 0

@@ -14,7 +14,7 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.model.interface import Interface
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
-from stickslip.stability import count_unstable
+from stickslip.stability import count_unstable, growth_rate
 from stickslip.stability.critical import search
 
 PRECISION = 0.05
@@ -97,6 +97,15 @@ def by_theory(setting: Rig) -> str:
         return "unstable" if count_unstable(setting) else "stable"
     except (InputError, UndecidedError):
         return "unknown"
+
+
+def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
+    """Growth rate and frequency, in cycles, in the rig's own units; None if no mode grows or decays exponentially."""
+    try:
+        root = growth_rate(rig)
+    except UndecidedError:
+        return None, None
+    return root.real, abs(root.imag) / (2.0 * math.pi)
 
 
 def stability_along(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:

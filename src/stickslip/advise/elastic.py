@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from stickslip.advise import say
-from stickslip.advise.bands import CANNOT_GROW, stability_along
+from stickslip.advise.bands import CANNOT_GROW, fastest_mode, stability_along
 from stickslip.advise.speeds import range_of_speeds
 from stickslip.answers import Answer, plain
 from stickslip.errors import UndecidedError
@@ -19,7 +19,6 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress
 from stickslip.sliding import respond
 from stickslip.stability import count_unstable
-from stickslip.stability.modes import rightmost_root
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -124,20 +123,14 @@ class ElasticPrediction(Answer):
 
 
 def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPrediction:
-    """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds.
-
-    Raises
-    ------
-    InputError
-        If the speed is not above 0, or nothing holds the slider.
-    """
+    """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds."""
     from stickslip.elastic.modes import critical_length, sliders_of  # some .13 s that no rigid rig needs
 
     setting, body = rig.natural, rig.slider
     assert isinstance(body, ElasticBody)
     low, high = range_of_speeds(rig)
     stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
-    speed, rate, note = rig.unit("x_s/time"), rig.unit("1/time"), ""
+    speed, note = rig.unit("x_s/time"), ""
     sliding = [replace(setting, slider=slider, drive=constant(setting.velocity)) for slider in sliders]
     growing, waves, critical = 0, list[WaveAnswer](), None
     try:
@@ -147,15 +140,15 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
         first = [sliders.index(slider) for slider in alike]
         growing = sum(alike[sliders[i]] for i in first if count_unstable(sliding[i]))
         for i in first[:_MODES]:
-            root = _root(sliding[i])
+            growth, frequency = fastest_mode(replace(sliding[i], scales=rig.scales))
             bands = stability_along(VELOCITY, sliding[i], low, high)
             waves.append(
                 WaveAnswer(
                     name=_name(float(wavelength[i]), float(coupling[i]), body),
                     wavelength=float(wavelength[i]),
                     stiffness=float(stiffness[i]) * rig.unit("k"),
-                    growth=None if root is None else root.real * rate,
-                    frequency=None if root is None else abs(root.imag) / (2 * math.pi) * rate,
+                    growth=growth,
+                    frequency=frequency,
                     speeds=tuple((band.low * speed, band.high * speed) for band in bands if band.kind == "unstable"),
                 )
             )
@@ -172,14 +165,6 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
         theory_note=note,
         speeds_searched=(low * speed, high * speed),
     )
-
-
-def _root(rig: Rig) -> complex | None:
-    """The rightmost root; None if nothing decays exponentially."""
-    try:
-        return rightmost_root(rig)
-    except UndecidedError:
-        return None
 
 
 def _name(wavelength: float, coupling: float, body: ElasticBody) -> str:

@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from stickslip import stability
 from stickslip.advise import mitigations as changes
 from stickslip.advise.answer import Margin, Prediction
-from stickslip.advise.bands import CANNOT_GROW, OSCILLATES, Band, is_dear, stability_along
+from stickslip.advise.bands import CANNOT_GROW, OSCILLATES, Band, fastest_mode, is_dear, stability_along
 from stickslip.advise.elastic import ElasticPrediction, predict_waves
 from stickslip.advise.runs import (
     Budget,
@@ -32,6 +31,7 @@ from stickslip.progress import Progress, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording
 from stickslip.sliding import kinetic_friction, respond
+from stickslip.stability import count_unstable
 
 _FIRST, _ALL, _FOR_SPEEDS = 0.8, 15.0, 0.25
 """Seconds, by estimate, for the first run, and for all runs; the part of the rest that goes to other speeds."""
@@ -90,7 +90,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     setting = rig.natural
     low, high = range_of_speeds(rig)
-    modes, growth, note = _linear(setting)
+    modes, note = _linear(setting)
     without = note == CANNOT_GROW
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
     if not note:
@@ -108,8 +108,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     delay = rig.interface.delay
     lasting = replace(rig.interface, delay=Delay(math.inf) if isinstance(delay, OnArrest) else delay, track_scatter=0.0)
     aged = replace(lasting, ageing=None, temperature=None)
-    force, stiffness, rate = rig.unit("f_s"), rig.unit("k"), rig.unit("1/time")
-    speed = rig.unit("x_s/time")
+    growth, frequency = (None, None) if note else fastest_mode(rig)
+    force, stiffness, speed = rig.unit("f_s"), rig.unit("k"), rig.unit("x_s/time")
     return Prediction(
         rig=rig,
         recording=recording,
@@ -119,8 +119,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         critical_stiffness=critical_stiffness(aged) * stiffness,
         critical_stiffness_without_reattachment=critical_stiffness(aged, reattachment=False) * stiffness,
         unstable_modes=modes,
-        growth_rate=None if growth is None else growth.real * rate,
-        mode_frequency=None if growth is None else abs(growth.imag) / (2 * math.pi) * rate,
+        growth_rate=growth,
+        mode_frequency=frequency,
         theory_note=note,
         speeds_searched=(low * speed, high * speed),
         bands=tuple(band.scaled(speed) for band in bands),
@@ -209,21 +209,14 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
     return until_judged(case, budget, most=_MOST_RUNS, fewest=fewest, long=False, progress=progress)
 
 
-def _linear(setting: Rig) -> tuple[int | None, complex | None, str]:
-    """Growing modes, the fastest of them, and a note where the theory has nothing to say."""
+def _linear(setting: Rig) -> tuple[int | None, str]:
+    """Growing modes, and a note where the theory has nothing to say."""
     if isinstance(setting.interface.delay, OnArrest):
-        return None, None, NO_THEORY_OF_ARREST
+        return None, NO_THEORY_OF_ARREST
     try:
-        if respond(setting.interface).inert:
-            return 0, None, CANNOT_GROW
-        modes = stability.count_unstable(setting)
+        return (0, CANNOT_GROW) if respond(setting.interface).inert else (count_unstable(setting), "")
     except (InputError, UndecidedError) as reason:
-        return None, None, str(reason)
-    try:
-        return modes, stability.growth_rate(setting), ""
-    except UndecidedError:
-        # Stable, and no mode decays more slowly than the tail of the distribution: the count stands alone.
-        return modes, None, ""
+        return None, str(reason)
 
 
 def _over_delays(rig: Rig) -> tuple[Band, ...]:
