@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, number, shortened, shown
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.bench import far_outside, spikes
-from stickslip.measure.headings import Heading, ratio, simple, unit_named
-from stickslip.measure.tables import Table, read_cell, read_table, short
+from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
+from stickslip.measure.tables import Table, read_cell, read_table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,7 +113,7 @@ def _rows(table: Table, chosen: dict[str, int], step: float) -> tuple[dict[str, 
     if bad.size > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         raise InputError(
             f"{table.place}: {bad.size} of {lines.size} rows cannot be read, first line {bad[0]}: "
-            f"{short(table.line(int(bad[0])))!r}; each row needs a finite number, not far outside"
+            f"{shortened(table.line(int(bad[0])))!r}; each row needs a finite number, not far outside"
             " the rest; choose the columns, or mend the file"
         )
     if (left := lines.size - bad.size) < FEWEST_READINGS:
@@ -239,31 +239,31 @@ def _choose(table: Table, asked: dict[str, str | int | None], step: float | None
 
 def _no_force(table: Table, free: list[int]) -> InputError:
     """What to raise where no column, or one of several, is the force."""
-    texts = [i for i, heading in enumerate(table.headings) if heading.quantity == "force" and i not in table.numeric]
-    if not free and texts:
-        return InputError(
-            f"{table.place}: column {texts[0] + 1} '{table.headings[texts[0]]}' holds no numbers that can be read; "
-            "write 1234.5, without a mark between thousands"
-        )
+    text = "" if free else _text_named(table, "force")
     return InputError(
-        f"{table.place}: which column is the force? Name it (--force on the command line, force= in Python); there "
-        f"are {table.listed()}"
+        f"{table.place}: {text} holds no numbers that can be read; write 1234.5, without a mark between thousands"
+        if text
+        else f"{table.place}: which column is the force? Name it (--force on the command line, force= in Python); "
+        f"there are {table.listed()}"
     )
 
 
 def _no_time(table: Table) -> InputError:
     """What to raise where no column holds times, and no step is given."""
     say = "give the seconds from one row to the next (--step on the command line, step= in Python)"
-    texts = [i for i, heading in enumerate(table.headings) if heading.quantity == "time" and i not in table.numeric]
-    if texts:
-        return InputError(
-            f"{table.place}: column {texts[0] + 1} '{table.headings[texts[0]]}' holds times of day or other text, no "
-            f"numbers; {say}"
-        )
+    text = _text_named(table, "time")
     return InputError(
-        f"{table.place}: no column is labelled as time; {say} or name the column (--time, time=); there are "
+        f"{table.place}: {text} holds times of day or other text, no numbers; {say}"
+        if text
+        else f"{table.place}: no column is labelled as time; {say} or name the column (--time, time=); there are "
         f"{table.listed()}"
     )
+
+
+def _text_named(table: Table, quantity: Quantity) -> str:
+    """The first column with this name that holds no numbers, for a message."""
+    named = [i for i, heading in enumerate(table.headings) if heading.quantity == quantity and i not in table.numeric]
+    return f"column {named[0] + 1} '{table.headings[named[0]]}'" if named else ""
 
 
 def _may_be_force(heading: Heading) -> bool:
@@ -291,7 +291,7 @@ def _column(table: Table, what: str, wanted: str | int) -> int:
         if found
         else f"no such column; {hint}there are {table.listed()}"
     )
-    raise InputError(f"{table.place}: {what} = {short(repr(wanted))}: {mistake}")
+    raise InputError(f"{table.place}: {what} = {shown(wanted)}: {mistake}")
 
 
 def _quantity(load: str | int | None) -> tuple[float, str] | None:
@@ -300,14 +300,14 @@ def _quantity(load: str | int | None) -> tuple[float, str] | None:
     if value is None or not unit:
         return None
     if (unit_named(unit) or ("",))[0] not in ("force", "stress") or value <= 0:
-        raise InputError(f"load = {short(str(load))!r}: must be a force above 0 such as '20 N', or a column")
+        raise InputError(f"load = {shown(load)}: must be a force above 0 such as '20 N', or a column")
     return value, unit
 
 
 def _note(unreadable: dict[int, str], rows: int) -> list[str]:
     if not unreadable:
         return []
-    shown = [f"line {line}: {short(text)!r}" for line, text in [*unreadable.items()][:5]]
+    shown = [f"line {line}: {shortened(text)!r}" for line, text in [*unreadable.items()][:5]]
     more = [f"and {len(unreadable) - 5} more"] if len(unreadable) > 5 else []
     said = "; ".join(shown + more)
     return [f"{len(unreadable)} of {rows} rows could not be read; the force there is interpolated in time ({said})"]

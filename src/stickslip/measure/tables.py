@@ -5,6 +5,7 @@ How a table is laid out is found once, from its head and a sample of its rows; i
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import itertools
@@ -96,12 +97,6 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     return (value, (match[2] or "").strip()) if match and math.isfinite(value) else (None, "")
 
 
-def short(text: str) -> str:
-    """A text cut to what a message bears."""
-    text = text.strip()
-    return text if len(text) <= 40 else text[:37] + "..."
-
-
 def _split(line: str, mark: str | None) -> list[str]:
     """The cells of a line; None for blanks."""
     return line.split() if mark is None else next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
@@ -124,10 +119,9 @@ def _most(values: Sequence[Any]) -> Any:
 
 def _as_utf8(place: str, raw: bytes) -> bytes:
     """The text of a file in UTF-8, its lines ended by a line feed."""
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raw = raw.decode("utf-16", errors="replace").encode()
-    elif len(raw) > 64 and not any(raw[1:1000:2]):  # UTF-16 without its mark
-        raw = raw.decode("utf-16-le", errors="replace").encode()
+    marked = raw.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if marked or (len(raw) > 64 and not any(raw[1:1000:2])):
+        raw = raw.decode("utf-16" if marked else "utf-16-le", errors="replace").encode()
     raw = raw.removeprefix(b"\xef\xbb\xbf").rstrip(b"\x1a")  # the end of a file of DOS
     try:
         raw.isascii() or raw.decode()
@@ -190,8 +184,8 @@ def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | No
     numeric = [i for i, are in enumerate(are_numbers) if sum(are) >= max(min(0.5 * len(are), len(are) - 3), 1)]
     if not numeric:
         raise InputError(
-            f"{place}: line {content[0][0] + 1}, {short(content[0][1])!r}: found no column of numbers in {len(lines)} "
-            "rows; it should hold a column of forces"
+            f"{place}: line {content[0][0] + 1}, {shortened(content[0][1])!r}: found no column of numbers in "
+            f"{len(lines)} rows; it should hold a column of forces"
         )
     start = next((i for i, line in content if _is_row(_split(line, mark), numeric, comma)), None)
     if start is None:
@@ -227,11 +221,12 @@ def _is_row(cells: list[str], numeric: list[int], comma: bool) -> bool:
 
 def _words_beside(i: int, columns: list[list[str]], numeric: list[int]) -> list[int]:
     """The columns behind one of numbers that hold its unit, where blanks separate columns."""
-    words = {j: _most(columns[j]) for j in range(i + 1, len(columns))}
-    units = {
-        j for j, word in words.items() if j not in numeric and word != "-" and (unit_named(word) or unit_size(word))
-    }
-    return [*itertools.takewhile(units.__contains__, words)]
+
+    def holds_unit(j: int) -> bool:
+        word = _most(columns[j])
+        return j not in numeric and word != "-" and bool(unit_named(word) or unit_size(word))
+
+    return [*itertools.takewhile(holds_unit, range(i + 1, len(columns)))]
 
 
 def _layout(
@@ -259,7 +254,7 @@ def _layout(
         either = bool(halved) or (width % 2 == 0 and ", " not in joined and _most(whole))
         if not points and width not in names and either:
             raise InputError(
-                f"{place}: rows such as {short(sample[len(sample) // 2])!r} may hold {width} columns{halved} or "
+                f"{place}: rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns{halved} or "
                 f"{width // 2} with decimal commas; export with ';' or with decimal points, or say decimal=',' or "
                 "delimiter=','"
             )
@@ -367,31 +362,28 @@ class _Rows(NamedTuple):
         kinds: dict[int, Any] = {i: str for several in parts if several[1:] for i in several}
         full = (self.mark or " ").join("0" * (self.width + 1)) + "\n"  # a row that has them all
         rows = memoryview(self.lines.raw)[self.lines.begin(self.start) :]
-        with warnings.catch_warnings():
+        count = len(self.lines) - self.start
+        with warnings.catch_warnings(), contextlib.suppress(pd.errors.ParserError):
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are told of later
-            try:
-                cells = pd.read_csv(
-                    io.BytesIO(b"".join([full.encode(), rows])),
-                    sep=self.mark or r"\s+",
-                    decimal="," if self.comma else ".",
-                    header=None,
-                    names=range(self.width + 1),
-                    usecols=sorted({self.width, *itertools.chain(*parts)}),
-                    dtype={self.width: "category"} | kinds,
-                    skip_blank_lines=False,
-                    skipinitialspace=True,
-                    quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
-                    encoding_errors="replace",
-                )[1:]
-            except pd.errors.ParserError as error:
-                reason = shortened(" ".join(str(error).split()))
-                raise InputError(f"{self.place}: its rows do not have {self.width} columns ({reason})") from None
-        if len(cells) != (count := len(self.lines) - self.start):
-            raise InputError(
-                f"{self.place}: {count} lines from line {self.start + 1} on make {len(cells)} rows: "
-                "a quotation mark is not closed, or a row is cut off"
-            )
-        return cells
+            cells = pd.read_csv(
+                io.BytesIO(b"".join([full.encode(), rows])),
+                sep=self.mark or r"\s+",
+                decimal="," if self.comma else ".",
+                header=None,
+                names=range(self.width + 1),
+                usecols=sorted({self.width, *itertools.chain(*parts)}),
+                dtype={self.width: "category"} | kinds,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
+                encoding_errors="replace",
+            )[1:]
+            if len(cells) == count:
+                return cells
+        raise InputError(
+            f"{self.place}: {count} lines from line {self.start + 1} on are not as many rows of {self.width} columns: "
+            "a quotation mark is not closed, or a row is cut off"
+        )
 
     def _counts(self, text: str) -> bool:
         """Whether a cell too many is a number or a unit, so that its row cannot be read, and no remark."""
@@ -424,8 +416,8 @@ class _Rows(NamedTuple):
     def another_unit(self, column: int, line: int, unit: str, beside: str) -> InputError:
         """What to raise for a unit that leaves open what the numbers of a column are in."""
         return InputError(
-            f"{self.place}: line {line + 1}, {short(self.lines[line])!r}: column {column + 1} holds {unit!r} {beside}; "
-            "write one unit of one kind"
+            f"{self.place}: line {line + 1}, {shortened(self.lines[line])!r}: column {column + 1} holds {unit!r} "
+            f"{beside}; write one unit of one kind"
         )
 
 
