@@ -77,23 +77,6 @@ def levels(distribution: Distribution) -> np.ndarray:
     return np.concatenate([[low - 1.0], quantiles, [high + 1.0], list(distribution.knots)])
 
 
-def largest_rate(distribution: Distribution) -> float:
-    """How far left of zero the transform exists: up to this decay rate of the tail."""
-    match distribution:
-        case Exponential():
-            return 1 / distribution.mean
-        case Gamma():
-            return 1 / distribution.scale
-        case LogNormal():
-            return 0.0
-        case Weibull():
-            return 0.0 if distribution.shape < 1 else math.inf
-        case SteadyState():
-            return largest_rate(distribution.thresholds)
-        case _:
-            return math.inf
-
-
 @pytest.mark.parametrize("order", range(4))
 def test_moments_beyond_a_bound(any_distribution, order):
     nodes, weights = quadrature(any_distribution)
@@ -124,7 +107,7 @@ def test_hazard_is_density_over_survival_and_the_slope_of_the_logarithm(any_dist
 @pytest.mark.parametrize("order", [0, 1])
 def test_laplace(any_distribution, order):
     node, weight = quadrature(any_distribution, per_octave=20)
-    limit = largest_rate(any_distribution)
+    limit = -any_distribution.leftmost
     reach = 1.0 / any_distribution.standard_deviation()
     wanted = np.array([0.0, 1e-9, 1e-3j, 0.4 + 0.1j, 3.0, 5.0 + 2.0j, -1e-3, 2j, 8 + 30j, 40j], dtype=complex)
     wanted = np.concatenate([wanted, reach * np.array([0.5, 1j, 3j, -0.5, -0.5 + 2j, -3.0 + 1j])])

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial, reduce
 from typing import Any
 
-from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key, toml
 from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, SCALES, SHAPE, START, TABLES, keys_of
@@ -332,15 +331,18 @@ class _Reader:
                 found.append((name, *self._in(ends, units[name])))
         return tuple(found)
 
+    def _of_paths(self, content: object, table: str, key: Key) -> Values:
+        """The values of a table whose keys are paths of keys of the file."""
+        given = [str(path) for path in content] if isinstance(content, Mapping) else []
+        known = {path: key for path in given if rig_keys.is_path(path)}
+        strange = "names no key of a rig file; write it as 'interface.delay'"
+        self.file.refused |= {f"{table}.{path}": strange for path in given if path not in known}
+        return self.file.table(content, known, table)
+
     def _assumed(self, content: object) -> dict[str, Assumption]:
         """What the file marks as assumed, then the defaults that were taken; each with its value."""
-        found: dict[str, Assumption] = {}
-        for path, how in self._paths(content, "assumed"):
-            try:
-                words = Key("text").read(how, f"assumed.{path}", natural=True)
-                found[path] = Assumption(self._value_at(path), words)
-            except InputError as error:
-                self.file.mistakes.append(error)
+        marked = self._of_paths(content, "assumed", Key("text"))
+        found = {path: Assumption(self._value_at(path), how) for path, how in marked.items()}
         given = self.document.get("interface")
         for name, key in TABLES["interface"].items():
             here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
@@ -352,7 +354,7 @@ class _Reader:
     def _fitted(self, content: object) -> dict[str, Fitted]:
         """What the file marks as fitted, each with its value, interval and draws."""
         found: dict[str, Fitted] = {}
-        for path, entry in self._paths(content, "fitted"):
+        for path, entry in self._of_paths(content, "fitted", Key({})).items():
             values = self.file.table(entry, rig_keys.FITTED, f"fitted.{path}")
             draws = values.get("draws", ())
             if len(draws) > _MOST_DRAWS:
@@ -367,23 +369,9 @@ class _Reader:
             self.file.wrong("fitted", f"draws belong together, but there are {counts}; give as many of each")
         return found
 
-    def _paths(self, content: object, table: str) -> Iterator[tuple[str, Any]]:
-        """The entries of a table that are about keys of the file."""
-        if not isinstance(content, Mapping):
-            self.file.table(content, {}, table)
-            return
-        for path, entry in content.items():
-            if rig_keys.is_path(path):
-                yield path, entry
-            else:
-                what = f"{table}.{shown(path)}: names no key of a rig file; write it as 'interface.delay'"
-                self.file.mistakes.append(InputError(what, f"{table}.{path}"))
-
     def _value_at(self, path: str) -> str:
         """What stands at a path of the file; empty if nothing does."""
         node: Any = self.document
         for part in path.split("."):
-            if not isinstance(node, Mapping) or part not in node:
-                return ""
-            node = node[part]
+            node = node.get(part, "") if isinstance(node, Mapping) else ""
         return node if isinstance(node, str) else toml(node)
