@@ -682,9 +682,9 @@ DELAYED = WARM[: WARM.index("ageing")] + 'delay = "2 ms"\n' + WARM[WARM.index("[
     ("file", "asked", "why"),
     [
         (WARM, ["--holds", "100"], "--holds '100': has no unit; write it as in '10 s'"),
-        (WARM, ["--plot", "holds.svg"], "give --holds"),
-        (WARM, ["--area", "1 cm^2"], "--area 1 cm^2: is for --export"),
-        (WARM, ["--export", "qdyn"], "--load: is missing"),
+        (WARM, ["--plot", "holds.svg"], "--plot holds.svg: needs --holds"),
+        (WARM, ["--area", "1 cm^2"], "--area 1 cm^2: needs --export"),
+        (WARM, ["--export", "qdyn"], "--export qdyn: needs --load"),
         (DELAYED, [], "; add [interface.temperature]"),
         (None, [], "of a measured trace say --step-at"),
         (None, STEP[2:], "of a measured trace say --step-at"),

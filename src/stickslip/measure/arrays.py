@@ -204,3 +204,9 @@ def slope(values: Array, at: Array) -> float:
     """Slope of the straight line through values."""
     at = at - at.mean()
     return float((at * (values - values.mean())).sum()) / float((at * at).sum())
+
+
+def memory(rest: Array) -> float:
+    """How alike neighbouring residuals are, 0 to 1: n are worth n (1 - r)/(1 + r) independent ones (Bartlett)."""
+    power = float(rest @ rest)
+    return max(float(rest[1:] @ rest[:-1]) / power, 0.0) if power > 0 else 0.0

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
-from stickslip.measure.arrays import Array, Trace, slope, without_line
+from stickslip.measure.arrays import Array, Trace, memory, slope, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles
 from stickslip.measure.slips import (
     FEWEST_IN_A_DROP,
@@ -220,8 +220,8 @@ def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips:
     rest = sizes - sizes.mean() - slope * at
     power = float(rest @ rest)
     # Slow wandering of the drops (few contacts, or a boundary near by) makes them worth fewer independent ones.
-    memory = min(max(float(rest[1:] @ rest[:-1]) / power, 0.0), 0.9) if power > 0 else 0.0
-    error = math.sqrt(power / (sizes.size - 2) / float(at @ at) * (1 + memory) / (1 - memory))
+    alike = min(memory(rest), 0.9)
+    error = math.sqrt(power / (sizes.size - 2) / float(at @ at) * (1 + alike) / (1 - alike))
     few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS  # by Student: few parts tell their scatter badly
     return math.exp(0.5 * slope), 0.5 * few * error
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as jsonlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,10 +14,7 @@ from stickslip.model.quantities import read_number, read_quantity, read_value
 from stickslip.rate_state.exports import Program
 
 if TYPE_CHECKING:
-    from stickslip.model.rig import Rig
-    from stickslip.rate_state.holds import Healing
     from stickslip.rate_state.measured import StepFit
-    from stickslip.rate_state.verdict import RateAndStateFit
 
 Asked = Literal["best", "ageing", "slip"]
 
@@ -101,98 +97,80 @@ def rsf(
 
 def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[dict[str, Any], str]:
     """The verdict on a rig, plain and in words; an export is of words alone."""
+    from stickslip import rate_state
     from stickslip.io.rig_files import read_rig
-    from stickslip.rate_state.exports import export_rate_and_state
-    from stickslip.rate_state.verdict import rate_and_state
+    from stickslip.simulation.steps_and_holds import slide_hold_slide
 
     rig = read_rig(path)
-    _check(path, rig, given, plot)
+    for option, value, needed in (
+        ("--plot", plot, "holds"),
+        ("--area", given.area, "export"),
+        ("--output", given.output, "export"),
+        ("--export", given.export, "load"),
+    ):
+        if value and not getattr(given, needed):
+            raise InputError(f"{option} {value}: needs --{needed}")
+    if given.holds and given.export:
+        raise InputError("--holds: not together with --export; ask for one after the other")
+    if given.load and not rig.scales:
+        raise InputError(f"--load {given.load}: {path} is in natural units; a load needs a rig file in SI units")
     speed = rig.natural.velocity
     if given.velocity is not None:
-        speed = _quantity("--velocity", given.velocity, "m/s", "1 um/s") / rig.unit("x_s/time")
-    fit = rate_and_state(rig.natural.interface, speed, step=_of("--step", given.step, read_number), law=law)
+        speed = _of("--velocity", given.velocity, "m/s", "1 um/s") / rig.unit("x_s/time")
+    fit = rate_state.rate_and_state(rig.natural.interface, speed, step=_of("--step", given.step), law=law)
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
     scaled = fit.in_units(rig)
-    if given.export is not None and rig.scales is not None:
-        text = export_rate_and_state(
-            scaled, given.export, scales=rig.scales, load=given.load or "", area=given.area, path=given.output
-        )
-        return {}, text if given.output is None else f"{given.export}: {given.output}"
     told, words = scaled.to_dict(), str(scaled)
-    if given.load is not None:
+    if given.load and rig.scales:
+        if given.export is not None:
+            text = rate_state.export_rate_and_state(
+                scaled, given.export, scales=rig.scales, load=given.load, area=given.area, path=given.output
+            )
+            return {}, text if given.output is None else f"{given.export}: {given.output}"
         weight = read_value("--load", given.load, "N", "2 kN")
         mu, a, b = (value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b))
         told["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
         words += f"\ncoefficients under {given.load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, "
         words += f"a - b = {a - b:.3g}"
     if given.holds is not None:
-        healed = _after_holds(rig, fit, given.holds, plot)
+        unit = "s" if rig.scales else ""
+        times = [_of("--holds", one.strip(), unit, "10 s") for one in given.holds.split(",")]
+        run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
+        healed = rate_state.healing(run, float(scaled.b))
         told["holds"] = healed.to_dict()
         words += f"\n\n{healed}"
+        if plot is not None:
+            from stickslip import plot as drawing
+
+            drawing.save(drawing.peaks_after_holds(run, healed.by_rate_and_state), plot)
     return told, words
-
-
-def _check(path: Path, rig: Rig, given: OfRig, plot: Path | None) -> None:
-    """Refuse options that do not go together, before anything is computed."""
-    exporting = given.export is not None
-    for wrong, why in (
-        (plot and not given.holds, f"--plot {plot}: draws the fit of a trace, or the peaks after holds; give --holds"),
-        (given.area and not exporting, f"--area {given.area}: is for --export; ask for one of the programs"),
-        (given.output and not exporting, f"--output {given.output}: is for --export; ask for one of the programs"),
-        (given.holds and exporting, "--holds: not together with --export; ask for one after the other"),
-        (exporting and not given.load, "--load: is missing; give the normal load, '2 kN'"),
-        (exporting and not rig.scales, f"{path}: is in natural units; an export needs a rig file in SI units"),
-        (given.load and not rig.scales, f"--load {given.load}: is for a rig file in SI units, not in natural ones"),
-    ):
-        if wrong:
-            raise InputError(why)
-
-
-def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) -> Healing:
-    """Slide, hold and slide the rigidly driven slider of a rig, at the velocity of a fit."""
-    from stickslip.rate_state.holds import healing
-    from stickslip.simulation.steps_and_holds import slide_hold_slide
-
-    def read(text: str) -> float:
-        return read_number(text) if rig.scales is None else read_quantity(text, "s", "10 s")
-
-    times = [_of("--holds", one.strip(), read) for one in holds.split(",")]
-    run = slide_hold_slide(rig, velocity=fit.velocity * rig.unit("x_s/time"), holds=times)
-    healed = healing(run, fit.b * rig.unit("f_s"))
-    if plot is not None:
-        from stickslip import plot as drawing
-
-        drawing.save(drawing.peaks_after_holds(run, healed.by_rate_and_state), plot)
-    return healed
 
 
 def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFit:
     from stickslip.measure import read_trace
-    from stickslip.rate_state.measured import fit_rate_and_state
-    from stickslip.rate_state.steps import velocity_step_in
+    from stickslip.rate_state import fit_rate_and_state, velocity_step_in
 
     if given.step_at is None or given.from_ is None or given.to is None:
         raise InputError(f"{path}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
-    trace = read_trace(path)
+    trace, span, spring = read_trace(path), None, None
     clock = str(trace["time"].attrs.get("units", "s"))
     length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
-    span = None
     if given.span is not None:
         back, comma, forth = given.span.partition(",")
         if not comma or "," in forth:
             raise InputError(f"--span {shown(given.span)}: must be two displacements, as in '5 um, 120 um'")
-        span = (_quantity("--span", back, length, "5 um"), _quantity("--span", forth, length, "120 um"))
+        span = (_of("--span", back, length, "5 um"), _of("--span", forth, length, "120 um"))
     step = velocity_step_in(
         trace,
-        at=_quantity("--step-at", given.step_at, clock, "68.7 s", bare=True),
-        before=_quantity("--from", given.from_, f"{length}/{clock}", "3 um/s"),
-        after=_quantity("--to", given.to, f"{length}/{clock}", "10 um/s"),
+        at=_of("--step-at", given.step_at, clock, "68.7 s", bare=True),
+        before=_of("--from", given.from_, f"{length}/{clock}", "3 um/s"),
+        after=_of("--to", given.to, f"{length}/{clock}", "10 um/s"),
         span=span,
     )
-    spring, friction = None, step.friction_unit or 1
     if given.stiffness is not None:
-        spring = _quantity("--stiffness", given.stiffness, f"{friction}/{length}", f"0.006 {friction}/um")
+        friction = step.friction_unit or 1
+        spring = _of("--stiffness", given.stiffness, f"{friction}/{length}", f"0.006 {friction}/um")
     fit = fit_rate_and_state(replace(step, length_unit=length), law=law, stiffness=spring, trend=given.trend)
     if plot is not None:
         from stickslip import plot as drawing
@@ -201,13 +179,9 @@ def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFi
     return fit
 
 
-def _quantity(option: str, text: str, unit: str, example: str, *, bare: bool = False) -> float:
-    return _of(option, text, lambda given: read_quantity(given, unit, example, bare=bare))
-
-
-def _of(option: str, text: str, read: Callable[[str], float]) -> float:
-    """Read the value of an option; errors name it."""
+def _of(option: str, text: str, unit: str = "", example: str = "", *, bare: bool = False) -> float:
+    """Read the value of an option, in a unit or a plain number; errors name it."""
     try:
-        return read(text)
+        return read_quantity(text, unit, example, bare=bare) if unit else read_number(text)
     except InputError as error:
         raise InputError(f"{option} {shown(text)}: {error}") from None

@@ -6,15 +6,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import interpolate, special
 
 from stickslip.errors import instance
+from stickslip.measure.arrays import Array
 from stickslip.model import Barrier, Delay, Interface, Langevin, MasterEquation, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
-
-Array = NDArray[np.float64]
 
 _FINEST = 2e-3
 """Step of the wave numbers, at least: a grid of ten thousand."""

@@ -16,9 +16,6 @@ from stickslip.rate_state.verdict import RateAndStateFit
 
 Program = Literal["qdyn", "tandem", "diabayes", "rsfmodel"]
 
-_AGEING_ONLY: tuple[Program, ...] = ("tandem", "diabayes")
-"""Programs that know the ageing law only."""
-
 
 def export_rate_and_state(
     fit: RateAndStateFit,
@@ -65,7 +62,7 @@ def export_rate_and_state(
         raise InputError(f"program = {shown(program)}: must be one of {', '.join(get_args(Program))}")
     if not fit.holds:
         raise InputError(f"fit: is not rate-and-state ({fit.reason}); there are no parameters to export")
-    if fit.law == "slip" and program in _AGEING_ONLY:
+    if fit.law == "slip" and program in ("tandem", "diabayes"):
         raise InputError(
             f"program = {program!r}: knows the ageing law only, and the interface follows the slip law; use 'qdyn' or "
             "'rsfmodel', or fit law='ageing'"
@@ -82,9 +79,10 @@ def export_rate_and_state(
         f"Fit of the {si.law} law to {step} over six breaking displacements; forces are those of all contacts.",
         *str(si).splitlines(),
     )
+    template = resources.files(__package__) / "templates" / f"{program}.txt"
     mark = "--" if program == "tandem" else "#"
     spring = si.contact_stiffness / weight  # between load point and surface: the contacts
-    text = "".join(f"{mark} {line}\n" for line in notes) + _template(program).substitute(
+    text = "".join(f"{mark} {line}\n" for line in notes) + Template(template.read_text(encoding="utf-8")).substitute(
         a=float(si.a) / weight,
         b=float(si.b) / weight,
         mu=si.kinetic_friction / weight,
@@ -103,7 +101,3 @@ def export_rate_and_state(
     if path is not None:
         files.write(path, text.encode())
     return text
-
-
-def _template(program: Program) -> Template:
-    return Template((resources.files(__package__) / "templates" / f"{program}.txt").read_text(encoding="utf-8"))

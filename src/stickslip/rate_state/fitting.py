@@ -7,14 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import UndecidedError
+from stickslip.measure.arrays import Array
 from stickslip.words import prefixed
-
-Array = NDArray[np.float64]
 
 
 class Estimate(float):
@@ -50,14 +48,13 @@ class WithErrors(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
-        found: dict[str, Any] = super().to_dict()
-        return found | {
-            f"{name}_error": plain(one.error) for name, one in vars(self).items() if isinstance(one, Estimate)
-        }
+        errors = {f"{name}_error": one.error for name, one in vars(self).items() if isinstance(one, Estimate)}
+        found: dict[str, Any] = super().to_dict() | plain(errors)
+        return found
 
 
 class Fit(NamedTuple):
-    """Best values, their covariance, the root of the mean square residual, the curve, and whether it converged."""
+    """What least squares found: values with their covariance, the curve, and whether it converged."""
 
     value: Array
     covariance: Array
@@ -65,10 +62,9 @@ class Fit(NamedTuple):
     curve: Array
     converged: bool
 
-    @property
-    def error(self) -> Array:
-        """Standard errors."""
-        return np.sqrt(np.diag(self.covariance))
+    def estimates(self, inflation: float = 1.0) -> list[Estimate]:
+        """The values with their standard errors."""
+        return [*map(Estimate, self.value, inflation * np.sqrt(np.diag(self.covariance)))]
 
 
 def least_squares(
@@ -89,17 +85,16 @@ def least_squares(
     logarithmic, scale = low > 0, float(np.ptp(data)) or 1.0
 
     def values(place: Array) -> Array:
-        return np.where(logarithmic, np.exp(np.where(logarithmic, place, 0.0)), place)
+        return np.exp(place, where=logarithmic, out=place.copy())
 
     def places(value: Array) -> Array:
-        return np.where(logarithmic, np.log(np.where(logarithmic, value, 1.0)), value)
+        return np.log(value, where=logarithmic, out=value.copy())
 
     def residual(place: Array) -> Array:
         try:
-            off = (model(values(place)) - data) / scale
+            return np.nan_to_num(np.clip((model(values(place)) - data) / scale, -1e3, 1e3), nan=1e3)
         except UndecidedError:
             return np.full(data.size, 1e3)
-        return np.clip(np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=1e3), -1e3, 1e3)
 
     least, largest = places(low), places(high)
     best_tried = sorted(tried, key=lambda one: float(np.sum(residual(places(one)) ** 2)))[:1]
@@ -122,7 +117,6 @@ def least_squares(
     # What the curve does not depend on has an error that is large, not one of 0.
     _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     turned = turned / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]
+    turned = turned * np.where(logarithmic, value, 1.0)
     covariance = turned.T @ turned * square / max(data.size - value.size, 1)
-    slope = np.where(logarithmic, value, 1.0)
-    rms = scale * math.sqrt(square / data.size)
-    return Fit(value, covariance * np.outer(slope, slope), rms, model(value), best.status > 0)
+    return Fit(value, covariance, scale * math.sqrt(square / data.size), model(value), best.status > 0)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -31,20 +28,22 @@ class Healing(Answer):
 
     def __str__(self) -> str:
         F, t, x = self.force_unit, self.time_unit, self.length_unit
-        rows = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, (None, *self.per_decade), strict=True)
-        table: list[tuple[str, ...]] = [("hold", "relaxation", "peak", "slip to peak", "per decade"), (t, F, F, x, F)]
-        for hold, relaxation, peak, slip, growth in rows:
-            said = "" if growth is None else f"{growth:.4g}"
-            table.append((f"{hold:.4g}", f"{relaxation:.4g}", f"{peak:.4g}", f"{slip:.3g}", said))
-        lines = [f"{row[0]:>12}{row[1]:>12}{row[2]:>12}{row[3]:>14}{row[4]:>14}" for row in table]
+        columns = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, (None, *self.per_decade), strict=True)
+        rows: list[tuple[str, ...]] = [("hold", "relaxation", "peak", "slip to peak", "per decade"), (t, F, F, x, F)]
+        for *values, slip, growth in columns:
+            last = "" if growth is None else f"{growth:.4g}"
+            rows.append((*(f"{value:.4g}" for value in values), f"{slip:.3g}", last))
+        lines = ["".join(f"{cell:>{w}}" for cell, w in zip(row, (12, 12, 12, 14, 14), strict=True)) for row in rows]
         expected = f"b ln 10 = {self.by_rate_and_state:.4g} {F}"
         if not self.per_decade:
-            lines.append(f"rate and state says {expected} per decade of hold time; give two holds to compare")
-        else:
-            lines.append(
-                f"healing over the last two holds: {self.per_decade[-1]:.4g} {F} per decade of hold time, "
-                f"{self.per_decade[-1] / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
+            return "\n".join(
+                (*lines, f"rate and state says {expected} per decade of hold time; give two holds to compare")
             )
+        found = self.per_decade[-1]
+        lines.append(
+            f"healing over the last two holds: {found:.4g} {F} per decade of hold time, "
+            f"{found / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
+        )
         return "\n".join(lines)
 
 
@@ -63,18 +62,19 @@ def healing(run: xr.Dataset, b: float) -> Healing:
     InputError
         If two holds are the same.
     """
-    import xarray as xr
-
     instance("healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it")
     run = run.sortby("hold")
-    found = {name: run[name].to_numpy() for name in ("hold", "relaxation", "peak", "slip_to_peak")}
-    if np.any(np.diff(found["hold"]) <= 0):
+    names = ("hold", "relaxation", "peak", "slip_to_peak")
+    hold, relaxation, peak, slip = (run[name].to_numpy() for name in names)
+    time, _, force, length = (str(run[name].attrs["units"]) for name in names)
+    if np.any(np.diff(hold) <= 0):
         raise InputError("holds: two are the same; give each once")
-    growth = np.diff(found["peak"]) / np.diff(np.log10(found["hold"]))
-    time, force, length = (str(run[name].attrs["units"]) for name in ("hold", "peak", "slip_to_peak"))
     return Healing(
-        **{name: tuple(values.tolist()) for name, values in found.items()},
-        per_decade=tuple(growth.tolist()),
+        hold=tuple(hold.tolist()),
+        relaxation=tuple(relaxation.tolist()),
+        peak=tuple(peak.tolist()),
+        slip_to_peak=tuple(slip.tolist()),
+        per_decade=tuple((np.diff(peak) / np.diff(np.log10(hold))).tolist()),
         by_rate_and_state=b * math.log(10.0),
         time_unit=time,
         force_unit=force,

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, UndecidedError, number, numbers, shown
+from stickslip.measure.arrays import Array
 from stickslip.model.records import Number, check
-
-Array = NDArray[np.float64]
 
 Law = Literal["ageing", "slip"]
 LAWS: tuple[Law, ...] = ("ageing", "slip")

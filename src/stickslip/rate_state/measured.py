@@ -6,12 +6,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, UndecidedError, number
+from stickslip.measure.arrays import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth, MasterEquation
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, small_step
@@ -23,7 +24,8 @@ from stickslip.sliding import kinetic_friction
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
+Rise = Callable[[Array, Array], Array]
+"""What friction rises by after a step: of values that are fitted, and of the displacement since the step."""
 
 _COARSE = MasterEquation(rtol=1e-3)
 """What a measured step is fitted with: its noise is larger."""
@@ -118,8 +120,8 @@ class ContactsFit(FittedStep):
         return _contacts(self.thresholds, self.width, self.ageing)
 
     def _rise(self, x: Array) -> Array:
-        rise = _rise_of_contacts(self.thresholds, self.level, self.after / self.before, linear=self.linear)
-        return rise(np.array([self.width, self.ageing, self.breaking_displacement, self.stiffness]), x)
+        values = np.array([self.width, self.ageing, self.breaking_displacement, self.stiffness])
+        return _rise_of(self.thresholds, self.level, self.after / self.before, linear=self.linear)(values, x)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
@@ -188,111 +190,91 @@ def fit_rate_and_state(
     >>> fit.law, round(fit.distance, 1)
     ('slip', 5.0)
     """
-    step = _the_step(data, at, before, after, span)
-    laws = laws_to_fit(law)
-    if stiffness is not None:
-        stiffness = number("stiffness", stiffness, above=0, hint="friction per displacement")
-    found, failed = _fits(step, laws, stiffness, trend=trend)
-    if not found and _fits(step.swapped(), laws, stiffness, trend=trend)[0]:
-        failed[0] += (
-            f"; a step from {step.after:g} to {step.before:g} does fit: "
-            "are the velocities before and after it (--from and --to) swapped?"
+    step = _the_step(data, at=at, before=before, after=after, span=span)
+    spring = None if stiffness is None else number("stiffness", stiffness, above=0, hint="friction per displacement")
+
+    def fits(step: Step) -> tuple[list[StepFit], list[UndecidedError]]:
+        """Of all laws that fit, and why the others do not."""
+        found, failed = [], []
+        for one in laws_to_fit(law):
+            try:
+                found.append(_fit_law(step, one, spring, trend=trend))
+            except UndecidedError as error:
+                failed.append(error)
+        return found, failed
+
+    found, failed = fits(step)
+    if found:
+        return min(found, key=lambda one: one.rms)
+    if fits(step.swapped())[0]:
+        raise UndecidedError(
+            f"{failed[0]}; a step from {step.after:g} to {step.before:g} does fit: are the velocities before and "
+            "after it (--from and --to) swapped?"
         )
-    if not found:
-        raise UndecidedError(failed[0])
-    return min(found, key=lambda one: one.rms)
+    raise failed[0]
 
 
-def _fits(step: Step, laws: Sequence[Law], stiffness: float | None, *, trend: bool) -> tuple[list[StepFit], list[str]]:
-    """Fit several laws: those that fit, and why the others do not."""
-    found, failed = [], []
-    for law in laws:
-        try:
-            found.append(_fit_law(step, law, stiffness, trend=trend))
-        except UndecidedError as error:
-            failed.append(str(error))
-    return found, failed
-
-
-def _the_step(
-    data: xr.Dataset | Step,
-    at: float | None,
-    before: float | None,
-    after: float | None,
-    span: tuple[float, float] | None,
-) -> Step:
-    if isinstance(data, Step):
-        return data
-    if at is None or before is None or after is None:
-        missing = next(name for name, value in (("at", at), ("before", before), ("after", after)) if value is None)
-        raise InputError(f"{missing}: is missing; give the time of the step and the velocities before and after it")
-    return velocity_step_in(data, at=at, before=before, after=after, span=span)
+def _the_step(data: xr.Dataset | Step, **how: Any) -> Step:
+    return data if isinstance(data, Step) else velocity_step_in(data, **how)
 
 
 # --------------------------------------------------------------------------------------------------- a curve and a line
 
 
-class _Curve(NamedTuple):
-    """What friction rises by after a step: a function of values and displacement, and the range of each value."""
-
-    rise: Callable[[Array, Array], Array]
-    low: Array
-    high: Array
-    needed: dict[str, str]
-    """The first values, without which nothing is known, by name, with their units."""
-
-
 def _fitted(
-    step: Step, curve: _Curve, starts: Sequence[Array], *, trend: bool, **how: Any
+    step: Step,
+    rise: Rise,
+    ranges: tuple[Array, Array],
+    needed: dict[str, str],
+    starts: Sequence[Array],
+    *,
+    trend: bool,
+    **how: Any,
 ) -> tuple[list[Estimate], Array, dict[str, Any]]:
-    """Fit a curve and when the step came: estimates, their covariance, and what `FittedStep` has."""
-    low, high = np.append(curve.low, -step.near), np.append(curve.high, step.near)
+    """Fit a curve beside a line, and when the step came: estimates, their covariance, and what `FittedStep` has.
 
-    def beside_a_line(value: Array) -> tuple[Array, float, float]:
-        """Friction, level and slope where the last value is how late the step came."""
-        rise = curve.rise(value[:-1], step.since(float(value[-1])))
-        level, slope = step.line(rise, trend=trend)
-        return rise + level + slope * step.displacement, level, slope
+    How late the step came is the last of the values. The first ones, without which nothing is known, are `needed`: by
+    name, with their units.
+    """
+    low, high = np.append(ranges[0], -step.near), np.append(ranges[1], step.near)
+    lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
+    of_line = np.linalg.pinv(lines)
 
-    fit = least_squares(lambda value: beside_a_line(value)[0], step.friction, starts, low, high, **how)
-    covariance = fit.covariance * _inflation(step.friction - fit.curve, low.size) ** 2
-    found = [*map(Estimate, fit.value, np.sqrt(np.diag(covariance)))]
-    late = found[-1]
+    def beside_a_line(value: Array) -> Array:
+        up = rise(value[:-1], step.since(float(value[-1])))
+        return up + lines @ (of_line @ (step.friction - up))
+
+    fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
+    # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not less than one for each parameter.
+    count, alike = step.friction.size, memory(step.friction - fit.curve)
+    inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
+    found, why = fit.estimates(inflation), ""
+    late, level = found[-1], of_line @ (step.friction - rise(fit.value[:-1], step.since(found[-1])))
     if not fit.converged:
-        raise UndecidedError("not identified: the fit did not converge; give a longer record, or less noise")
-    for (name, unit), value, least, largest in zip(curve.needed.items(), found, low, high, strict=False):
+        why = "the fit did not converge; give a longer record, or less noise"
+    for (name, unit), value, least, largest in zip(needed.items(), found, low, high, strict=False):
         if not value.error < value:
-            raise UndecidedError(f"not identified: {name} = {value.words(unit)}, an error as large as the value")
+            why = why or f"{name} = {value.words(unit)}, an error as large as the value"
         if np.log(largest / value) < 1e-6 or np.log(value / least) < 1e-6:
-            raise UndecidedError(
-                f"not identified: {name} = {value.words(unit)} is at the end of the range that was tried"
-            )
+            why = why or f"{name} = {value.words(unit)} is at the end of the range that was tried"
     if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
-        raise UndecidedError(
-            f"not identified: no step near the time {step.at:g} that was given; it would be at an end of what was kept "
-            "before it; correct the time of the step"
+        why = why or (
+            f"no step near the time {step.at:g} that was given; it would be at an end of what was kept before it; "
+            "correct the time of the step"
         )
+    if why:
+        raise UndecidedError(f"not identified: {why}")
     velocity = step.before if step.measured and late > 0 else step.after
-    _, level, slope = beside_a_line(fit.value)
-    common = {
+    kept = ("before", "after", "stretch", "length_unit", "time_unit", "friction_unit")
+    common = {name: getattr(step, name) for name in kept} | {
         "at": Estimate(step.at + late / velocity, late.error / velocity),
-        "level": level,
-        "trend": slope,
+        "level": float(level[0]),
+        "trend": float(level[1]) if trend else 0.0,
         "rms": fit.rms,
         "misfit": fit.rms / float(np.ptp(step.friction)),
         "late": float(late),
     }
-    kept = ("before", "after", "stretch", "length_unit", "time_unit", "friction_unit")
-    return found, covariance, common | {name: getattr(step, name) for name in kept}
-
-
-def _inflation(residual: Array, parameters: int) -> float:
-    """How much larger errors are than those of independent residuals: Bartlett's, for noise of first order."""
-    # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not less than one for each parameter.
-    square = float(residual @ residual)
-    likeness = max(float(residual[1:] @ residual[:-1]) / square, 0.0) if square > 0 else 0.0
-    worth = max(residual.size * (1.0 - likeness) / (1.0 + likeness), parameters)
-    return math.sqrt(residual.size / worth)
+    return found, fit.covariance * inflation**2, common
 
 
 # --------------------------------------------------------------------------------------------------- as rate and state
@@ -307,35 +289,31 @@ def _guess(step: Step, late: float = 0.0) -> tuple[float, float, float]:
     top = int(np.argmax(smooth[: max(rise.size // 2, 1)]))
     direct = max(float(smooth[top]), 0.2 * float(np.ptp(rise)))
     fallen = np.flatnonzero(smooth[top:] < end + 0.37 * (smooth[top] - end))
-    distance = (
-        float(after[min(top + int(fallen[0]), after.size - 1)] - after[top]) if fallen.size else 0.1 * float(after[-1])
-    )
-    return direct, max(direct - end, 0.1 * direct), max(distance, float(after[min(2, after.size - 1)]))
+    distance = after[min(top + fallen[0], after.size - 1)] - after[top] if fallen.size else 0.1 * after[-1]
+    return direct, max(direct - end, 0.1 * direct), max(float(distance), float(after[min(2, after.size - 1)]))
 
 
 def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> StepFit:
     if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():  # means of bins round
         raise UndecidedError(f"the friction is {step.friction[0]:g} throughout: there is no step in it")
-    known, x = stiffness is not None, step.displacement
+    count = 4 if stiffness is None else 3  # of the values that are fitted, but for when the step came
 
     def rise(value: Array, since: Array) -> Array:
-        spring = stiffness if stiffness is not None else float(value[3])
         one = RateAndState(law=law, a=value[0], b=value[1], distance=value[2])
-        return one.step(since, step.ratio, stiffness=spring)
+        return one.step(since, step.ratio, stiffness=float(value[3]) if stiffness is None else stiffness)
 
     def start(late: float, up: float = 1.0, wide: float = 1.0) -> Array:
         a, b, distance = _guess(step, late)
-        return np.array([up * a, up * b, wide * distance, *([] if known else [2.0 * up * a / (wide * distance)]), late])
+        return np.append([up * a, up * b, wide * distance, 2.0 * up * a / (wide * distance)][:count], late)
 
-    (a, _, _), reach, fine = _guess(step), float(x.max()), float(np.median(np.diff(x)))
+    a, reach, fine = start(0.0)[0], float(step.displacement.max()), float(np.median(np.diff(step.displacement)))
     low = np.array([1e-3 * a, 1e-3 * a, 0.1 * fine, 1e-3 * a / reach])
     high = np.array([1e2 * a, 1e2 * a, 10.0 * reach, 1e2 * a / fine])
-    count, unit = 3 if known else 4, step.friction_unit
-    curve = _Curve(rise, low[:count], high[:count], {"a": unit, "b": unit, "D": step.length_unit})
-
+    needed = {"a": step.friction_unit, "b": step.friction_unit, "D": step.length_unit}
     tried = [start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)]
     starts = [start(0.0), start(0.0, 1.5, 0.5), start(0.0, 1.2, 2.0)]
-    found, covariance, common = _fitted(step, curve, starts, trend=trend, tried=tried)
+    ranges = low[:count], high[:count]
+    found, covariance, common = _fitted(step, rise, ranges, needed, starts, trend=trend, tried=tried)
     apart = math.sqrt(max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0))
     return StepFit(
         law=law,
@@ -350,25 +328,18 @@ def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> S
 
 # --------------------------------------------------------------------------------------------------------- as contacts
 
-_ATTEMPTS, _TIME = 1e6, 1e-3
-"""Attempt rate and time of ageing, in units of ``x_s`` over the velocity: the force depends on their logarithms."""
-
 
 def _contacts(thresholds: Distribution, width: float, ageing: float) -> Interface:
+    """Attempts and time of ageing in units of ``x_s`` over the velocity: the force depends on their logarithms."""
     return Interface(
         thresholds=thresholds,
-        temperature=Bell(width=width, attempts=_ATTEMPTS),
-        ageing=LogarithmicGrowth(slope=ageing, time=_TIME),
+        temperature=Bell(width=width, attempts=1e6),
+        ageing=LogarithmicGrowth(slope=ageing, time=1e-3),
     )
 
 
-def _rise_of_contacts(
-    thresholds: Distribution, level: float, ratio: float, *, linear: bool
-) -> Callable[[Array, Array], Array]:
-    """Friction after a step over that before it, by width, ageing, breaking displacement and stiffness.
-
-    The level before it says how large a unit of force is.
-    """
+def _rise_of(thresholds: Distribution, level: float, ratio: float, *, linear: bool) -> Rise:
+    """Of width, ageing, breaking displacement and stiffness; friction before the step says how large its unit is."""
 
     def rise(value: Array, since: Array) -> Array:
         width, ageing, x_s, stiffness = value.tolist()
@@ -380,8 +351,8 @@ def _rise_of_contacts(
         else:
             reach = float(since.max()) / x_s + 1.0
             force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=_COARSE))
-        found[since > 0] = force
-        return unit * found
+        found[since > 0] = unit * force
+        return found
 
     return rise
 
@@ -421,23 +392,18 @@ def fit_contacts(
     InputError
         If the data holds no such step, or the mean of the thresholds is not 1.
     """
-    step = _the_step(data, at, before, after, span)
+    step = _the_step(data, at=at, before=before, after=after, span=span)
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:
         raise InputError(f"thresholds = {thresholds}: must have a mean of 1; the breaking displacement is fitted")
-    rough = _fit_law(step, "slip", None, trend=trend)
-    a, D, spring = rough.a / step.level() * 0.5, float(rough.distance), float(rough.stiffness)
-    low, high = np.array([0.1 * a, 1e-3 * a, 0.2 * D, 0.1 * spring]), np.array([10 * a, 30 * a, 20 * D, 10 * spring])
-
+    rough, level = _fit_law(step, "slip", None, trend=trend), step.level()
+    a, D, spring = rough.a / level * 0.5, float(rough.distance), float(rough.stiffness)
+    ranges = np.array([0.1 * a, 1e-3 * a, 0.2 * D, 0.1 * spring]), np.array([10 * a, 30 * a, 20 * D, 10 * spring])
     needed = {"A": "", "c": "", "the breaking displacement": step.length_unit}
-
-    def fitted(starts: Sequence[Array], most: int, *, linear: bool) -> tuple[list[Estimate], Array, dict[str, Any]]:
-        rise = _rise_of_contacts(thresholds, step.level(), step.ratio, linear=linear)
-        return _fitted(step, _Curve(rise, low, high, needed), starts, trend=trend, tolerance=1e-4, most=most)
-
     starts = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
-    found, _, common = fitted(starts, 50, linear=True)
-    if not linear:
-        found, _, common = fitted([np.array(found)], 20, linear=False)
+    for by_response, most in ((True, 50),) if linear else ((True, 50), (False, 20)):
+        rise = _rise_of(thresholds, level, step.ratio, linear=by_response)
+        found, _, common = _fitted(step, rise, ranges, needed, starts, trend=trend, tolerance=1e-4, most=most)
+        starts = [np.array(found)]
     return ContactsFit(
         thresholds=thresholds,
         width=found[0],

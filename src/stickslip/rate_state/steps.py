@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance, number, whole
-
-Array = NDArray[np.float64]
+from stickslip.measure.arrays import Array
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
@@ -57,25 +55,16 @@ class Step:
 
     def swapped(self) -> Step:
         """The same friction, if the velocities were given in the wrong order."""
-        x, stretch = self.displacement, self.stretch
-        turned = np.where(x < 0, stretch, 1.0 / stretch) * x
+        turned = np.where(self.displacement < 0, self.stretch, 1.0 / self.stretch) * self.displacement
         return replace(self, displacement=turned, before=self.after, after=self.before)
-
-    def line(self, rise: Array, *, trend: bool) -> tuple[float, float]:
-        """Level and slope that fit best beside what the friction rises by; a level alone without a trend."""
-        left = self.friction - rise
-        if not trend:
-            return float(left.mean()), 0.0
-        slope, level = np.polyfit(self.displacement, left, 1)
-        return float(level), float(slope)
 
 
 def velocity_step_in(
     data: xr.Dataset,
     *,
-    at: float,
-    before: float,
-    after: float,
+    at: float | None,
+    before: float | None,
+    after: float | None,
     span: tuple[float, float] | None = None,
     bins: int = 800,
 ) -> Step:
@@ -132,12 +121,11 @@ def velocity_step_in(
     rows = rows[np.isfinite(rows).all(axis=1)]
     back, forth = span or (0.1 * float(rows.x.max()), float(rows.x.max()))
     rows = rows[rows.x.between(-back, forth)]
-    later = int((rows.x > 0).sum())
-    if later < 30:
+    if (later := int((rows.x > 0).sum())) < 30:
         raise InputError(f"at = {at:g}: {later} samples after the step; there must be at least 30")
     count = min(whole("bins", bins, at_least=30, at_most=100_000), len(rows))
     edges = np.linspace(rows.x.min(), rows.x.max() * (1 + 1e-12), count + 1)
-    held = rows.groupby(np.clip(np.searchsorted(edges, rows.x, side="right") - 1, 0, count - 1)).mean()
+    held = rows.groupby(np.searchsorted(edges[1:-1], rows.x, side="right")).mean()
     units = {one: str(data[one].attrs.get("units", "")) for one in (name, "time", along) if one is not None}
     return Step(
         displacement=held.x.to_numpy(),

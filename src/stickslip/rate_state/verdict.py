@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.answers import plain
 from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.measure.arrays import Array
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.records import Number, rescaled
 from stickslip.model.units import si_unit
@@ -22,20 +22,12 @@ from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
 from stickslip.words import engineering
 
-Array = NDArray[np.float64]
-
-SLIP = 6.0
-"""Slip over which steps are fitted, in mean thresholds."""
-_POINTS = 600
-
-MISFIT = 0.05
-"""Largest misfit of a small step, rms over the range of the force, that counts as rate and state."""
-DRIFTS = {"a": 0.10, "b": 0.10, "D": 0.20}
-"""Largest change of each parameter over a decade of velocity that does."""
-_RESOLVED = 0.3
-"""Least direct effect at high frequency, in the fitted a, that counts as one."""
-_FAST = 200.0
-"""Wave number of a perturbation that is too fast for the memory of the contacts, over the mean threshold."""
+SLIP, _POINTS = 6.0, 600
+"""Slip over which steps are fitted, in mean thresholds, and at how many places."""
+MISFIT, DRIFTS = 0.05, {"a": 0.10, "b": 0.10, "D": 0.20}
+"""Of rate and state, below: misfit of a small step, and change of each parameter over a decade of velocity."""
+_RESOLVED, _FAST = 0.3, 200.0
+"""Least direct effect, in the fitted a, that counts as one, and at which wave number, over the mean threshold."""
 _LEAST, _MOST = 1e-7, 1e3
 """Range of a and b over the largest change of the force; the least is 0, for a logarithm."""
 
@@ -120,12 +112,18 @@ class RateAndStateFit(WithErrors):
     def __str__(self) -> str:
         if not self.holds:
             return f"not rate-and-state: {self.reason}"
-        force = self._unit("f_s")
+        force, length, spring = ("" if self.scales is None else si_unit(unit) for unit in ("f_s", "x_s", "k"))
+        exact, fitted = (engineering(k, spring) for k in (self.exact_critical_stiffness, self.critical_stiffness))
+        side = {"none": "", "too low": "on the unsafe side", "too high": "on the safe side"}[self.danger]
+        away = f" ({100 * abs(1 - self.ratio):.0f} % {self.danger}, {side})" if side else ""
+        stable = self.exact_critical_stiffness == self.critical_stiffness == 0
         lines = [
             f"rate-and-state-like: {self.reason}",
             f"{self.law} law, a = {self.a.words(force)}, b = {self.b.words(force)}, "
-            f"D = {self.distance.words(self._unit('x_s'))}, a - b = {engineering(self.a - self.b, force, 3)}",
-            self._critical_stiffness_in_words(),
+            f"D = {self.distance.words(length)}, a - b = {engineering(self.a - self.b, force, 3)}",
+            "steady sliding is stable on any spring, by rate and state as by the contacts"
+            if stable
+            else f"critical stiffness in steady sliding: {exact} exactly, {fitted} by rate and state{away}",
         ]
         if self.healing is not None:
             lines.append(
@@ -133,16 +131,6 @@ class RateAndStateFit(WithErrors):
                 f"{self.healing_over_b:.2f} times b"
             )
         return "\n".join(lines)
-
-    def _critical_stiffness_in_words(self) -> str:
-        both = (self.exact_critical_stiffness, self.critical_stiffness)
-        if both == (0, 0):
-            return "steady sliding is stable on any spring, by rate and state as by the contacts"
-        away = {"none": "", "too low": "on the unsafe side", "too high": "on the safe side"}[self.danger]
-        if away:
-            away = f" ({100 * abs(1 - self.ratio):.0f} % {self.danger}, {away})"
-        exact, fitted = (engineering(value, self._unit("k")) for value in both)
-        return f"critical stiffness in steady sliding: {exact} exactly, {fitted} by rate and state{away}"
 
 
 def rate_and_state(
@@ -191,33 +179,39 @@ def rate_and_state(
     """
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    if step is not None:
-        step = number("step", step, above=1, hint="ratio of the velocities")
-    laws = laws_to_fit(law)
+    step = step if step is None else number("step", step, above=1, hint="ratio of the velocities")
+    laws, ageing = laws_to_fit(law), interface.ageing
     if respond(interface).inert:
         raise InputError(
             "rate_and_state: the friction force does not change with the velocity: without temperature, ageing and "
             "delay there is nothing to fit; give one of them"
         )
-    small, misfit = _small(interface, speed)
-    failing, drift = _failing(interface, speed, small, misfit), np.full(3, math.nan)
+    fit, misfit = _small(interface, speed)
+    drift, failing, chosen, step_misfit, asymmetry = (
+        [math.nan] * 3,
+        _failing(interface, speed, fit, misfit),
+        laws[0],
+        None,
+        None,
+    )
     if not failing:
         low, high = (_small(interface, v)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
-        drift = (high - low) / small.value
+        drift = ((high - low) / fit.value).tolist()
         failing = _drifting(drift)
-    chosen, fit, step_misfit, asymmetry = laws[0], small, None, None
     if not failing and step is not None:
-        chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
+        chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, fit.value)
     elif not failing and law == "best":
         # Without ageing contacts remember slip alone, and so does the slip law.
-        if interface.ageing is not None or interface.delay.moment(1) > 0:
+        if ageing is not None or interface.delay.moment(1) > 0:
             raise UndecidedError(
                 "law = 'best': which law it is takes a step up and down; give step, or say law='ageing' or law='slip'"
             )
         chosen = "slip"
-    spring = contact_stiffness(interface, speed)
-    a, b, distance = map(Estimate, fit.value, fit.error)
-    growth = interface.ageing
+    spring, (a, b, distance) = contact_stiffness(interface, speed), fit.estimates()
+    try:
+        exact = critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)))
+    except UndecidedError:
+        exact = math.nan
     return RateAndStateFit(
         law=chosen,
         a=a,
@@ -225,15 +219,15 @@ def rate_and_state(
         distance=distance,
         misfit=misfit,
         step_misfit=step_misfit,
-        drift=(float(drift[0]), float(drift[1]), float(drift[2])),
+        drift=(drift[0], drift[1], drift[2]),
         asymmetry=asymmetry,
-        healing=growth.slope if isinstance(growth, LogarithmicGrowth) else None,
+        healing=ageing.slope if isinstance(ageing, LogarithmicGrowth) else None,
         velocity=speed,
-        step=step if step_misfit is not None else None,
+        step=None if step_misfit is None else step,
         kinetic_friction=kinetic_friction(interface, speed),
         contact_stiffness=spring,
         critical_stiffness=RateAndState(law=chosen, a=a, b=b, distance=distance).critical_stiffness(spring),
-        exact_critical_stiffness=_exact_stiffness(interface, speed),
+        exact_critical_stiffness=exact,
         holds=not failing,
         reason=failing
         or f"misfit {100 * misfit:.2g} %; over a decade a changes by {100 * drift[0]:.2g} %, "
@@ -271,16 +265,14 @@ def _of_a_step(
     interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
 ) -> tuple[Law, Fit, float, float]:
     """Fit laws to steps up and down: the law of which D changes less, its fit and misfit, and D up over D down."""
-    reach = SLIP * interface.threshold_distribution.moment(1)
-
-    def fitted(law: Law, before: float, after: float, lead: Array, force: Array) -> tuple[Fit, float]:
-        spring = contact_stiffness(interface, before)
-        return _fit_abd(lambda one: one.step(lead, after / before, stiffness=spring), lead, force, [near], law)
-
-    runs = []
+    reach, runs = SLIP * interface.threshold_distribution.moment(1), []
     for before, after in ((velocity, velocity * step), (velocity * step, velocity)):
-        lead, force = finite_step(interface, before, after, reach)
-        runs.append((before, after, lead[3::3], force[3::3]))
+        lead, force = (each[3::3] for each in finite_step(interface, before, after, reach))
+        runs.append((lead, force, after / before, contact_stiffness(interface, before)))
+
+    def fitted(law: Law, lead: Array, force: Array, ratio: float, spring: float) -> tuple[Fit, float]:
+        return _fit_abd(lambda one: one.step(lead, ratio, stiffness=spring), lead, force, [near], law)
+
     found = []
     for law in laws:
         (up, misfit), (down, _) = (fitted(law, *run) for run in runs)
@@ -290,31 +282,27 @@ def _of_a_step(
 
 def _failing(interface: Interface, velocity: float, fit: Fit, misfit: float) -> str:
     """Say what keeps it from being rate and state, or nothing."""
-    a, mean = float(fit.value[0]), interface.threshold_distribution.moment(1)
-    spring, q = contact_stiffness(interface, velocity), _FAST / mean * 1j
-    kappa = complex(respond(interface).stiffness(velocity, q * velocity))
-    direct = (kappa * spring / (q * (spring - kappa))).real
+    a, wave = fit.estimates()[0], 1j * _FAST / interface.threshold_distribution.moment(1)
+    kappa, spring = (
+        complex(respond(interface).stiffness(velocity, wave * velocity)),
+        contact_stiffness(interface, velocity),
+    )
+    direct = (kappa * spring / (wave * (spring - kappa))).real
     if not direct > _RESOLVED * a:
+        remedy = "; add [interface.temperature]" if interface.temperature is None else ""
         return (
             f"no direct effect: a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
-            + ("; add [interface.temperature]" if interface.temperature is None else "")
+            f"{remedy}"
         )
-    if a < 2.0 * fit.error[0]:
-        return f"a = {a:.2g} ± {fit.error[0]:.1g} is not resolved"
+    if a < 2.0 * a.error:
+        return f"a = {a:.2g} ± {a.error:.1g} is not resolved"
     if misfit >= MISFIT:
         return f"a small step is fitted to {100 * misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
     return ""
 
 
-def _drifting(drift: Array) -> str:
-    for (name, most), change in zip(DRIFTS.items(), drift.tolist(), strict=True):
+def _drifting(drift: Sequence[float]) -> str:
+    for (name, most), change in zip(DRIFTS.items(), drift, strict=True):
         if abs(change) >= most:
             return f"{name} changes by {100 * change:.3g} % over a decade of velocity; must be below {100 * most:g} %"
     return ""
-
-
-def _exact_stiffness(interface: Interface, velocity: float) -> float:
-    try:
-        return critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(velocity)))
-    except UndecidedError:
-        return math.nan
