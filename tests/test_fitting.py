@@ -287,7 +287,7 @@ def test_a_fit_is_plain_data(found):
 
 
 def test_quantities_go_as_far_as_what_is_known(found):
-    bare = replace(found, known=fitting.fits.Known())
+    bare = replace(found, known={})
     assert [one.key for one in bare.quantities] == ["contact_strength", "static_friction", "sliding_friction"]
     for ask, why in (
         (lambda: bare["breaking_displacement"], "stiffness"),
@@ -356,7 +356,7 @@ def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
 
 
 def test_what_was_given_has_the_error_that_it_was_given_with(found):
-    given = replace(found, known=replace(found.known, stiffness=(100.0, 10.0), mass=(0.4, 0.0), load=(20.0, 2.0)))
+    given = replace(found, known={"stiffness": (100.0, 10.0), "mass": (0.4, 0.0), "load": (20.0, 2.0)})
     for name, error in (("frequency", 0.05), ("speed", 0.1), ("friction_coefficient", 0.1)):
         draws = given.draws(name)
         assert np.log(draws).std() == pytest.approx(error, rel=0.3)
@@ -368,7 +368,7 @@ def test_what_was_given_has_the_error_that_it_was_given_with(found):
 
 def test_the_unit_of_time_changes_no_rig(found):
     in_ms = replace(found.events, time=1e3 * found.events.time, time_unit="ms")
-    known = replace(found.known, mass=None)
+    known = {name: value for name, value in found.known.items() if name != "mass"}
     one, other = (replace(found, events=events, known=known).rig() for events in (found.events, in_ms))
     for unit in ("x_s", "f_s", "k", "time"):
         assert one.unit(unit) == pytest.approx(other.unit(unit), rel=1e-9)
@@ -486,7 +486,7 @@ def test_statistics_are_what_their_names_say():
 
 @pytest.mark.parametrize(("unit", "size"), [("kN", 1000.0), ("mN", 1e-3), ("1", 20.0)])
 def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
-    one = replace(found, known=found.known.exact())
+    one = replace(found, known={name: (value, 0.0) for name, (value, _) in found.known.items()})
     other = replace(one, events=replace(found.events, force_unit=unit))  # a coefficient, under a load of 20 N
     for name in ("contact_strength", "static_friction", "sliding_friction", "breaking_displacement", "speed"):
         np.testing.assert_allclose(other.draws(name), size * one.draws(name))

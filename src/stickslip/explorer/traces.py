@@ -119,7 +119,7 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
     # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
     kinetic = (float(events.troughs.mean()) + overshoot * events.mean_peak) / (1.0 + overshoot)
-    force = newtons(events)
+    force = newtons(events, {})
     readings = {
         "static": events.mean_peak * force,
         "kinetic": kinetic * force,
@@ -186,7 +186,7 @@ def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> 
     documents.check_size(short, seconds)
     run = simulate(short, progress=watch)
     after = measure.drops(run)["start"].to_numpy() / unit
-    times, values = run["time"].to_numpy() / unit, run["spring_force"].to_numpy() / newtons(events)
+    times, values = run["time"].to_numpy() / unit, run["spring_force"].to_numpy() / newtons(events, {})
     settled = after[after > min(settle, 0.5 * float(times[-1]))]
     shift = first - settled[0] if settled.size else begin - settle
     seen = (times + shift >= begin) & (times + shift <= end)

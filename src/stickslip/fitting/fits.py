@@ -16,7 +16,7 @@ from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior, Unknown, simulate
 from stickslip.fitting.events import Events, pick_events
 from stickslip.fitting.gates import check
 from stickslip.fitting.inference import EDGE, infer, see
-from stickslip.fitting.known import QUANTITIES, Known, likelihood_of, quantity_of
+from stickslip.fitting.known import QUANTITIES, Known, in_si, likelihood_of, read_known, refusal
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import Delays, Pairs, Strengthening, delays_of, strengthening_of
 from stickslip.fitting.summary import FITTED, NAMES
@@ -132,9 +132,8 @@ class Fit(Answer):
 
     def __getitem__(self, key: str) -> Interval:
         """A parameter of the model, or a quantity in SI units."""
-        for interval in self.parameters:
-            if interval.key == key:
-                return interval
+        if key in KEYS:
+            return self.parameters[KEYS.index(key)]
         unit, title = ("s", "delay of re-attachment") if key == "delay" else QUANTITIES.get(key, ("", key))[:2]
         return Interval.of(self.draws(key), key, title, unit)
 
@@ -150,17 +149,18 @@ class Fit(Answer):
             return np.asarray(self.values[:, KEYS.index(key)])
         if key == "delay" and self.delays is not None:
             return self.delays.draws
-        return quantity_of(key, self.values, self.strength, self.events, self.known)
+        found = in_si(self.values, self.strength, self.events, self.known)
+        if key not in found:
+            raise refusal(key, self.known)
+        return found[key]
 
     @property
     def quantities(self) -> tuple[Interval, ...]:
         """All that what is known allows to tell in SI units."""
-        names = [name for name, (_, _, needs) in QUANTITIES.items() if self.known.has(*needs)]
-        if self.delays is not None:
-            names.append("delay")
-        if self.events.force_unit == "1" and self.known.load is None:
+        if self.events.force_unit == "1" and "load" not in self.known:
             return ()
-        return tuple(self[name] for name in names)
+        names = in_si(self.values, self.strength, self.events, self.known)
+        return tuple(self[name] for name in (*names, *(["delay"] if self.delays else [])))
 
     def series(self, row: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Peaks and troughs of a series of slips that one draw makes, in the unit of the force."""
@@ -247,7 +247,7 @@ class Fit(Answer):
                 "force_unit": self.events.force_unit,
                 "parameters": intervals(self.parameters),
                 "quantities": intervals(self.quantities),
-                "known": self.known.to_dict(),
+                "known": self.known,
                 "effective_draws": self.effective,
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
                 "delay": self.delays and self.delays.to_dict(),
@@ -337,7 +337,7 @@ def fit(
     instance("fit: trace", trace, (xr.Dataset, Events), "a Dataset, such as read_trace() returns, or its Events")
     seed = whole("seed", seed, at_least=0)
     events = trace if isinstance(trace, Events) else pick_events(trace, smallest=smallest, after=after)
-    given = Known.read(known)
+    given = read_known(known)
     notes = list(check(events))
     if len(events) > MOST_SLIPS:
         notes.append(f"only the first {MOST_SLIPS} of {len(events)} slips are fitted")
@@ -367,13 +367,9 @@ def fit(
         strength=events.mean_peak / again.mean_peak[valid],
         predicted=again.statistics[valid],
         known=given,
-        edge=sample.edge,
-        adjusted=sample.adjusted,
-        effective=sample.effective,
-        invalid=sample.invalid,
-        simulations=sample.simulations,
         notes=(),
         strengthening=strengthening_of(holds) if holds else None,
+        **{name: getattr(sample, name) for name in ("edge", "adjusted", "effective", "invalid", "simulations")},
     )
     delays = delays_of(found, speeds) if speeds else None
     return replace(found, notes=(*notes, *_notes(found)), delays=delays)

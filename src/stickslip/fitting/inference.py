@@ -19,7 +19,7 @@ from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior
 from stickslip.fitting.observation import Observation, Seen
 from stickslip.fitting.summary import comparable
-from stickslip.fitting.tables import Block, Table, on_all_cores, simulated
+from stickslip.fitting.tables import Table, joined, on_all_cores, simulated
 from stickslip.measure.arrays import Array
 
 NEAREST = 300
@@ -134,12 +134,11 @@ def see(prior: Prior, parts: Array, observation: Observation, *, seed: int = 0) 
     """Simulate at given parts of the ranges of a prior, on all cores, and observe."""
     blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
 
-    def one(block: int) -> Block:
+    def one(block: int) -> Table:
         return simulated(prior, blocks[block], observation.slips_needed, np.random.default_rng([seed, 3, block]))
 
-    made = on_all_cores(one, range(len(blocks)))
-    count, peaks, troughs = (np.concatenate([part[name] for part in made]) for name in ("count", "peaks", "troughs"))
-    return observation.see(count, peaks, troughs, seed=seed)
+    made = joined(on_all_cores(one, range(len(blocks))))
+    return observation.see(made.count, made.peaks, made.troughs, seed=seed)
 
 
 def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,55 +21,33 @@ _UNITS = {
 }
 _USUAL_ERROR = 0.02
 """Relative error of a value that is given without one."""
+Known = Mapping[str, tuple[float, float]]
+"""Values of a bench that were measured otherwise, with their standard errors, in SI units."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Known:
-    """Values of a bench that were measured otherwise, with their standard errors, in SI units."""
-
-    stiffness: tuple[float, float] | None = None
-    speed: tuple[float, float] | None = None
-    mass: tuple[float, float] | None = None
-    load: tuple[float, float] | None = None
-
-    @classmethod
-    def read(cls, given: Mapping[str, object] | None) -> Known:
-        """Read values as users give them: numbers in SI units, texts with a unit, or either with a standard error."""
-        instance("known", given if given is not None else {}, Mapping, "a mapping, such as {'stiffness': '350 N/m'}")
-        found = {}
-        for name, value in (given or {}).items():
-            if name not in _UNITS:
-                raise InputError(f"known: {name!r}: must be one of {', '.join(_UNITS)}", "known")
-            pair = value if isinstance(value, tuple) and len(value) == 2 else (value,)
-            middle, *error = (read_value(f"known.{name}", one, *_UNITS[name]) for one in pair)
-            found[name] = (middle, error[0] if error else _USUAL_ERROR * middle)
-        return cls(**found)
-
-    def drawn(self, name: str, count: int) -> Array:
-        """So many values of what is known, scattered by its error; the same each time, for what depends on it twice."""
-        middle, error = getattr(self, name)
-        scatter = np.random.default_rng([list(_UNITS).index(name), count]).standard_normal(count)
-        return np.asarray(middle * np.exp(error / middle * scatter))
-
-    def exact(self) -> Known:
-        """The same values, taken as exact."""
-        return Known(**{name: (middle, 0.0) for name, (middle, _) in self.to_dict().items()})
-
-    def has(self, *names: str) -> bool:
-        """Whether all of these are known."""
-        return all(getattr(self, name) is not None for name in names)
-
-    def to_dict(self) -> dict[str, tuple[float, float]]:
-        """What is known, with its errors."""
-        return {name: value for name in _UNITS if (value := getattr(self, name)) is not None}
+def read_known(given: Mapping[str, object] | None) -> Known:
+    """Read values as users give them: numbers in SI units, texts with a unit, or either with a standard error."""
+    instance("known", given if given is not None else {}, Mapping, "a mapping, such as {'stiffness': '350 N/m'}")
+    found = {}
+    for name, value in (given or {}).items():
+        if name not in _UNITS:
+            raise InputError(f"known: {name!r}: must be one of {', '.join(_UNITS)}", "known")
+        pair = value if isinstance(value, tuple) and len(value) == 2 else (value,)
+        middle, *error = (read_value(f"known.{name}", one, *_UNITS[name]) for one in pair)
+        found[name] = (middle, error[0] if error else _USUAL_ERROR * middle)
+    return found
 
 
-# ----------------------------------------------------------------------------------------------------- units of a trace
+def drawn(known: Known, name: str, count: int) -> Array:
+    """So many values of what is known, scattered by its error: the same each time; not numbers where it is not."""
+    middle, error = known.get(name, (math.nan, 0.0))
+    scatter = np.random.default_rng([list(_UNITS).index(name), count]).standard_normal(count)
+    return np.asarray(middle * np.exp(error / middle * scatter))
 
 
-def newtons(events: Events, known: Known = Known()) -> float:
+def newtons(events: Events, known: Known) -> float:
     """One unit of the force of a trace in N; of a coefficient of friction, the load."""
-    size = known.load and known.load[0] if events.force_unit == "1" else ratio(events.force_unit or "N", "N")
+    size = known.get("load", (None,))[0] if events.force_unit == "1" else ratio(events.force_unit or "N", "N")
     if size is None:
         raise InputError("fit: the force has no unit of force; give the load with a coefficient of friction")
     return size
@@ -84,11 +61,6 @@ def seconds(events: Events) -> float:
     return size
 
 
-def loading_rate(events: Events, known: Known) -> float:
-    """Rise of the force between slips, in N/s."""
-    return events.loading_rate * newtons(events, known) / seconds(events)
-
-
 def rate_error(events: Events) -> float:
     """Relative error of the loading rate: half of what it drifts by from the first third to the last."""
     first, last = events.thirds
@@ -97,10 +69,10 @@ def rate_error(events: Events) -> float:
 
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | None:
     """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``; None if they say nothing."""
-    if known.stiffness is None or known.speed is None:
+    if not known.keys() >= {"stiffness", "speed"}:
         return None
-    (K, of_stiffness), (v, of_speed) = known.stiffness, known.speed
-    loading, product = loading_rate(events, known), K * v
+    (K, of_stiffness), (v, of_speed) = known["stiffness"], known["speed"]
+    loading, product = events.loading_rate * newtons(events, known) / seconds(events), K * v
     error = math.hypot(of_stiffness / K, of_speed / v, rate_error(events))
     if product * (1.0 + 3.0 * error) < loading:
         raise InputError(
@@ -113,9 +85,6 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | No
         return np.asarray(np.exp(-0.5 * away**2))
 
     return likelihood
-
-
-# ----------------------------------------------------------------------------------------------------------- quantities
 
 
 QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
@@ -131,40 +100,42 @@ QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
 """Unit and title of each quantity, and what must be known for it."""
 
 
-def quantity_of(name: str, values: Array, strength: Array, events: Events, known: Known) -> Array:
-    """Draws of a quantity in SI units; `InputError` if what is known does not allow for it."""
-    if name in ("delay", "ageing"):
-        raise InputError(
-            f"fit: {name}: one speed tells nothing of it but bounds; give the force at several speeds (speeds=) or "
-            "after several holds (holds=)"
-        )
-    if name not in QUANTITIES:
-        raise InputError(f"fit: {name!r}: must be one of {', '.join(QUANTITIES)}")
-    missing = [need for need in QUANTITIES[name][2] if not known.has(need)]
-    if missing:
-        raise InputError(
-            f"fit: {name}: a force trace alone does not tell it; give {' and '.join(missing)}, as in "
-            f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
-        )
+def in_si(values: Array, strength: Array, events: Events, known: Known) -> dict[str, Array]:
+    """Draws of all quantities, each with the errors of what it is made of; only those that what is known tells."""
     count, residual, kappa = len(values), values[:, 2], values[:, 3]
 
     def scattered(middle: float, error: float, seed: int) -> Array:
         return middle + error * np.random.default_rng([seed, count]).standard_normal(count)
 
-    given = ("load", "stiffness", "mass")
-    load, K, mass = (known.drawn(one, count) if known.has(one) else np.ones(count) for one in given)
-    unit = load if events.force_unit == "1" and known.load else newtons(events, known)
+    load, K, mass = (drawn(known, one, count) for one in ("load", "stiffness", "mass"))
+    unit = load if events.force_unit == "1" and "load" in known else newtons(events, known)
     force = strength * unit
     peak = scattered(events.mean_peak, float(np.std(events.peaks)) / math.sqrt(len(events)), 4) * unit
-    if name == "speed":
-        rate = loading_rate(events, known) * np.exp(scattered(0.0, rate_error(events), 5))
-        return np.asarray(rate * (1.0 + kappa) / K)
-    return {
+    rate = events.loading_rate * unit / seconds(events) * np.exp(scattered(0.0, rate_error(events), 5))
+    found = {
         "contact_strength": force,
         "static_friction": peak,
         "sliding_friction": force * residual,
         "interface_stiffness": K / kappa,
         "breaking_displacement": force * kappa / K,
+        "speed": rate * (1.0 + kappa) / K,
         "friction_coefficient": peak / load,
         "frequency": np.sqrt(K / mass) / (2.0 * np.pi),
-    }[name]
+    }
+    return {name: np.asarray(draws) for name, draws in found.items() if known.keys() >= {*QUANTITIES[name][2]}}
+
+
+def refusal(name: str, known: Known) -> InputError:
+    """Why a quantity cannot be told, and what would tell it."""
+    if name in ("delay", "ageing"):
+        return InputError(
+            f"fit: {name}: one speed tells nothing of it but bounds; give the force at several speeds (speeds=) or "
+            "after several holds (holds=)"
+        )
+    if name not in QUANTITIES:
+        return InputError(f"fit: {name!r}: must be one of {', '.join(QUANTITIES)}")
+    missing = [need for need in QUANTITIES[name][2] if need not in known]
+    return InputError(
+        f"fit: {name}: a force trace alone does not tell it; give {' and '.join(missing)}, as in "
+        f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
+    )

@@ -20,7 +20,7 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
 from stickslip.fitting.events import Events, pick_events, with_unit
 from stickslip.fitting.gates import RESOLVED
-from stickslip.fitting.known import Known, newtons, quantity_of, rate_error, seconds
+from stickslip.fitting.known import Known, drawn, in_si, newtons, rate_error, read_known, seconds
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
 from stickslip.model import OnArrest, Output
@@ -62,14 +62,18 @@ KEYS: Mapping[str, tuple[str, str]] = {
 
 def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) -> Rig:
     """The rig behind a trace, at the draw nearest to the medians whose own run makes its drops and period."""
-    extra = Known.read({key: value for key, value in (("mass", mass), ("speed", speed)) if value is not None})
-    known = Known(**(found.known.to_dict() | extra.to_dict()))
-    if known.stiffness is None:
+    more = {key: value for key, value in (("mass", mass), ("speed", speed)) if value is not None}
+    known = {**found.known, **read_known(more)}
+    if "stiffness" not in known:
         raise InputError(
             "fit: a rig needs the stiffness of the driving spring, without which a force trace tells no length; give "
             "it as known={'stiffness': '350 N/m'}, or --stiffness on the command line"
         )
-    exact, draws, nearest = _draws(found, known.exact()), _draws(found, known), ""
+    exact, draws, nearest = (
+        _draws(found, {name: (it, 0.0) for name, (it, _) in known.items()}),
+        _draws(found, known),
+        "",
+    )
     order = _from_the_centre(exact)[:_TRIED].tolist()
     delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
     for delay in (*delays, {}):
@@ -87,7 +91,8 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
 
 def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], found: Fit, known: Known, name: str) -> Rig:
     """The rig of one draw, with the intervals and draws of what was fitted."""
-    given = {"slider.stiffness": known.stiffness, "slider.mass": known.mass, "drive.velocity": known.speed}
+    given = {"slider.stiffness", *(["slider.mass"] if "mass" in known else [])}
+    given |= {"drive.velocity"} if "speed" in known else set()
     says = {one.key: str(one.verdict) for one in found.parameters}
     if found.events.slip_samples >= RESOLVED:
         says[_ASSUMED] = "identified by the time of a slip"
@@ -110,7 +115,7 @@ def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], foun
         )
     for path, values in exact.items():
         _put(document, path, _written(path, float(values[i]), 8))
-        if given.get(path) is not None:
+        if path in given:
             continue
         how = KEYS[path][1]
         how = says.get(how, how)
@@ -125,7 +130,7 @@ def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], foun
     return from_document(document, "fitted rig")
 
 
-def remade(rig: Rig, events: Events, known: Known = Known()) -> Events:
+def remade(rig: Rig, events: Events, known: Known) -> Events:
     """The slips of a rig's own run, recorded and picked as those of a trace were."""
     force, second = newtons(events, known), seconds(events)
     lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
@@ -171,14 +176,10 @@ def _said(events: Events) -> str:
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key, in SI units."""
     values, events, count = found.values, found.events, len(found)
-
-    def quantity(name: str) -> Array:
-        return quantity_of(name, values, found.strength, events, known)
-
-    strength, residual = _rounded(quantity("contact_strength")), _rounded(values[:, 2])
-    K = known.drawn("stiffness", count)
-    if known.mass is not None:
-        mass = known.drawn("mass", count)
+    told = {name: _rounded(draws) for name, draws in in_si(values, found.strength, events, known).items()}
+    strength, residual, K = told["contact_strength"], _rounded(values[:, 2]), drawn(known, "stiffness", count)
+    if "mass" in known:
+        mass = drawn(known, "mass", count)
     else:  # what lets a slip be as short as it was recorded, or anything lighter where slips are not resolved
         mass = K * (events.slip_samples * events.step * seconds(events) / math.pi) ** 2 * (1.0 - values[:, 4] ** 2)
         if events.slip_samples < RESOLVED:
@@ -188,12 +189,12 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
         "slider.stiffness": K,
         "slider.damping_ratio": _rounded(values[:, 4]),
         "interface.contact_strength": strength,
-        "interface.breaking_displacement": _rounded(quantity("breaking_displacement")),
+        "interface.breaking_displacement": told["breaking_displacement"],
         "interface.thresholds.std": _rounded(values[:, 1]),
         "interface.sliding_force": strength * residual,
         "interface.newborn.mean": residual,
         "interface.track_scatter": _rounded(values[:, 5]),
-        "drive.velocity": _rounded(quantity("speed") if known.speed is None else known.drawn("speed", count)),
+        "drive.velocity": _rounded(drawn(known, "speed", count)) if "speed" in known else told["speed"],
     }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
@@ -32,10 +32,10 @@ DRAWS, SLIPS = 20_000, 384
 _BLOCK = 250
 _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
+"""Of a table, but for its prior: what is kept of each block."""
 Progress = Callable[[float], None]
 Series = NDArray[np.float32]
 Found = TypeVar("Found")
-Block = dict[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +112,7 @@ def table(
             f"{place}: cannot be made ({error.strerror}); name another folder in STICKSLIP_CACHE"
         ) from None
     paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
-    blocks = {block: found for block, path in enumerate(paths) if (found := _read(path, slips))}
+    blocks = {block: found for block, path in enumerate(paths) if (found := _read(path, prior, slips))}
     missing = [block for block in range(len(paths)) if block not in blocks]
     if missing:
         simulate_block(prior, 0, 0, 30, seed)  # compiles, before threads ask for it all at once
@@ -123,15 +123,20 @@ def table(
                     block = waiting[future]
                     blocks[block] = future.result()
                     content = BytesIO()
-                    np.savez(content, allow_pickle=False, **blocks[block])
+                    np.savez(content, allow_pickle=False, **{name: getattr(blocks[block], name) for name in _FIELDS})
                     files.write(paths[block], content.getvalue())
                     if progress is not None:
                         progress(len(blocks) / len(paths))
             finally:
                 for future in waiting:
                     future.cancel()
-    made = {name: np.concatenate([blocks[block][name] for block in range(len(paths))])[:draws] for name in _FIELDS}
-    return Table(prior=prior, **made)
+    return joined([blocks[block] for block in range(len(paths))], draws)
+
+
+def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
+    """Tables of one prior one after another, and of them so many draws."""
+    made = {name: np.concatenate([getattr(one, name) for one in tables])[:draws] for name in _FIELDS}
+    return Table(prior=tables[0].prior, **made)
 
 
 def on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Found]:
@@ -140,30 +145,28 @@ def on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Fo
         return list(pool.map(function, of))
 
 
-def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> Block:
+def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> Table:
     """Simulate one block of the table; what it holds depends on its number and on the seed alone."""
     rng = np.random.default_rng([seed, block])
-    parts = rng.random((draws, len(KEYS)))
-    return {"parts": parts, **simulated(prior, parts, slips, rng)}
+    return simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
 
 
-def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> Block:
+def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> Table:
     """Series of slips at given parts of the ranges of a prior."""
-    draws = len(parts)
-    count = np.zeros(draws, dtype=np.int64)
-    peaks, troughs = np.zeros((draws, slips), np.float32), np.zeros((draws, slips), np.float32)
+    count = np.zeros(len(parts), dtype=np.int64)
+    peaks, troughs = np.zeros((2, len(parts), slips), np.float32)
     for i, values in enumerate(prior.values(parts)):
         P, T = simulate(values, slips, rng)
         count[i] = P.size
         peaks[i, : P.size], troughs[i, : P.size] = P, T
-    return {"count": count, "peaks": peaks, "troughs": troughs}
+    return Table(prior=prior, parts=parts, count=count, peaks=peaks, troughs=troughs)
 
 
-def _read(path: Path, slips: int) -> Block:
+def _read(path: Path, prior: Prior, slips: int) -> Table | None:
     """A block as it was kept; nothing if it is not there, or damaged, so that it is made again."""
     try:
         with np.load(BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False) as found:
-            block = {name: found[name] for name in _FIELDS}
+            block = Table(prior=prior, **{name: found[name] for name in _FIELDS})
     except (InputError, OSError, ValueError, KeyError, EOFError, NotImplementedError, BadZipFile):
-        return {}
-    return block if block["peaks"].shape == (_BLOCK, slips) else {}
+        return None
+    return block if block.peaks.shape == (_BLOCK, slips) else None
