@@ -69,17 +69,19 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
             "fit: a rig needs the stiffness of the driving spring, without which a force trace tells no length; give "
             "it as known={'stiffness': '350 N/m'}, or --stiffness on the command line"
         )
-    exact, draws, nearest = (
-        _draws(found, {name: (it, 0.0) for name, (it, _) in known.items()}),
-        _draws(found, known),
-        "",
-    )
-    order = _from_the_centre(exact)[:_TRIED].tolist()
+    exact, draws = (_draws(found, one) for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known))
+    order, nearest = _from_the_centre(exact)[:_TRIED].tolist(), ""
     delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
     for delay in (*delays, {}):
+        fitted = {path: values for path, values in (draws | delay).items() if path not in _given(known)}
+        document = _document(found, name, fitted)
         for i in order:
-            rig = _rig_at(i, exact | delay, draws | delay, found, known, name)
-            words, agrees = _against(rig, found, known)
+            document["simulation"] = {"contacts": max(round(float(found.values[i, 0])), 1)}
+            rig = _at(document, {path: float(values[i]) for path, values in (exact | delay).items()}, "fitted rig")
+            try:
+                words, agrees = compared(remade(rig, found.events, known), found.events)
+            except InputError:
+                words, agrees = f"its own run hardly slips, the trace {_said(found.events)}", False
             if agrees:
                 return replace(rig, source=f"{rig.source}; {words}")
             nearest = nearest or words
@@ -89,14 +91,31 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
     )
 
 
-def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], found: Fit, known: Known, name: str) -> Rig:
-    """The rig of one draw, with the intervals and draws of what was fitted."""
-    given = {"slider.stiffness", *(["slider.mass"] if "mass" in known else [])}
-    given |= {"drive.velocity"} if "speed" in known else set()
+def _given(known: Known) -> set[str]:
+    """Keys whose values are not fitted, but known."""
+    keys = {"stiffness": "slider.stiffness", "mass": "slider.mass", "speed": "drive.velocity"}
+    return {key for name, key in keys.items() if name in known}
+
+
+def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
+    """The file of a fitted rig, but for the values of one draw: what was fitted, with its interval and draws."""
     says = {one.key: str(one.verdict) for one in found.parameters}
     if found.events.slip_samples >= RESOLVED:
         says[_ASSUMED] = "identified by the time of a slip"
-    document: dict[str, Any] = {
+    assumed, entries = {}, {}
+    if "interface.delay" not in fitted:
+        assumed["interface.delay"] = (
+            "stands for any delay longer than a slip and shorter than the time between slips; friction at several "
+            "speeds (--speeds) tells it"
+        )
+    for path, draws in fitted.items():
+        how = says.get(KEYS[path][1], KEYS[path][1])
+        if how.startswith("assumed"):
+            assumed[path] = how.removeprefix("assumed: ")
+        low, high = (_written(path, value, 3) for value in np.quantile(draws, (0.05, 0.95)).tolist())
+        kept = [float(f"{value:.8g}") for value in draws[:DRAWS_KEPT]]
+        entries[path] = {"interval": f"{low} to {high}", "how": how, "draws": kept}
+    return {
         "name": name,
         "source": f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips",
         "interface": {
@@ -104,30 +123,21 @@ def _rig_at(i: int, exact: Mapping[str, Array], draws: Mapping[str, Array], foun
             "newborn": {"distribution": "gaussian", "std": 0.0},
             "delay": "on arrest",
         },
-        "simulation": {"contacts": max(round(float(found.values[i, 0])), 1)},
-        "fitted": {},
-        "assumed": {},
+        "fitted": entries,
+        "assumed": assumed,
     }
-    if "interface.delay" not in exact:
-        document["assumed"]["interface.delay"] = (
-            "stands for any delay longer than a slip and shorter than the time between slips; friction at several "
-            "speeds (--speeds) tells it"
-        )
-    for path, values in exact.items():
-        _put(document, path, _written(path, float(values[i]), 8))
-        if path in given:
-            continue
-        how = KEYS[path][1]
-        how = says.get(how, how)
-        if how.startswith("assumed"):
-            document["assumed"][path] = how.removeprefix("assumed: ")
-        low, high = (_written(path, value) for value in np.quantile(draws[path], (0.05, 0.95)).tolist())
-        document["fitted"][path] = {
-            "interval": f"{low} to {high}",
-            "how": how,
-            "draws": [float(f"{value:.8g}") for value in draws[path][:DRAWS_KEPT]],
-        }
-    return from_document(document, "fitted rig")
+
+
+def _at(document: Mapping[str, Any], values: Mapping[str, float], place: str) -> Rig:
+    """The rig of a document, with these values of keys, in SI units."""
+    full = copy.deepcopy(dict(document))
+    for path, value in values.items():
+        *tables, key = path.split(".")
+        table = full
+        for name in tables:
+            table = table.setdefault(name, {})
+        table[key] = _written(path, value, 8)
+    return from_document(full, place)
 
 
 def remade(rig: Rig, events: Events, known: Known) -> Events:
@@ -146,14 +156,6 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
         coords={"time": ("time", run["time"].values / second, {"units": events.time_unit})},
     )
     return pick_events(data, smallest=events.smallest, after=_SETTLED * events.recurrence)
-
-
-def _against(rig: Rig, found: Fit, known: Known) -> tuple[str, bool]:
-    """What a rig's own run makes beside the trace, in words; and whether its mean drop and period agree within 90 %."""
-    try:
-        return compared(remade(rig, found.events, known), found.events)
-    except InputError:
-        return f"its own run hardly slips, the trace {_said(found.events)}", False
 
 
 def compared(made: Events, events: Events) -> tuple[str, bool]:
@@ -210,16 +212,9 @@ def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
     return np.asarray(np.argsort((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1)))
 
 
-def _written(path: str, value: float, digits: int = 3) -> Any:
-    unit = KEYS[path][0]
+def _written(path: str, value: float, digits: int) -> Any:
+    unit = KEYS.get(path, ("", ""))[0]
     return engineering(value, unit, digits) if unit else float(f"{value:.{digits}g}")
-
-
-def _put(document: dict[str, Any], path: str, value: Any) -> None:
-    *tables, key = path.split(".")
-    for table in tables:
-        document = document.setdefault(table, {})
-    document[key] = value
 
 
 # -------------------------------------------------------------------------------------- a verdict with its uncertainty
@@ -282,11 +277,7 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
     if isinstance(rig.interface.delay, OnArrest):
         undecided, reason = undecided + count, _ON_ARREST
     for i in range(0 if reason else count):
-        one = copy.deepcopy(document)
-        for path, draws in columns.items():
-            unit = KEYS.get(path, ("", ""))[0]
-            _put(one, path, f"{draws[i]!r} {unit}" if unit else draws[i])
-        made = from_document(one, "a draw")
+        made = _at(document, {path: draws[i] for path, draws in columns.items()}, "a draw")
         smooth = replace(made, interface=replace(made.interface, track_scatter=0.0))  # it is that from slip to slip
         for k, factor in enumerate(_SPEEDS):
             try:
