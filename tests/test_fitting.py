@@ -23,6 +23,7 @@ from stickslip.fitting.rigs import remade
 from stickslip.fitting.summary import FITTED, NAMES, detrended, resampled, statistics
 from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import folder_of, table
+from stickslip.kernels.turning_points import Sampling
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 TRUTH = (20.0, 0.25, 0.5, 0.05, 0.2, 0.1)
@@ -245,7 +246,7 @@ def test_series_that_would_be_refused_are_not_compared():
 @pytest.mark.parametrize("rounds", [0, 1])
 def test_what_is_known_holds_for_the_draws_of_every_round(rounds):
     made, error = table(prior=NARROW, draws=1500, slips=60), 0.02
-    ideal = Observation(slips=25, slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
+    ideal = Observation(slips=25, sampling=Sampling(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01))
     peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
     observed = ideal.see(np.array([60]), peaks[None], troughs[None], seed=1).statistics[0]
 

@@ -19,6 +19,7 @@ from stickslip.fitting.inference import infer, see
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.summary import NAMES
 from stickslip.fitting.tables import table
+from stickslip.kernels.turning_points import Sampling
 from stickslip.paper import Claim, Measured
 from stickslip.paper.figure import between
 from verification.study import Study, finding
@@ -126,7 +127,7 @@ def _coverage(
     )
 
 
-IDEAL = Observation(slips=167, slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6)
+IDEAL = Observation(slips=167, sampling=Sampling(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6))
 """A recording without noise, of so many samples that no slip is too small to be seen."""
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.summary import NAMES, statistics
 from stickslip.fitting.tables import on_all_cores
+from stickslip.kernels.turning_points import Sampling, larger, observe
 from stickslip.measure.arrays import Array
 
 _AT_A_TIME = 500
@@ -30,27 +31,16 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """Sampling and picking of a trace, in units of its mean peak."""
+    """How many slips of a trace were seen, and how it was sampled and picked, in units of its mean peak."""
 
     slips: int
-    slope: float  # rise of the force from sample to sample between slips
-    noise: float
-    resolution: float
-    drop: float  # the smallest that counts
-    rise: float
+    sampling: Sampling
 
     @classmethod
     def of(cls, events: Events) -> Observation:
         """Take it from a trace."""
-        size = events.mean_peak
-        return cls(
-            slips=len(events),
-            slope=events.loading_rate * events.step / size,
-            noise=events.noise / size,
-            resolution=events.resolution / size,
-            drop=events.smallest / size,
-            rise=events.rise / size,
-        )
+        forces = (events.loading_rate * events.step, events.noise, events.resolution, events.smallest, events.rise)
+        return cls(slips=len(events), sampling=Sampling(*(force / events.mean_peak for force in forces)))
 
     @property
     def slips_needed(self) -> int:
@@ -81,14 +71,11 @@ class Observation:
         self, peaks: NDArray[np.floating], troughs: NDArray[np.floating], rng: np.random.Generator, seen: Array
     ) -> bool:
         """Sample and pick one series, as `seen`: whether as many slips are as in the trace, on a plateau of n(h)."""
-        from stickslip.kernels.turning_points import Sampling, larger, observe
-
         if peaks.size <= self.slips:  # the first begins the trace
             return False
         P, T = peaks.astype(float), troughs.astype(float)
-        mean, doubled = float(P.mean()), PLATEAU * self.drop
-        scaled = (part * mean for part in (self.slope, self.noise, self.resolution, self.drop, self.rise))
-        if observe(P, T, Sampling(*scaled), rng, seen) < self.slips:
+        sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
+        if observe(P, T, sampling, rng, seen) < self.slips:
             return False
-        left = larger(seen[0], seen[1], doubled * mean, least_rise(doubled, self.noise) * mean)
-        return bool(left >= (1.0 - LOST) * self.slips)
+        doubled = PLATEAU * sampling.drop
+        return larger(seen[0], seen[1], doubled, least_rise(doubled, sampling.noise)) >= (1.0 - LOST) * self.slips
