@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from stickslip import measure
 from stickslip.errors import InputError
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, axis, packed
 from stickslip.io import rig_files as rigs
-from stickslip.measure.front_map import front_map, front_summary
+from stickslip.measure import front_map as maps
 from stickslip.model import Chain, Contacts, Output
 from stickslip.model.rig import Rig
 from stickslip.plot.style import envelope
@@ -39,20 +40,22 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
     samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
     run = simulate(replace(rig, output=Output(interval=duration / max(samples, 100.0))), progress=watch)
     watch(1.0)
-    told = front_summary(run, most=_ROWS)
     fewest = max(_FEWEST, body.blocks / 10)
-    events = [event for event in told["events"] if event["blocks"] >= fewest]
+    events, along = (
+        [row for row in maps.rows(table, name, most=_ROWS) if row["blocks"] >= fewest]
+        for table, name in ((measure.events(run), "event"), (measure.fronts(run), "front"))
+    )
     # A bar that does not come to rest again has a front, and no event.
-    events = events or [{**front, "drop": 0.0} for front in told["fronts"] if front["blocks"] >= fewest]
+    events = events or [{**front, "drop": 0.0} for front in along]
     longest = sorted(sorted(events, key=lambda event: -event["blocks"])[:_EVENTS], key=lambda event: event["start"])
-    sound = told["sound_speed"]
+    sound = rig.natural.slider.sound_speed * rig.unit("1/time")
     fastest = float(np.abs(run["velocity"].to_numpy()).max()) or 1.0
     times, force = axis(run["time"]), axis(run["spring_force"])
     yield {
         "name": rig.name,
         "time": times,
         "force": force,
-        "speed": {"fastest": fastest, "decades": _DECADES, "unit": told["map"]["units"]},
+        "speed": {"fastest": fastest, "decades": _DECADES, "unit": run["velocity"].attrs["units"]},
         "blocks": body.blocks,
         "whole": _view(run, fastest, times["factor"], force["factor"], _ROWS),
         "events": [
@@ -115,8 +118,8 @@ def _front(part: xr.Dataset, sound: float) -> Plain:
 def _view(part: xr.Dataset, fastest: float, times: float, force: float, most: int) -> Plain:
     """Force, velocity of the blocks and attached contacts in a part of a run; units of time and force."""
     t, F = envelope(part["time"].to_numpy() / times, part["spring_force"].to_numpy() / force, 2 * most)
-    velocity = front_map(part, "velocity", most=(most, MOST_BLOCKS)).values
-    attached = front_map(part, "attached", most=(most, MOST_BLOCKS)).values
+    velocity = maps.front_map(part, "velocity", most=(most, MOST_BLOCKS)).values
+    attached = maps.front_map(part, "attached", most=(most, MOST_BLOCKS)).values
     with np.errstate(divide="ignore"):
         shade = 1.0 + np.log10(velocity / fastest) / _DECADES
     return {

@@ -121,7 +121,9 @@ def gather(trace: Trace, found: Slips) -> Evidence:
         slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
         if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
             slips = speed >= SLIP_VELOCITY
-        count = cycles.count if periodic else (fast_ones(trace, found) if slips else found).size
+        count = (fast_ones(trace, found) if slips else found).size
+        if periodic or (cycles.correlation >= PERIODIC and not slips):  # a cycle may have more than one drop
+            count = cycles.count if periodic else min(cycles.count, count)
         trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
         change = math.log(trend) if trend > 0 else 0.0
         allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
@@ -284,5 +286,4 @@ def held(trace: Trace, noise: float) -> float:
     for _ in range(20):
         near = slope[np.abs(slope - rate) < 0.25 * rate]
         rate = float(near.mean()) if near.size else rate
-    slope = slopes(rate)
-    return float(np.mean(slope > 0.75 * rate)) if slope.size else math.nan
+    return float(np.mean(slope > 0.75 * rate))

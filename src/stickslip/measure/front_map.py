@@ -8,12 +8,12 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from stickslip.answers import plain
 from stickslip.elastic.precursors import distance_to_the_first_break
-from stickslip.errors import InputError, instance, number, shown
+from stickslip.errors import InputError, shown
 from stickslip.measure.arrays import Array, check_numbers
+from stickslip.measure.arrays import in_words as in_unit
 from stickslip.measure.fronts import events, fronts
-from stickslip.model import Chain, ElasticBody
+from stickslip.model import Chain
 from stickslip.simulation import rig_of
 
 Field = Literal["velocity", "attached", "force", "displacement"]
@@ -68,44 +68,6 @@ def front_map(
     )
 
 
-def front_summary(run: xr.Dataset, what: Field = "velocity", *, most: int = 300) -> dict[str, Any]:
-    """Return all that a page shows of a run of a chain, as plain numbers, texts and lists.
-
-    A map of at most so many pixels each way, fronts and events as rows, first break and front speed of each block, and
-    the force along time; what is not there is None.
-    """
-    instance("front_summary: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
-    most = int(number("front_summary: most", most, at_least=2, at_most=5_000))
-    picture = front_map(run, what, most=(most, most), who="front_summary")
-    found = fronts(run)
-    last = run.sizes["block"] - 1
-    rig = rig_of(run)
-    body = rig.natural.slider
-    force = run["spring_force"]
-    time, trace = np.asarray(run["time"].values, dtype=float), np.asarray(force.values, dtype=float)
-    kept = np.unique(np.linspace(0, time.size - 1, min(time.size, most)).round().astype(int))
-    told: dict[str, Any] = plain(
-        {
-            "map": {
-                "what": what,
-                "units": picture.variable.attrs.get("units", ""),
-                "values": picture.values,
-                "time": picture.time,
-                "block": picture.block,
-            },
-            "fronts": [
-                row | {"arrested": bool(0 < row["last_block"] < last)} for row in _rows(found, "front", most=most)
-            ],
-            "events": _rows(events(run), "event", most=most) if time.size > 2 else [],
-            "blocks": {"first_break": found["first_break"].values, "speed": found["speed"].values},
-            "trace": {"time": time[kept], "spring_force": trace[kept], "units": force.attrs.get("units", "")},
-            "sound_speed": body.sound_speed * rig.unit("1/time") if isinstance(body, ElasticBody) else None,
-            "time_units": run["time"].attrs.get("units", ""),
-        }
-    )
-    return told
-
-
 def in_words(run: xr.Dataset) -> list[str]:
     """Say the fronts and events of an elastic slider in a line each; nothing of other data."""
     if "first_break" not in run:
@@ -115,7 +77,7 @@ def in_words(run: xr.Dataset) -> list[str]:
     said = []
     if isinstance(body, Chain):
         sound = body.sound_speed * rig.unit("1/time")
-        found = [row for row in _rows(fronts(run), "front", most=_TOLD) if np.isfinite(row["front_speed"])]
+        found = [row for row in rows(fronts(run), "front", most=_TOLD) if np.isfinite(row["front_speed"])]
         for row in found:
             stop = "arrested there" if 0 < row["last_block"] < last else "the end"
             speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
@@ -123,10 +85,10 @@ def in_words(run: xr.Dataset) -> list[str]:
                 natural = row["front_speed"] / rig.unit("1/time") * body.spacing
                 speed = f"{rig.in_units(natural, 'velocity', 3)} ({speed})"
             said.append(
-                f"front from t = {row['start']:.4g}{_with(unit)}: blocks {row['first_block']} to {row['last_block']}, "
+                f"front from t = {in_unit(row['start'], unit)}: blocks {row['first_block']} to {row['last_block']}, "
                 f"{stop}; {speed}, {row['front_speed'] / sound:.3g} of the speed of sound"
             )
-    large = [row for row in _rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _FEWEST]
+    large = [row for row in rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _FEWEST]
     text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_FEWEST} blocks"
     if not large and (distance := distance_to_the_first_break(rig)) is not None:
         text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"
@@ -134,17 +96,13 @@ def in_words(run: xr.Dataset) -> list[str]:
         longest = max(large, key=lambda row: float(row["blocks"]))
         force = str(run["spring_force"].attrs.get("units", ""))
         text += (
-            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {longest['start']:.4g}{_with(unit)}, "
-            f"force drop {longest['drop']:.3g}{_with(force)}"
+            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {in_unit(longest['start'], unit)}, "
+            f"force drop {in_unit(longest['drop'], force, 3)}"
         )
     return [*said, text]
 
 
-def _with(unit: str) -> str:
-    return f" {unit}" if unit else ""
-
-
-def _rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
+def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
     """One dict for each row of a table, at most so many; the longest ones if there are more."""
     columns = {str(name): column.values for name, column in table.data_vars.items() if column.dims == (along,)}
     size = table.sizes[along]

@@ -39,60 +39,39 @@ SLIPS: Kind = "stick-slip"
 LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
 
+_MIRRORED = (
+    "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the command "
+    "line, flip=True in read_trace)"
+)
 _LOADING = "the force still {moves}, by {drift} in the window, and shows no complete slip; {more}"
 _TINY = "the force oscillates by {swing}, peak to peak"
 _NOISE = "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"
 _CHANGES = "the {motion} {changes}, by a factor {trend} from one half of the window to the other"
 _PERSIST = "{manner} slips that persist: {how}"
 _STEP = "from t = {since} on, the drops are {times} times as large"
-_LASTS = "{manner}, {part}, peak to peak; {sticks}: {how}"
+_LASTS = "{manner}, {part}, peak to peak; {sticks}"
+_AMPLE = "the force fluctuates by {part}, without a period"
 
 RULES: tuple[tuple[str, Kind, str], ...] = (
     ("standing", OPEN, "the drive stands still"),
-    (
-        "changing",
-        OPEN,
-        "the velocity of the drive changes along it; the regime is judged at constant velocity: use transitions(), or "
-        "select a stretch with data.sel(time=slice(from, to))",
-    ),
-    (
-        "mirrored",
-        OPEN,
-        "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the "
-        "command line, flip=True in read_trace)",
-    ),
+    ("changing", OPEN, "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"),
+    ("mirrored", OPEN, _MIRRORED),
     ("constant", OPEN, "the force never changes: is the sensor connected?"),
     ("-drops -size", SMOOTH, "the force fluctuates by {part}"),
     ("-drops drifts", OPEN, _LOADING),
     ("-drops unfinished", OPEN, "too short: the force oscillates, but shows no complete drop in the window; {more}"),
-    (
-        "-drops masks",
-        OPEN,
-        "noise of {part} from one sample to the next masks any oscillation, and slips: record more often",
-    ),
+    ("-drops masks", OPEN, "noise of {part} between samples masks any oscillation, and slips: record more often"),
     ("-drops", SMOOTH, "the force shows noise only, {part}"),
     ("-cycles -slips -size", SMOOTH, _TINY),
     ("-cycles drifts", OPEN, _LOADING),
-    (
-        "-cycles",
-        OPEN,
-        "too short: {count} complete drops of the force in the window; a verdict needs {fewest}: about {missing} more",
-    ),
+    ("-cycles", OPEN, "too short: {count} of the {fewest} complete cycles that a verdict needs; about {missing} more"),
     ("noise slips strong", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
-    (
-        "noise slight",
-        SMOOTH,
-        "the force fluctuates by {part}, without a period: no more than the noise of {contacts} contacts",
-    ),
-    (
-        "noise -shrinks",
-        LASTS,
-        "irregular, {part}, peak to peak, as expected from the noise of {contacts} contacts; {sticks}",
-    ),
+    ("noise slight", SMOOTH, f"{_AMPLE}: no more than the noise of {{contacts}} contacts"),
+    ("noise -shrinks", LASTS, f"{_LASTS}; as expected from the noise of {{contacts}} contacts"),
     ("chance -noise -enough", OPEN, _NOISE),
     ("turns", OPEN, "{parts}"),
     ("step slips", SLIPS, f"{_PERSIST}; {_STEP}"),
-    ("step periodic", LASTS, f"{_LASTS}; {_STEP}"),
+    ("step periodic", LASTS, f"{_LASTS}: {{how}}; {_STEP}"),
     ("shrinks small -slips", SMOOTH, f"{_CHANGES}, and is down to {{left}}"),
     ("shrinks", OPEN, f"{_CHANGES}; {{more}} whether it persists"),
     ("slips grows", SLIPS, f"{_PERSIST}; the slips still grow"),
@@ -101,13 +80,9 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("-size", SMOOTH, _TINY),
     ("-resolved", OPEN, "drops of {part} last fewer than {samples} samples: record more often"),
     ("lasts alone normal", OPEN, _NOISE),
-    ("lasts", LASTS, _LASTS),
-    ("normal slight", SMOOTH, "the force fluctuates by {part}, without a period, as slow noise does"),
-    (
-        "-slight",
-        OPEN,
-        "the force fluctuates by {part}, without a period: too much for noise, and no slips that stand out; {more}",
-    ),
+    ("lasts", LASTS, f"{_LASTS}: {{how}}"),
+    ("normal slight", SMOOTH, f"{_AMPLE}, as slow noise does"),
+    ("-slight", OPEN, f"{_AMPLE}: too much for noise, and no slips that stand out; {{more}}"),
     ("", OPEN, "irregular oscillation of {part} that is neither slips nor noise: {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
