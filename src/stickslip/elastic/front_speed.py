@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args
 
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from stickslip.answers import Answer
 from stickslip.elastic.lattice import Groups, continuum_prestress, lattice_prestress
 from stickslip.elastic.precursors import elastic_parts, screening_length
-from stickslip.elastic.threshold_front import Medium, shoot, threshold
+from stickslip.elastic.threshold_front import Medium, rising, shoot, threshold
 from stickslip.errors import InputError, number, shown
 from stickslip.model import ElasticBody, Interface, Rig
 from stickslip.model.records import Number, rescaled
@@ -202,17 +201,8 @@ def _threshold(body: ElasticBody, interface: Interface) -> float:
     thresholds, sliding = interface.threshold_distribution, interface.sliding_force
     if thresholds.single:
         return math.sqrt(body.leaf / (1.0 + body.leaf))
-    found = threshold(Medium(thresholds, sliding, body.leaf))
+    found = threshold(Medium(thresholds, sliding, body.leaf, sliding))
     return (found - sliding) / (thresholds.moment(1) - sliding)
-
-
-def _rising(lack: Callable[[float], float], low: float, high: float, step: float) -> float:
-    """Where a function of a speed rises through 0; the bracket is widened by a factor until it holds the place."""
-    while lack(low) > 0:
-        low, high = low / step, low
-    while lack(high) < 0:
-        low, high = high, high * step
-    return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))
 
 
 def _on_lattice(tau: float, chain: Groups) -> float:
@@ -222,7 +212,7 @@ def _on_lattice(tau: float, chain: Groups) -> float:
         return lattice_prestress(speed, chain) - tau
 
     if lack(1.0) < 0:
-        return _rising(lack, 1.0, 1.0, 1.25)
+        return rising(lack, 1.0, 1.0, 1.25)
     low, before = 1.0, math.inf
     while (here := lack(low)) > 0:
         if here > before:  # slower fronts need more: the lattice holds them
@@ -234,7 +224,7 @@ def _on_lattice(tau: float, chain: Groups) -> float:
         if low < SLOWEST:
             return 0.0
         low, before = 0.94 * low, here
-    return _rising(lack, low, low / 0.94, 1.0 / 0.94)
+    return rising(lack, low, low / 0.94, 1.0 / 0.94)
 
 
 def _in_continuum(tau: float, chain: Groups) -> float:
@@ -243,7 +233,7 @@ def _in_continuum(tau: float, chain: Groups) -> float:
         return 0.0
     if chain.viscosity == 0 and chain.damping == 0:
         return 1.0
-    return _rising(lambda speed: continuum_prestress(speed, chain) - tau, 0.5, 1.0, 2.0)
+    return rising(lambda speed: continuum_prestress(speed, chain) - tau, 0.5, 1.0, 2.0)
 
 
 def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> float:
@@ -254,7 +244,7 @@ def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> flo
         )
     thresholds, sliding = interface.threshold_distribution, interface.sliding_force
     force = sliding + tau * (thresholds.moment(1) - sliding)
-    eigenvalue = shoot(Medium(thresholds, sliding, body.leaf), force)
+    eigenvalue = shoot(Medium(thresholds, sliding, body.leaf, force))
     if math.isinf(eigenvalue):
         raise InputError(
             f"prestress = {tau:g}: the contacts are past their largest force there and give way by themselves; lower it"

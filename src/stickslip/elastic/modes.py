@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
-from scipy.optimize import brentq
 
 from stickslip.answers import Answer
-from stickslip.elastic.precursors import elastic_body
+from stickslip.elastic.precursors import elastic_body, links_of
+from stickslip.elastic.threshold_front import rising
 from stickslip.errors import InputError, UndecidedError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.stability.critical import critical_spring
@@ -129,10 +129,7 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
 
 def sliders_of(body: ElasticBody, count: int) -> tuple[Array, Array, Array, list[Slider]]:
-    """Return stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of modes, softest first.
-
-    `InputError` if nothing holds the body.
-    """
+    """Stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of modes, softest first."""
     stiffness, coupling, wavelength = _springs(body, count)
     if not stiffness[0] > 0:
         raise InputError(
@@ -187,11 +184,7 @@ def critical_length(rig: Rig) -> CriticalLength:
     if softest <= 0:
         return CriticalLength(stiffness=critical * rig.unit("k"), wavelength=math.inf, length=math.inf, blocks=0)
     # Viscosity adds damping, which may lower K_c and cannot raise the stiffness that the bulk itself needs.
-    reach = top = softest
-    if body.viscosity > 0:
-        while spare(top) > 0:
-            top *= 2.0
-        reach = float(brentq(spare, 0.0, top, rtol=1e-10))
+    reach = rising(lambda coupling: -spare(coupling), softest, softest, 2.0) if body.viscosity > 0 else softest
     critical = body.leaf + reach
     sine = math.sqrt(reach / (4.0 * body.coupling))
     return CriticalLength(
@@ -245,11 +238,7 @@ def _of_network(body: ElasticBody, count: int) -> tuple[Array, Array]:
     """Stiffness of the softest modes of any body without leaf springs, and the part of it of the links."""
     if body.size > 4096:
         raise InputError(f"Rig.slider: {body.size} blocks in a network: more than 4096 are not computed; give fewer")
-    pairs, springs = body.links
-    matrix = np.zeros((body.size, body.size))
-    for (i, j), spring in zip(pairs, springs, strict=True):
-        matrix[[i, j], [i, j]] += spring
-        matrix[[i, j], [j, i]] -= spring
+    matrix = links_of(body).toarray()
     stiffness, shape = np.linalg.eigh(matrix + np.diag(body.pulled - body.leaf))
     return stiffness[:count], np.einsum("ij,ik,kj->j", shape, matrix, shape)[:count]
 

@@ -12,6 +12,7 @@ from stickslip.model import Chain, ElasticBody, FromRest, Interface, Rig
 
 if TYPE_CHECKING:
     import xarray as xr
+    from scipy import sparse
 
 
 def elastic_body(rig: Rig, who: str) -> ElasticBody:
@@ -24,10 +25,7 @@ def elastic_body(rig: Rig, who: str) -> ElasticBody:
 
 
 def elastic_parts(rig: Rig, who: str) -> tuple[ElasticBody, Interface]:
-    """Return the body and the interface of a rig with an elastic slider, in natural units.
-
-    Raises `InputError` if its slider is rigid, or contacts do more than break, slide and stay detached.
-    """
+    """The same with the interface; `InputError` if contacts do more than break, slide and stay detached."""
     body, interface = elastic_body(rig, who), rig.natural.interface
     interface.allow(("sliding_force", "on_arrest"), who)
     if interface.ageing is not None:
@@ -154,9 +152,16 @@ def distance_to_the_first_break(rig: Rig) -> float | None:
     body, interface = natural.slider, natural.interface
     if not isinstance(body, Chain) or interface.ageing is not None or not isinstance(natural.start, FromRest):
         return None
+    net = sparse.csc_array(links_of(body) + sparse.diags_array(1.0 + body.pulled))
+    moved = float(spsolve(net, body.pulled).max())
+    return interface.threshold_distribution.moment(1) / moved if moved > 0 else None
+
+
+def links_of(body: ElasticBody) -> sparse.csr_array:
+    """Stiffness matrix of the springs between the blocks of a body."""
+    from scipy import sparse
+
     pairs, springs = body.links
     net = sparse.coo_array((springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size))
     net = net + net.T
-    held = sparse.diags_array(1.0 + body.pulled + net.sum(axis=0))
-    moved = float(spsolve(sparse.csc_array(held - net), body.pulled).max())
-    return interface.threshold_distribution.moment(1) / moved if moved > 0 else None
+    return sparse.csr_array(sparse.diags_array(net.sum(axis=0)) - net)

@@ -11,6 +11,7 @@ with one eigenvalue `C`, positive if the front advances. Inertia enters by ``v =
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,66 +27,75 @@ CELLS = 1500
 
 
 class Medium(NamedTuple):
-    """A bar on its contacts, per contact."""
+    """A bar on its contacts, per contact, ahead of a front."""
 
     thresholds: Distribution
     sliding_force: float
     leaf: float
+    prestress: float
+
+    def excess(self, x: Array | float) -> Array:
+        """``K (D - U) - F(U)``: what drives the bar forward where it has moved to ``U = x``."""
+        attached = self.thresholds.survival(np.asarray(x)) / float(self.thresholds.survival(self.prestress))
+        held = self.leaf * (x - self.prestress) + (x - self.sliding_force) * attached
+        return np.asarray(self.prestress - self.sliding_force - held)
+
+    @property
+    def rest(self) -> float:
+        """Displacement at which the bar comes to rest behind a front; infinite without leaf springs."""
+        if self.leaf == 0:
+            return math.inf
+        far = self.prestress + (self.prestress - self.sliding_force) / self.leaf
+        if float(self.thresholds.survival(far)) <= 1e-14 * float(self.thresholds.survival(self.prestress)):
+            return far
+        # Some contacts are still attached there; the bar rests earlier. Without a place to rest there is no front.
+        x = np.linspace(self.prestress, far, 4001)[1:]
+        driven = np.flatnonzero(self.excess(x) > 0)
+        if driven.size == 0:
+            return self.prestress
+        last = x[driven[-1]]
+        return float(brentq(lambda u: float(self.excess(u)), last, min(far, last + x[1] - x[0])))
+
+    @property
+    def gain(self) -> float:
+        """The work that a front has to spare per contact, the area under `excess`: none at the threshold."""
+        sliding, end = self.sliding_force, self.rest
+        if self.prestress <= sliding or end == self.prestress:
+            return -math.inf
+        if math.isinf(end):
+            return math.inf
+
+        def spent(x: float) -> float:
+            """Minus the integral of ``(u - f_d) J_c(u)`` over ``u > x``: by parts, moments of the thresholds beyond."""
+            none, one, two = (float(self.thresholds.partial_moment(x, n)) for n in (0, 1, 2))
+            return 0.5 * (none * (x - sliding) ** 2 - two + 2 * sliding * one - sliding**2 * none)
+
+        moved = end - self.prestress
+        contacts = (spent(end) - spent(self.prestress)) / float(self.thresholds.survival(self.prestress))
+        return (self.prestress - sliding) * moved - 0.5 * self.leaf * moved**2 - contacts
 
 
-def excess(medium: Medium, prestress: float, x: Array) -> Array:
-    """Return ``K (D - U) - F(U)``: what drives the bar forward where it has moved to ``U = x``."""
-    thresholds, sliding, leaf = medium
-    attached = thresholds.survival(x) / float(thresholds.survival(prestress))
-    return np.asarray(prestress - leaf * (x - prestress) - sliding - (x - sliding) * attached)
-
-
-def rest_behind(medium: Medium, prestress: float) -> float:
-    """Displacement at which the bar comes to rest behind a front; infinite without leaf springs."""
-    thresholds, sliding, leaf = medium
-    if leaf == 0:
-        return math.inf
-    far = prestress + (prestress - sliding) / leaf
-    if float(thresholds.survival(far)) <= 1e-14 * float(thresholds.survival(prestress)):
-        return far
-    # Some contacts are still attached there; the bar rests earlier. Without a place to rest there is no front.
-    x = np.linspace(prestress, far, 4001)[1:]
-    driven = np.flatnonzero(excess(medium, prestress, x) > 0)
-    if driven.size == 0:
-        return prestress
-    last = x[driven[-1]]
-    return float(brentq(lambda u: float(excess(medium, prestress, np.asarray(u))), last, min(far, last + x[1] - x[0])))
-
-
-def gain(medium: Medium, prestress: float) -> float:
-    """Return the work that a front has to spare per contact, the area under `excess`: none at the threshold."""
-    thresholds, sliding, leaf = medium
-    end = rest_behind(medium, prestress)
-    if prestress <= sliding or end == prestress:
-        return -math.inf
-    if math.isinf(end):
-        return math.inf
-
-    def spent(x: float) -> float:
-        """Minus the integral of ``(u - f_d) J_c(u)`` over ``u > x``: by parts, moments of the thresholds beyond x."""
-        none, one, two = (float(thresholds.partial_moment(x, n)) for n in (0, 1, 2))
-        return 0.5 * (none * (x - sliding) ** 2 - two + 2 * sliding * one - sliding**2 * none)
-
-    moved = end - prestress
-    contacts = (spent(end) - spent(prestress)) / float(thresholds.survival(prestress))
-    return (prestress - sliding) * moved - 0.5 * leaf * moved**2 - contacts
+def rising(lack: Callable[[float], float], low: float, high: float, step: float) -> float:
+    """Where a function rises through 0, or 0 if it does not; the bracket is widened by a factor until it holds that."""
+    while lack(low) > 0:
+        low, high = low / step, low
+        if low < 1e-9:
+            return 0.0
+    while lack(high) < 0:
+        low, high = high, high * step
+    return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))
 
 
 def threshold(medium: Medium) -> float:
     """Return the smallest prestress with a front: equal areas above and below 0 of `excess` (Maxwell's rule)."""
-    thresholds, sliding, leaf = medium
-    if leaf == 0:
+    sliding = medium.sliding_force
+    if medium.leaf == 0:
         return sliding
 
     def sign(prestress: float) -> float:
-        return max(gain(medium, prestress), -1.0)
+        return max(medium._replace(prestress=prestress).gain, -1.0)
 
-    top = float(thresholds.inverse_survival(np.array(1e-3)))
+    top = float(medium.thresholds.inverse_survival(np.array(1e-3)))
     grid = np.linspace(sliding, max(top, sliding * (1 + 1e-9)), 200)
     first = next((i for i, x in enumerate(grid) if sign(float(x)) > 0), None)
     if first is None:
@@ -93,46 +103,33 @@ def threshold(medium: Medium) -> float:
     return float(brentq(sign, grid[first - 1], grid[first], xtol=1e-13))
 
 
-def shoot(medium: Medium, prestress: float) -> float:
+def shoot(medium: Medium) -> float:
     """Return the eigenvalue `C` of the front; 0 if there is none that advances, infinity if all contacts give way."""
-    thresholds, leaf = medium.thresholds, medium.leaf
-    if gain(medium, prestress) <= 0:
+    if medium.gain <= 0:
         return 0.0
-    low, high = thresholds.support
-    end = rest_behind(medium, prestress)
+    prestress, leaf, end = medium.prestress, medium.leaf, medium.rest
+    low, high = medium.thresholds.support
     start, stop = max(prestress, low), min(high, end)
     x = np.linspace(start, stop, 8001)
-    force = excess(medium, prestress, x)
-    held = np.flatnonzero(force < 0)
+    held = np.flatnonzero(medium.excess(x) < 0)
     if held.size == 0:  # the contacts ahead give way by themselves
         return math.inf
     middle = float(x[held[-1] + 1])
-    rise = np.linspace(start, middle, 2 * CELLS + 1)
-    fall = np.linspace(stop, middle, 2 * CELLS + 1)
-    rising, falling = excess(medium, prestress, rise).tolist(), excess(medium, prestress, fall).tolist()
+    rise, fall = np.linspace(start, middle, 2 * CELLS + 1), np.linspace(stop, middle, 2 * CELLS + 1)
+    raising, falling = medium.excess(rise).tolist(), medium.excess(fall).tolist()
     tiny = 1e-6 * (1.0 + prestress)
-    ahead_slope = float((excess(medium, prestress, np.asarray(prestress + tiny))) / tiny)
-    behind_slope = -leaf if stop < end else float(-excess(medium, prestress, np.asarray(end - tiny)) / tiny)
+    ahead_slope = float(medium.excess(prestress + tiny)) / tiny
+    behind_slope = -leaf if stop < end else -float(medium.excess(end - tiny)) / tiny
 
     def mismatch(c: float) -> float:
         ahead = 0.5 * (c + math.sqrt(c * c - 4 * ahead_slope))
         behind = 0.5 * (math.sqrt(c * c - 4 * behind_slope) - c)
+        slope = 0.0
         if stop < end:  # detached contacts only, to the end: exact
-            last = float(excess(medium, prestress, np.asarray(stop)))
-            slope = 2 * last / (c + math.sqrt(c * c + 4 * leaf))
-        else:
-            slope = 0.0
-        return _carry(rising, rise, c, ahead, ahead * (start - prestress)) - _carry(falling, fall, c, -behind, slope)
+            slope = 2 * float(medium.excess(stop)) / (c + math.sqrt(c * c + 4 * leaf))
+        return _carry(raising, rise, c, ahead, ahead * (start - prestress)) - _carry(falling, fall, c, -behind, slope)
 
-    top = 1.0
-    while mismatch(top) < 0:
-        top *= 2.0
-    bottom = top
-    while mismatch(bottom) >= 0:
-        bottom *= 0.5
-        if bottom < 1e-9:
-            return 0.0
-    return float(brentq(mismatch, bottom, top, xtol=1e-12, rtol=1e-12))
+    return rising(mismatch, 1.0, 1.0, 2.0)
 
 
 def _carry(force: list[float], x: Array, c: float, ratio: float, slope: float) -> float:
