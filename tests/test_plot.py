@@ -1,7 +1,6 @@
 """Pictures: labels with units, marks of slips, thinning, and files that are whole or not there."""
 
 import tomllib
-from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -107,12 +106,6 @@ def test_speeds_at_which_a_rig_works_are_drawn():
     assert [line.get_xdata()[0] for line in dashed][:2] == pytest.approx([0.02, 1.0])
 
 
-def test_axes_given_are_used(run):
-    ax = Figure().add_subplot()
-    assert plot.force_trace(run, ax) is ax
-    assert plot.velocity(run, ax) is ax
-
-
 def test_velocity_goes_logarithmic_for_violent_slips(run):
     assert plot.velocity(run).get_yscale() == "linear"
     assert plot.velocity(run, scale="log").get_yscale() == "symlog"
@@ -195,12 +188,6 @@ def test_the_same_figure_gives_the_same_bytes(run, tmp_path):
     for suffix in ("svg", "pdf"):
         one, two = (plot.save(plot.force_trace(run).figure, tmp_path / f"{i}.{suffix}") for i in "ab")
         assert one.read_bytes() == two.read_bytes()
-
-
-def test_reversed_motion_draws():
-    slider = replace(FIG4.slider, damping=0.0)
-    back = simulate(Rig(FIG4.interface, slider, constant(-1.0, 3.0)), method=Contacts(200, seed=1))
-    assert plot.overview(back).axes
 
 
 def test_a_prediction_shows_the_speeds_searched_and_a_dozen_cycles():

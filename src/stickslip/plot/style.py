@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -128,6 +129,9 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
         axis.set_minor_formatter(NullFormatter())
         largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))  # over decades the middle decides
     factor, units = (1.0, units) if 0.5 <= largest < 5e3 else prefixed(largest, units)
+    if factor == 1.0 and not log and largest > 0.0 and not 1e-5 <= largest < 1e6:  # else matplotlib writes it above
+        power = math.floor(math.log10(largest))
+        factor, units = 10.0**power, f"$10^{{{power}}}$ {'' if units == '1' else units}".strip()
     axis.set_label_text(label(variable, units=units, most=24 if upright else 200))
     if log or factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
