@@ -91,13 +91,9 @@ def run_cases(
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     values = {name: axis_values(name, given) for name, given in axes.items()}
-    attributes = {
-        name: {
-            key: _attribute(value)
-            for key, value in {**getattr(axes.get(name), "attrs", {}), **options.attributes.get(name, {})}.items()
-        }
-        for name in dict.fromkeys([*axes, *options.attributes])
-    }
+    attributes = {name: dict(getattr(given, "attrs", {})) for name, given in axes.items()}
+    for name, given in options.attributes.items():
+        attributes[name] = attributes.get(name, {}) | dict(given)
     with started(
         function, {"axes": values}, list(values), math.prod(map(len, values.values())),
         store=store, executor=executor, progress=progress, options=replace(options, attributes=attributes),
@@ -342,14 +338,6 @@ def attributes_of(head: Head, name: str) -> dict[str, Any]:
     """Attributes of an axis or variable: the user's, and the two that none goes without."""
     given: dict[str, Any] = head["attributes"].get(name, {})
     return {"long_name": name.replace("_", " "), "units": "1"} | given
-
-
-def _attribute(value: Any) -> Any:
-    """Turn an attribute into what both JSON and NetCDF can hold: None and truth values become text."""
-    if isinstance(value, (str, int, float)) and not isinstance(value, bool):
-        return value
-    array = np.asarray(value)
-    return array.tolist() if array.dtype.kind in "uifU" else str(value)
 
 
 def _flags(words: Sequence[str], first: int) -> dict[str, Any]:

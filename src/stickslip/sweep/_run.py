@@ -13,6 +13,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stickslip.errors import InputError, whole
 from stickslip.sweep._cases import (
     DIED,
@@ -151,7 +153,9 @@ def started(
         "seed": options.seed,
         "total": total,
         "identity": {} if store is None else identity_of(function, names, options.seed, options.fingerprint),
-        "attributes": {name: dict(given) for name, given in options.attributes.items()},
+        "attributes": {
+            name: {key: _attribute(value) for key, value in given.items()} for name, given in options.attributes.items()
+        },
         "categories": categories,
         "notes": dict(options.notes),
         **content,
@@ -162,6 +166,12 @@ def started(
         yield Runner(
             table, lambda: held.enter_context(Pool(Threads() if executor is None else executor, job)), total, progress
         )
+
+
+def _attribute(value: Any) -> Any:
+    """Turn an attribute into what both JSON and NetCDF can hold: None and truth values become text."""
+    found = np.asarray(value)
+    return found.tolist() if found.dtype.kind in "uifU" else str(value)
 
 
 def check_size(cases: int, max_cases: int) -> None:

@@ -15,14 +15,16 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, instance, number, shown, whole
+from stickslip.errors import InputError, instance, number, shown, together, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
@@ -32,12 +34,12 @@ from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
-from stickslip.sweep._axes import OTHERS, Axis, AxisReader, check_axes, check_keys
 from stickslip.sweep._dataset import array, open_sweep, run_cases
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._run import Options, Progress, Runs, check_size
-from stickslip.sweep.study import KINDS, MEASURES, USUAL, Study
+from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
+from stickslip.words import engineering
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,6 +49,14 @@ SHORTEST = 120.0
 """``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""
 NOTE = "sweep"
 """Attribute of the results that holds the plan."""
+OTHERS = {
+    "contacts": "number of contacts",
+    "seed": "seed of the contacts",
+    "start": "start of the run",
+}
+"""What can be an axis besides the parameters of a rig."""
+_START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
+_SPACING = Key("linear", choices=("linear", "log"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -263,15 +273,15 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
 def from_document(document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()) -> Plan:
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
     try:
-        check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
+        _check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
         axes, run, measure = document.get("axes", {}), document.get("run", {}), document.get("measure")
-        check_axes(axes)
-        check_keys(run, (*_SIMULATED, *_LASTING), "run")
+        _check_axes(axes)
+        _check_keys(run, (*_SIMULATED, *_LASTING), "run")
         if measure is not None and not isinstance(measure, list):
             raise InputError(f"measure = {shown(measure)}: must be a list of names")
         refinement = None
         if "refine" in document:
-            check_keys(document["refine"], ("runs", "resolution", "together"), "refine")
+            _check_keys(document["refine"], ("runs", "resolution", "together"), "refine")
             refinement = Refinement(**document["refine"])
         runs = Runs(measure=measure, **{key: run[key] for key in _LASTING if key in run})
         rig = _rig_of(document.get("rig"), run, axes.get("velocity"), directory)
@@ -306,6 +316,107 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         raise InputError(words) from None
 
 
+# ---------------------------------------------------------------- axes
+
+
+class _Axis(NamedTuple):
+    """An axis: its values, of which an open one has the two ends alone, and whether equal ratios are equal steps."""
+
+    values: NDArray[Any]
+    log: bool
+    kind: Literal["listed", "counted", "open"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _AxisReader:
+    """Reads the axes of a rig, of so many values at most; from Python, plain numbers are in SI units, too."""
+
+    rig: Rig
+    most: int
+    from_python: bool
+
+    def axis(self, name: str, given: Any) -> _Axis:
+        """Read a list of values, ``{from, to, count, spacing}``, or a `Span`."""
+        place = f"axes.{name}"
+        if isinstance(given, Span):
+            given = {"from": given.low, "to": given.high, "spacing": "log" if given.log else "linear"}
+        if isinstance(given, Mapping):
+            return self._between(name, given, place)
+        listed = np.atleast_1d(given).tolist() if self.from_python else given
+        if not isinstance(listed, list) or not listed:
+            raise InputError(
+                f"{place} = {shown(given)}: must be a list of values, at least one, or a table with from, to and count"
+            )
+        values = [self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed)]
+        if len(set(values)) < len(values):
+            raise InputError(f"{place}: holds a value twice; for replicas add an axis seed = {{ count = 10 }}")
+        return _Axis(array(values), _of_equal_ratios(values), "listed")
+
+    def quantity(self, key: Key, value: Any, place: str) -> Any:
+        """Read a value in the rig's own units."""
+        natural = self.rig.scales is None or (self.from_python and not isinstance(value, str))
+        return key.read(value, place, natural=natural)
+
+    def _between(self, name: str, given: Mapping[str, Any], place: str) -> _Axis:
+        _check_keys(given, ("from", "to", "count", "spacing"), place)
+        for key in ("count",) if name == "seed" else ("from", "to"):
+            if key not in given:
+                raise InputError(f"{place}.{key}: is missing")
+        count = whole(f"{place}.count", given.get("count", 2), at_least=1 if name == "seed" else 2)
+        check_size(count, self.most)
+        low, high = (self._value(name, given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
+        if name == "seed":
+            return _Axis(np.arange(low, low + count), False, "counted")
+        if isinstance(low, str) or high <= low:
+            raise InputError(f"{place}: to = {given['to']} must be above from = {given['from']}")
+        log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
+        if log and low <= 0:
+            raise InputError(f"{place}: from = {given['from']} must be above 0 for spacing = 'log'")
+        values = (np.geomspace if log else np.linspace)(low, high, count)
+        if name == "contacts":
+            values = np.unique(np.rint(values).astype(int))
+        return _Axis(values, log, "counted" if "count" in given else "open")
+
+    def _value(self, name: str, value: Any, place: str) -> Any:
+        if name == "start":
+            return _START.read(value, place, natural=True)
+        if name in OTHERS:
+            return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
+        parameter, rig = BY_NAME[name], self.rig
+        key = Key(1.0)
+        if parameter.unit != "1":
+            unit = rig.unit_name(parameter.unit)
+            key = Key(f"1 {unit}", unit=parameter.unit, sign="at least 0" if parameter.zero else "above 0")
+            with suppress(InputError):  # the rig has none: the plan will say so
+                key = replace(key, example=engineering(rig.value(name), unit, 3))
+        return self.quantity(key, value, place)
+
+
+def _check_axes(content: object) -> None:
+    """Refuse what is no table of axes: parameters, those registered since then included, and `OTHERS`."""
+    _check_keys(content, (*BY_NAME, *OTHERS), "axes")
+    if not content:
+        raise InputError(f"axes: must hold at least one of {', '.join((*BY_NAME, *OTHERS))}")
+
+
+def _check_keys(content: object, known: Iterable[str], place: str) -> None:
+    """Refuse what is no table, and all keys of a table that are unknown."""
+    known = tuple(known)
+    if not isinstance(content, Mapping):
+        raise InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]")
+    path = f"{place}." if place else ""
+    if strange := [str(key) for key in content if key not in known]:
+        raise InputError(together(f"{path}{key[:60]}: unknown key; {unknown(key, known)}" for key in strange))
+
+
+def _of_equal_ratios(values: Sequence[Any]) -> bool:
+    """Whether a list of values suggests a logarithmic axis."""
+    if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
+        return False
+    steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
+    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
+
+
 # ---------------------------------------------------------------- what can be planned
 
 
@@ -319,9 +430,9 @@ def _plan(
     from_python: bool = False,
 ) -> Plan:
     """Make a plan of a rig with its method and start."""
-    check_axes(axes)
+    _check_axes(axes)
     most = whole("run.max_cases", runs.max_cases, at_least=1)
-    reader = AxisReader(rig=rig, most=most, from_python=from_python)
+    reader = _AxisReader(rig=rig, most=most, from_python=from_python)
     given = {each: reader.axis(each, values) for each, values in axes.items()}
     _check(rig, given, refinement)
     ends = [] if refinement is None else [each for each in given if each in BY_NAME]
@@ -359,7 +470,7 @@ def _plan(
     )
 
 
-def _check(rig: Rig, axes: Mapping[str, Axis], refinement: Refinement | None) -> None:
+def _check(rig: Rig, axes: Mapping[str, _Axis], refinement: Refinement | None) -> None:
     """Refuse a rig that cannot be run along these axes, and axes that are none of a grid or of a search."""
     for name in ("seed", "contacts"):
         if name in axes and not isinstance(rig.method, DRAWN):
