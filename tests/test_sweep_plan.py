@@ -605,7 +605,7 @@ def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
     reading, in_python = blocks_of("sweep.md", "python")
     capsys.readouterr()
     exec(compile(reading, "reading", "exec"), {})
-    assert "pmma" in capsys.readouterr().out.lower()
+    assert '"class": "Rig"' in capsys.readouterr().out
     in_python = in_python.replace("Runs(", "Runs(distance='8 um', cycles=0, ").replace("Processes(2)", "None")
     exec(compile(in_python, "in_python", "exec"), {"__name__": "__main__"})
     assert "6 of 6 cases done []" in capsys.readouterr().out
