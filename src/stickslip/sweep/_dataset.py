@@ -261,44 +261,40 @@ def dataset_of(table: Table) -> xr.Dataset:
     head, keys = table.head, _keys_of(table)
     if "axes" in head:
         sizes = {name: len(values) for name, values in head["axes"].items()}
-        coordinates = {name: (name, array(values), attributes_of(head, name)) for name, values in head["axes"].items()}
+        places = {name: ((name,), array(values)) for name, values in head["axes"].items()}
     else:
         keys = [key for key in keys if key in table.known]
-        cases = [json.loads(key) for key in keys]
-        sizes = {"run": len(keys)}
-        coordinates = {
-            name: ("run", array([values[name] for values in cases]), attributes_of(head, name))
-            for name in (*head["box"], *head["each"])
-        }
-    known = table.rows()
-    rows = [known.get(key) for key in keys]
-    data = _variables(head, rows, sizes)
-    if "axes" not in head:
-        crossings = head["crossings"] if len(keys) == len(head.get("cases", ())) else []
-        data |= _crossings(head, [[(cases[i], rows[i]) for i in ends] for ends in crossings])
+        sizes, cases = {"run": len(keys)}, [json.loads(key) for key in keys]
+        places = {name: (("run",), array([case[name] for case in cases])) for name in (*head["box"], *head["each"])}
+    coordinates = {name: (*place, attributes_of(head, name)) for name, place in places.items()}
     names = ("format", "stickslip", "function", "seed", "box", "each", "label", "runs", "resolution", "together")
     about = {name: head[name] for name in names if name in head} | {"axes": sizes}
-    return xr.Dataset(data, coordinates, {**head["notes"], PROVENANCE: json.dumps(about)})
+    known = table.rows()
+    data = _variables(head, [known.get(key) for key in keys], sizes)
+    found = xr.Dataset(data, coordinates, {**head["notes"], PROVENANCE: json.dumps(about)})
+    return found if "axes" in head else _with_crossings(found, head)
 
 
-def _crossings(head: Head, found: Sequence[Any]) -> dict[str, Any]:
-    """Points of the boundary: half way between two cases, each with what came of it."""
-    data: dict[str, Any] = {}
+def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
+    """Add the points of the boundary, half way between two runs, with what came of these, once all runs are there."""
+    import xarray as xr
+
+    pairs = head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
+    sides = np.array(pairs, dtype=int).reshape(-1, 2).T
+    low, high = (found.reset_coords().isel(run=xr.DataArray(side, dims="crossing")) for side in sides)
+    more = {}
     for name in head["box"]:
-        low, high = (np.array([ends[side][0][name] for ends in found], dtype=float) for side in (0, 1))
-        about = attributes_of(head, name)
-        title = about["long_name"]
-        data[f"{name}_at"] = ("crossing", (low + high) / 2, about | {"long_name": f"{title}, on the boundary"})
-        data[f"{name}_error"] = ("crossing", abs(high - low) / 2, about | {"long_name": f"{title}, uncertainty"})
-    for name in head["each"]:
-        values = array([values[name] for (values, _), _ in found])
-        data[f"{name}_at"] = ("crossing", values, attributes_of(head, name))
-    for side, (prefix, where) in enumerate({"from": "on one side", "to": "on the other"}.items()):
-        name = head["label"]
-        values, about = _column(head, name, [ends[side][1]["result"][name] for ends in found])
-        about["long_name"] += f", {where}"
-        data[f"{prefix}_{name}"] = ("crossing", values, about)
-    return data
+        for part, value, words in (
+            ("at", (low[name] + high[name]) / 2, "on the boundary"),
+            ("error", abs(high[name] - low[name]) / 2, "uncertainty"),
+        ):
+            title = f"{found[name].attrs['long_name']}, {words}"
+            more[f"{name}_{part}"] = value.assign_attrs(found[name].attrs | {"long_name": title})
+    more |= {f"{name}_at": low[name] for name in head["each"]}
+    if (label := head["label"]) in found:
+        for part, side, words in (("from", low, "on one side"), ("to", high, "on the other")):
+            more[f"{part}_{label}"] = side[label].assign_attrs(long_name=f"{side[label].attrs['long_name']}, {words}")
+    return found.assign(more)
 
 
 def _variables(head: Head, rows: Sequence[Mapping[str, Any] | None], sizes: Mapping[str, int]) -> dict[str, Any]:
