@@ -369,17 +369,22 @@ def test_any_distribution_and_any_parameter():
     assert answer.unit == "1"
 
 
-def test_the_ends_of_a_branch_are_in_the_units_of_the_rig():
-    rig = Rig(delayed(0.1), Slider(stiffness=2.0, mass=1e-4, damping=42.4), constant(1.0))
-    scaled = replace(rig, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))
-    unit = scaled.unit("x_s/time")
-    plain, found = (
-        cycle_branch(each, "velocity", between=(0.6 * size, 1.0 * size), step=0.2, tolerance=0.01)
-        for each, size in ((rig, 1.0), (scaled, unit))
-    )
-    for end in ("low_decays_at", "low_persists_at", "high_decays_at", "high_persists_at"):
-        assert found.attrs[end] == pytest.approx(unit * plain.attrs[end], rel=1e-6, nan_ok=True)
-    assert plain.attrs["low_persists_at"] > plain.attrs["low_decays_at"] > 0.6
+def test_what_is_found_is_in_the_units_of_the_rig():
+    plain = Rig(delayed(0.1), Slider(stiffness=2.0, mass=1e-4, damping=42.4), constant(1.0))
+    scaled = replace(plain, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))
+
+    def found(rig):
+        unit = rig.unit("x_s/time")
+        given = {"between": (0.6 * unit, 1.45 * unit), "tolerance": 0.01}
+        branch = cycle_branch(rig, "velocity", step=0.2, begin=1.0 * unit, **given)
+        (band,) = bistable_range(rig, "velocity", step=0.2, **given)
+        (window,) = sustained(rig, "velocity", points=6, **given)
+        ends = [branch.attrs[f"{end}_at"] for end in ("low_decays", "low_persists", "high_decays", "high_persists")]
+        ends += [branch.velocity[0], band.low.persists_at, band.high.value]
+        return np.array([*ends, window.low.decays_at, window.high.value]) / unit
+
+    assert found(scaled) == pytest.approx(found(plain), rel=1e-4, nan_ok=True)
+    assert found(plain)[1] > found(plain)[0] > 0.6
 
 
 def test_reasons_are_in_the_units_of_the_rig():

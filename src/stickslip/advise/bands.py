@@ -74,13 +74,14 @@ class Band:
 
 
 def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
-    """Neighbours of one kind as one."""
+    """Rising bands; neighbours of one kind, or that overlap, as one."""
     found: list[Band] = []
     for band in bands:
+        last = found[-1] if found else None
         if band.high <= band.low:
             continue
-        if found and (found[-1].kind, found[-1].bistable) == (band.kind, band.bistable):
-            found[-1] = replace(found[-1], high=band.high, high_found=band.high_found)
+        if last and (last.kind, last.bistable) == (band.kind, band.bistable) and band.low <= last.high:
+            found[-1] = replace(last, high=max(last.high, band.high), high_found=band.high_found)
         else:
             found.append(band)
     return tuple(found)

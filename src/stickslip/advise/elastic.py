@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from stickslip.advise import say
-from stickslip.advise.bands import CANNOT_GROW, fastest_mode, stability_along
+from stickslip.advise.bands import CANNOT_GROW, Band, fastest_mode, joined, stability_along
 from stickslip.advise.speeds import range_of_speeds
 from stickslip.answers import Answer, plain
 from stickslip.errors import UndecidedError
@@ -85,13 +85,9 @@ class ElasticPrediction(Answer):
     @property
     def speeds(self) -> tuple[tuple[float, float], ...]:
         """Ranges of speed in which any mode grows."""
-        joined: list[tuple[float, float]] = []
-        for low, high in sorted(pair for wave in self.waves for pair in wave.speeds):
-            if joined and low <= joined[-1][1]:
-                joined[-1] = joined[-1][0], max(high, joined[-1][1])
-            else:
-                joined.append((low, high))
-        return tuple(joined)
+        pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
+        bands = joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
+        return tuple((band.low, band.high) for band in bands)
 
     @property
     def at_least(self) -> bool:
