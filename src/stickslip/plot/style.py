@@ -47,7 +47,10 @@ MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is t
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the style of the house within this context; what is set outside it stays as it is."""
+    """Draw in the style of the house within this context; what is set outside it stays as it is.
+
+    To set it for good: ``matplotlib.style.use("stickslip.plot.house")``.
+    """
     with mpl.rc_context(dict(_STYLE)):
         yield
 
