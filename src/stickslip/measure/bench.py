@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace
+from stickslip.measure.periods import rises
 from stickslip.measure.slips import Slips, find_slips, resolution, turning_points
 
 LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
@@ -49,12 +50,10 @@ def find_strokes(trace: Trace) -> list[Trace]:
 def _reversals(trace: Trace) -> list[int]:
     """First samples of the strokes, and the end of the last."""
     size = trace.t.size
-    way = trace.displacement
-    if way is not None:
+    if (way := trace.displacement) is not None:
         least = LEAST_WAY * float(np.ptp(way))
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
-        turning = sorted({*peaks, *troughs} - {0, size - 1})
-        return [0, *turning, size]
+        return [0, *sorted({*peaks, *troughs} - {0, size - 1}), size]
     low, high = (float(edge) for edge in np.quantile(trace.force, (0.05, 0.95)))
     half = 0.5 * (high - low)
     if not low < 0 < high or abs(high + low) > half:
@@ -62,10 +61,8 @@ def _reversals(trace: Trace) -> list[int]:
     level = LEAST_WAY * half
     if float(np.mean(np.abs(trace.force - 0.5 * (high + low)) < level)) > IN_BETWEEN:
         return []
-    side = np.where(trace.force > level, 1, np.where(trace.force < -level, -1, 0))
-    outside = np.flatnonzero(side)
-    changes = outside[1:][side[outside[1:]] != side[outside[:-1]]]
-    return [0, *changes.tolist(), size]
+    crossed = (rises(trace.t, force, -level, level)[0].tolist() for force in (trace.force, -trace.force))
+    return [0, *sorted(itertools.chain(*crossed)), size]
 
 
 def about_the_sensor(force: Array) -> tuple[str, ...]:

@@ -104,10 +104,9 @@ def in_words(run: xr.Dataset) -> list[str]:
 
 def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
     """One dict for each row of a table, at most so many; the longest ones if there are more."""
-    columns = {str(name): column.values for name, column in table.data_vars.items() if column.dims == (along,)}
-    size = table.sizes[along]
-    chosen = np.arange(size) if size <= most else np.sort(np.argsort(columns["blocks"], kind="stable")[-most:])
-    return [{name: column[i].item() for name, column in columns.items()} for i in chosen]
+    frame = table[[name for name, column in table.data_vars.items() if column.dims == (along,)]].to_dataframe()
+    chosen: list[dict[str, Any]] = frame.nlargest(most, "blocks").sort_index().to_dict("records")
+    return chosen
 
 
 def is_of_a_chain(run: xr.Dataset) -> bool:
