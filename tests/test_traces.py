@@ -14,14 +14,12 @@ import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.measure import read_trace
 
-# ----------------------------------------------------------------------------------------------- reading traces
-
 FORCES = np.round(5.0 + np.abs(np.mod(np.arange(60) * 0.37, 3.0)), 2)
 
 
-def written(tmp_path, text, name="trace.csv", **how):
+def written(tmp_path, text, name="trace.csv"):
     path = tmp_path / name
-    path.write_text(text, **how)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
 
 
@@ -30,6 +28,19 @@ def rows(form, forces=FORCES):
 
 
 COMMA = str.maketrans(".", ",")
+
+
+TIMES = 0.25 * np.arange(FORCES.size)
+GERMAN = "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n" + "".join(
+    f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True)
+)
+LABVIEW = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+    "Multi_Headings\tNo\nX_Columns\t{columns}\nTime_Pref\tRelative\nOperator\tN. N.\nDate\t2024/02/01\n"
+    "Time\t12:00:00\n***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t60\t\nDate\t2024/02/01\t\n"
+    "Y_Unit_Label\tkN\t\nX_Dimension\tTime\t\nX0\t0.0000000000000000E+0\t\nDelta_X\t0.250000\t\n"
+    "***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -61,27 +72,45 @@ COMMA = str.maketrans(".", ",")
         ("\ufeff" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
         (rows(lambda _, f: f"{f}") + "End of file\n", {"step": 0.25}),
         ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {"step": 0.25}),
+        (GERMAN.encode("latin-1"), {}),
+        (GERMAN.encode("utf-8-sig"), {}),
+        (GERMAN.encode("utf-16-le"), {}),
+        (GERMAN.replace("\n", "\r\n").encode("cp1252"), {}),
+        ("Time,Force\ns,N\n" + rows(lambda t, f: f"{t},{f}"), {}),
+        ("s,N\n" + rows(lambda t, f: f"{t},{f}"), {}),
+        ("Time (s)  Force (N)\n" + rows(lambda t, f: f"{t}  {f}"), {}),
+        ("# time (s), force (N)\n" + rows(lambda t, f: f"{t} {f}"), {}),
+        ("ts,date,F,T\ns,,N,°C\n" + rows(lambda t, f: f"{t},2024-02-01,{f},21.5"), {}),
+        ("Time;Force\ns;N\n\n" + rows(lambda t, f: f"{t};{f}\n"), {}),
+        (rows(lambda t, f: f"{t} s\t{f} N"), {}),
+        ("t,F\n" + rows(lambda t, f: f"{t},{f}").replace("\n1.0,", "\n# paused\n1.0,"), {}),
     ],
 )
 def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
-    data = read_trace(written(tmp_path, text, encoding="utf-8"), **options)
+    data = read_trace(written(tmp_path, text), **options)
     np.testing.assert_array_equal(data["spring_force"], FORCES)
-    np.testing.assert_allclose(data["time"], 0.25 * np.arange(FORCES.size))
-    assert data["spring_force"].attrs["units"] == "N"
-    assert data["time"].attrs["units"] == "s"
+    np.testing.assert_allclose(data["time"], TIMES)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("s", "N")
     assert not data["filled"].any()
 
 
-def test_units_are_kept(tmp_path):
-    path = written(tmp_path, "t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"))
-    data = read_trace(path)
-    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "mN")
-    latin = tmp_path / "latin.csv"
-    latin.write_bytes(("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"))
-    assert read_trace(latin)["spring_force"].attrs["units"] == "µN"
-    wide = tmp_path / "wide.csv"
-    wide.write_bytes(("t;F\n" + rows(lambda t, f: f"{t};{f}")).encode("utf-16"))
-    np.testing.assert_array_equal(read_trace(wide)["spring_force"], FORCES)
+@pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"), ("ms", "mN")),
+        (("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"), ("s", "µN")),
+        ("Time,Channel A\n(s),(kN)\n\n" + rows(lambda t, f: f"{t},{f}"), ("s", "kN")),
+        ("Time / s;Force / mN\n" + rows(lambda t, f: f"{t};{f}"), ("s", "mN")),
+        ("time_s,force_kN\n" + rows(lambda t, f: f"{t},{f}"), ("s", "kN")),
+        (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), ("s", "kN")),
+        (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), ("s", "kN")),
+    ],
+)
+def test_units_are_kept(tmp_path, text, units):
+    data = read_trace(written(tmp_path, text))
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
+    assert data.attrs["rows"] == FORCES.size
 
 
 def test_the_comment_that_labview_names_but_does_not_write_is_no_column(tmp_path):
@@ -136,6 +165,7 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (TWO, {"step": 0.1, "time": "time"}, "leave one out"),
         (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
         (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
+        (rows(lambda _, f: f"{f} N/m"), {"step": 0.1}, "column 1 holds numbers in 'N/m'"),
         ("", {"step": 1.0}, "empty"),
         (" \n\n", {"step": 1.0}, "blanks and comments only"),
         ("# nothing\n# here\n", {"step": 1.0}, "blanks and comments only"),
@@ -181,57 +211,8 @@ def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
         read_trace(written(tmp_path, NUMBERS), step=1.0)
 
 
-# ----------------------------------------------------------------------------------------------- as instruments write
-
-TIMES = 0.25 * np.arange(FORCES.size)
-GERMAN = "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n" + "".join(
-    f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True)
-)
-LABVIEW = (
-    "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
-    "Multi_Headings\tNo\nX_Columns\t{columns}\nTime_Pref\tRelative\nOperator\tN. N.\nDate\t2024/02/01\n"
-    "Time\t12:00:00\n***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t60\t\nDate\t2024/02/01\t\n"
-    "Y_Unit_Label\tkN\t\nX_Dimension\tTime\t\nX0\t0.0000000000000000E+0\t\nDelta_X\t0.250000\t\n"
-    "***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
-)
-
-
-@pytest.mark.parametrize(
-    ("text", "encoding", "units"),
-    [
-        (GERMAN, "latin-1", ("s", "N")),
-        (GERMAN, "utf-8-sig", ("s", "N")),
-        (GERMAN, "utf-16-le", ("s", "N")),
-        (GERMAN.replace("\n", "\r\n"), "cp1252", ("s", "N")),
-        ("Time,Force\ns,N\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "N")),
-        ("s,N\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "N")),
-        ("Time,Channel A\n(s),(kN)\n\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "kN")),
-        ("Time / s;Force / mN\n" + rows(lambda t, f: f"{t};{f}"), "utf-8", ("s", "mN")),
-        ("time_s,force_kN\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "kN")),
-        ("Time (s)  Force (N)\n" + rows(lambda t, f: f"{t}  {f}"), "utf-8", ("s", "N")),
-        ("# time (s), force (N)\n" + rows(lambda t, f: f"{t} {f}"), "utf-8", ("s", "N")),
-        ("ts,date,F,T\ns,,N,°C\n" + rows(lambda t, f: f"{t},2024-02-01,{f},21.5"), "utf-8", ("s", "N")),
-        (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), "utf-8", ("s", "kN")),
-        (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), "utf-8", ("s", "kN")),
-        ("Time;Force\ns;N\n\n" + rows(lambda t, f: f"{t};{f}\n"), "utf-8", ("s", "N")),
-        (rows(lambda t, f: f"{t} s\t{f} N"), "utf-8", ("s", "N")),
-        ("t,F\n" + rows(lambda t, f: f"{t},{f}").replace("\n1.0,", "\n# paused\n1.0,"), "utf-8", ("s", "N")),
-    ],
-)
-def test_files_are_read_as_instruments_write_them(tmp_path, text, encoding, units):
-    path = tmp_path / "export.txt"
-    path.write_bytes(text.encode(encoding))
-    data = read_trace(path)
-    np.testing.assert_allclose(data["spring_force"], FORCES)
-    np.testing.assert_allclose(data["time"], TIMES)
-    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
-    assert not data["filled"].any()
-    assert data.attrs["rows"] == FORCES.size
-    assert "interpolated" not in data.attrs["note"]
-
-
 def test_several_columns_are_told_by_their_names(tmp_path):
-    data = read_trace(written(tmp_path, GERMAN, encoding="utf-8"))
+    data = read_trace(written(tmp_path, GERMAN))
     np.testing.assert_allclose(data["measured_displacement"], 2 * TIMES)
     assert data["measured_displacement"].attrs["units"] == "mm"
     np.testing.assert_allclose(data["load"], 20.0)
@@ -250,7 +231,7 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     ["t,COF", "time,Friction coefficient", "t,µ", "Zeit,Reibwert", "Time(s),Friction (-)"],
 )
 def test_a_coefficient_of_friction_is_no_force(tmp_path, head):
-    data = read_trace(written(tmp_path, head + "\n" + rows(lambda t, f: f"{t},{f / 10:.4f}"), encoding="utf-8"))
+    data = read_trace(written(tmp_path, head + "\n" + rows(lambda t, f: f"{t},{f / 10:.4f}")))
     assert data["spring_force"].attrs == {"units": "1", "long_name": "coefficient of friction"}
     assert "N assumed" not in data.attrs["note"]
 
@@ -336,7 +317,7 @@ def test_units_in_cells_that_leave_it_open_are_refused_by_line(tmp_path, change,
     ],
 )
 def test_what_could_be_misread_is_refused(tmp_path, text, message):
-    path = written(tmp_path, text, encoding="utf-8")
+    path = written(tmp_path, text)
     begin = time.process_time()
     with pytest.raises(ss.InputError, match=message) as caught:
         read_trace(path, **({"step": 1.0} if text.startswith("F\n") else {}))
@@ -466,6 +447,15 @@ def test_a_row_of_a_number_too_many_and_the_end_of_a_file_of_dos(tmp_path):
     data = read_trace(written(tmp_path, two(WAVE, at=50, more=",5") + "\x1a"))
     assert data.sizes["time"] == 3999
     assert "line 52" in data.attrs["note"]
+
+
+def test_a_number_with_the_other_decimal_sign_is_none_and_a_comment_no_row(tmp_path):
+    """Where commas are decimal 1.234 may be 1234; the force column of a comment is no force."""
+    lines = rows(lambda t, f: f"{t};{f}".translate(COMMA)).splitlines()
+    lines[9] = "2,25;5.330"
+    data = read_trace(written(tmp_path, "\n".join(["t;F", *lines[:20], "# paused;7,00", *lines[20:]])))
+    assert np.flatnonzero(data["filled"]).tolist() == [9]
+    assert data.attrs["rows"] == FORCES.size
 
 
 def test_exponents_of_fortran_and_cells_in_no_unit(tmp_path):
