@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from stickslip.errors import InputError, number
 from stickslip.io.friction import thresholds_of
 from stickslip.model.delays import Delay
@@ -110,11 +112,11 @@ def quick_fit(
     else:
         half = scales.natural(read_value("half_speed", half_speed, "m/s", "20 mm/s"), "velocity")
         delay = Delay(thresholds.positive().moment(1) / half)
-    held = Slider(stiffness=scales.natural(K, "stiffness"), mass=scales.natural(m, "mass"), damping=0.0)
+    free = Slider(stiffness=scales.natural(K, "stiffness"), mass=scales.natural(m, "mass"), damping=0.0)
     ratio = number("damping_ratio", damping_ratio, at_least=0, hint="of the slider on the driving spring")
     return Rig(
         Interface(thresholds=thresholds, initial=_INITIAL, delay=delay),
-        Slider(stiffness=held.stiffness, mass=held.mass, damping=2.0 * ratio * held.frequency),
+        replace(free, damping=2.0 * ratio * free.frequency),
         constant(1.0, USUAL_DISTANCE),
         scales=scales,
         name=name,

@@ -7,8 +7,7 @@ drift. Nothing here depends on time, as drives are rarely as steady as they shou
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,28 +17,15 @@ _DEGREE = 3
 _BLOCK, _RESAMPLES = 10, 400
 
 
-@dataclass(frozen=True)
-class _Slips:
-    """Detrended peaks and troughs of series of slips along the last axis, and mean drops, all over the mean peak."""
+class _Slips(NamedTuple):
+    """Series of slips along the last axis, detrended; forces over the mean peak, quantiles over the mean drop."""
 
     P: Array
     T: Array
     mean: Array
-
-    @cached_property
-    def drops(self) -> Array:
-        """Drop of each slip."""
-        return np.asarray(self.mean[..., None] + self.P - self.T)
-
-    @cached_property
-    def reloads(self) -> Array:
-        """Rise from each trough to the next peak."""
-        return np.asarray(self.mean[..., None] + self.P[..., 1:] - self.T[..., :-1])
-
-    @cached_property
-    def quantiles(self) -> Array:
-        """Quantiles of 5, 10, 90 and 95 % of the drops, over their mean."""
-        return np.asarray(np.quantile(self.drops, (0.05, 0.10, 0.90, 0.95), axis=-1) / self.mean)
+    drops: Array
+    reloads: Array
+    quantiles: Array
 
 
 def _correlation(x: Array, y: Array) -> Array:
@@ -122,7 +108,8 @@ def statistics(peaks: Array, troughs: Array) -> Array:
 
 
 def _of(P: Array, T: Array, mean: Array) -> Array:
-    slips = _Slips(P, T, mean)
+    drops, reloads = (mean[..., None] + rises for rises in (P - T, P[..., 1:] - T[..., :-1]))
+    slips = _Slips(P, T, mean, drops, reloads, np.quantile(drops, (0.05, 0.10, 0.90, 0.95), axis=-1) / mean)
     of = (*(statistic for statistic, _ in _FITTED.values()), *_HELD_OUT.values())
     return np.stack([statistic(slips) for statistic in of], axis=-1)
 

@@ -48,11 +48,6 @@ class Table:
     peaks: Series  #: (draws, slips): force before each slip, in units of the total contact strength; 0 beyond `count`
     troughs: Series  #: and after it
 
-    @property
-    def slips(self) -> int:
-        """Slips of each draw."""
-        return int(self.peaks.shape[1])
-
     def __len__(self) -> int:
         return len(self.count)
 

@@ -187,17 +187,15 @@ def rate_and_state(
             "delay there is nothing to fit; give one of them"
         )
     fit, misfit = _small(interface, speed)
-    drift, failing, chosen, step_misfit, asymmetry = (
-        [math.nan] * 3,
-        _failing(interface, speed, fit, misfit),
-        laws[0],
-        None,
-        None,
-    )
+    drift, failing = np.full(3, math.nan), _failing(interface, speed, fit, misfit)
     if not failing:
         low, high = (_small(interface, v)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
-        drift = ((high - low) / fit.value).tolist()
-        failing = _drifting(drift)
+        drift = (high - low) / fit.value
+        for (name, most), change in zip(DRIFTS.items(), drift.tolist(), strict=True):
+            if abs(change) >= most and not failing:
+                failing = f"{name} changes by {100 * change:.3g} % over a decade of velocity"
+                failing += f"; must be below {100 * most:g} %"
+    chosen, step_misfit, asymmetry = laws[0], None, None
     if not failing and step is not None:
         chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, fit.value)
     elif not failing and law == "best":
@@ -219,7 +217,7 @@ def rate_and_state(
         distance=distance,
         misfit=misfit,
         step_misfit=step_misfit,
-        drift=(drift[0], drift[1], drift[2]),
+        drift=(float(drift[0]), float(drift[1]), float(drift[2])),
         asymmetry=asymmetry,
         healing=ageing.slope if isinstance(ageing, LogarithmicGrowth) else None,
         velocity=speed,
@@ -282,27 +280,16 @@ def _of_a_step(
 
 def _failing(interface: Interface, velocity: float, fit: Fit, misfit: float) -> str:
     """Say what keeps it from being rate and state, or nothing."""
-    a, wave = fit.estimates()[0], 1j * _FAST / interface.threshold_distribution.moment(1)
-    kappa, spring = (
-        complex(respond(interface).stiffness(velocity, wave * velocity)),
-        contact_stiffness(interface, velocity),
-    )
+    a, spring = fit.estimates()[0], contact_stiffness(interface, velocity)
+    wave = 1j * _FAST / interface.threshold_distribution.moment(1)
+    kappa = complex(respond(interface).stiffness(velocity, wave * velocity))
     direct = (kappa * spring / (wave * (spring - kappa))).real
     if not direct > _RESOLVED * a:
         remedy = "; add [interface.temperature]" if interface.temperature is None else ""
-        return (
-            f"no direct effect: a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
-            f"{remedy}"
-        )
+        found = f"a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
+        return f"no direct effect: {found}{remedy}"
     if a < 2.0 * a.error:
         return f"a = {a:.2g} ± {a.error:.1g} is not resolved"
     if misfit >= MISFIT:
         return f"a small step is fitted to {100 * misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
-    return ""
-
-
-def _drifting(drift: Sequence[float]) -> str:
-    for (name, most), change in zip(DRIFTS.items(), drift, strict=True):
-        if abs(change) >= most:
-            return f"{name} changes by {100 * change:.3g} % over a decade of velocity; must be below {100 * most:g} %"
     return ""
