@@ -100,24 +100,16 @@ class Trace:
                     f"measure: {name} = {values[bad[0]]:g} at t = {t[bad[0]]:g}: {bad.size} of {t.size} values are "
                     "not finite; drop or fill them first"
                 )
-        drive, force = arrays["drive"], arrays["force"]
         # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
-        turned = drive is None and bool(data.attrs.get("flipped"))
-        sign = -1.0 if np.mean(force if drive is None else drive) < 0 and not turned else 1.0
-        for key in ("X", "velocity", "drive"):
-            if (values := arrays[key]) is not None:
-                arrays[key] = sign * values
-        return cls(
-            **arrays | {"force": sign * force},
-            t=t,
-            sign=sign,
-            largest=_largest(sign * force),
+        turned = arrays["drive"] is None and bool(data.attrs.get("flipped"))
+        told = str(data["spring_force"].attrs.get("long_name", ""))
+        return cls._along_the_drive(
+            arrays | {"t": t},
+            turned,
             contacts=_contacts(data),
             time_unit=printable(str(data["time"].attrs.get("units", ""))),
             force_unit=printable(str(data["spring_force"].attrs.get("units", ""))),
-            quantity="coefficient of friction"
-            if "coefficient" in str(data["spring_force"].attrs.get("long_name", ""))
-            else "force",
+            quantity="coefficient of friction" if "coefficient" in told else "force",
         )
 
     @classmethod
@@ -127,22 +119,29 @@ class Trace:
         if not isinstance(slider, Slider):
             return cls.of(run.dataset())
         length, speed = rig.unit("x_s"), rig.unit("x_s/time")
-        drive, X = track.drive_velocity, track["displacement"]
-        sign = -1.0 if np.mean(drive) < 0 else 1.0
-        force = sign * (slider.stiffness * (track.drive_position - X) * rig.unit("f_s"))
-        return cls(
-            t=rig.unit("time") * track.times,
-            force=force,
-            X=sign * (X * length),
-            velocity=sign * (track["velocity"] * speed),
-            drive=sign * (drive * speed),
-            attached=track["attached"],
-            sign=sign,
-            largest=_largest(force),
+        arrays = {
+            "t": rig.unit("time") * track.times,
+            "force": slider.stiffness * (track.drive_position - track["displacement"]) * rig.unit("f_s"),
+            "X": track["displacement"] * length,
+            "velocity": track["velocity"] * speed,
+            "drive": track.drive_velocity * speed,
+            "attached": track["attached"],
+        }
+        return cls._along_the_drive(
+            arrays,
             contacts=rig.method.count if isinstance(rig.method, (Contacts, Population)) else None,
             time_unit=rig.unit_name("time"),
             force_unit=rig.unit_name("f_s"),
         )
+
+    @classmethod
+    def _along_the_drive(cls, arrays: dict[str, Any], turned: bool = False, **more: Any) -> Trace:
+        told = arrays["force"] if arrays["drive"] is None else arrays["drive"]
+        sign = -1.0 if np.mean(told) < 0 and not turned else 1.0
+        along = {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if arrays[key] is not None}
+        top = float(np.max(along["force"]))  # of a force that never pulls that way, the largest in size
+        largest = top if top > 0 else float(np.max(np.abs(along["force"])))
+        return cls(**arrays | along, sign=sign, largest=largest, **more)
 
     def time_in_words(self, time: float) -> str:
         """A time with its unit."""
@@ -168,11 +167,6 @@ class Trace:
 def in_words(value: float, unit: str, digits: int = 4) -> str:
     """A value with its unit, of time too."""
     return engineering(value, "time units" if unit == "time" else unit, digits)
-
-
-def _largest(force: Array) -> float:
-    """Largest force along the drive; of one that never pulls that way, the largest in size."""
-    return top if (top := float(np.max(force))) > 0 else float(np.max(np.abs(force)))
 
 
 def of_the_whole(data: xr.Dataset) -> xr.Dataset:
