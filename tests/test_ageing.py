@@ -121,14 +121,6 @@ def test_lives_from_the_volterra_equation_are_those_of_the_kinetic_equation(u, n
     assert np.all(np.abs(parts[2:]) < 1e-9 * length)  # nothing is perturbed that stands still
 
 
-@pytest.mark.eq(13, 15, 16)
-@pytest.mark.parametrize("u", [0.1, 0.5, 1.0, 2.0, 5.0])
-def test_contacts_slide_with_the_friction_of_the_kinetic_equation(u):
-    force = rigidly(aged(1.0), ss.Contacts(10_000, seed=1), ss.constant(u, 20.0), np.linspace(0.05, 20.0, 400))
-    blocks, exact = force.reshape(20, -1).mean(axis=1), steady_friction(np.array([u]), ONE)[0]
-    assert abs(blocks.mean() - exact) < 4 * blocks.std() / sqrt(20) + 0.005 * exact
-
-
 @pytest.mark.eq(17)
 @pytest.mark.parametrize(("u", "error"), [(0.5, 0.001), (1.0, 0.001), (2.0, 0.01), (5.0, 0.02)])
 def test_their_density_slides_with_it_at_second_order(u, error):

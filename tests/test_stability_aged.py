@@ -8,7 +8,7 @@ import pytest
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Bell, Delay, Langevin, Rig, constant
 from stickslip.paper.cases import FIG8
-from stickslip.sliding import kinetic_friction, respond
+from stickslip.sliding import respond
 from stickslip.stability import (
     AGEING,
     boundary,
@@ -35,14 +35,6 @@ def lost_balance(rate, velocity, s, **changes):
     slider = replace(FIG8.slider, **changes)
     impedance = slider.mass * s * (s + slider.damping) + slider.stiffness
     return abs(impedance + complex(dynamic_stiffness(aged(rate), velocity, s)))
-
-
-@pytest.mark.parametrize("changes", [{}, {"ageing": Langevin(rate=1.0, newborn=0.3), "delay": Delay(0.2)}], ids=str)
-def test_slow_shaking_feels_the_slope_of_the_friction_law(changes):
-    interface, speed, step = replace(aged(1.0), **changes), 0.5, 1e-3
-    slope = (kinetic_friction(interface, speed + step) - kinetic_friction(interface, speed - step)) / (2 * step)
-    kappa = dynamic_stiffness(interface, speed, 1e-3j)
-    assert complex(kappa) == pytest.approx(1e-3j * slope, rel=0.02)
 
 
 def test_response_depends_on_reduced_velocity_and_frequency_and_is_stiff_at_high_frequency():

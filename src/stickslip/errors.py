@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import accumulate
 from numbers import Integral, Real
 from types import UnionType
@@ -170,14 +171,12 @@ def numbers(
     return result
 
 
-def sequence(place: str, value: object, hint: str) -> tuple[Any, ...]:
+def sequence(place: str, value: Any, hint: str) -> tuple[Any, ...]:
     """Return the items of a list, a tuple or an array; a text is none."""
-    if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
-        raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
-    try:
-        return tuple(value)
-    except TypeError:  # an array without dimensions
-        raise InputError(f"{place} = {shown(value)}: must be {hint}", place) from None
+    if not isinstance(value, (str, bytes, Mapping)):
+        with suppress(TypeError):  # nothing to go through, or an array without dimensions
+            return tuple(value)
+    raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
 
 
 def extreme(value: float) -> str:

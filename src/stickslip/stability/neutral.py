@@ -73,9 +73,8 @@ def neutral_frequencies(
     ends = np.cumsum([0, *counts])
     for k, (seen, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
         w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
-        # Where a scan was cut off for |kappa| < |Z| just past half a turn, the turn is never completed.
-        if softest is None and seen.omega.size and _past_half_a_turn(response, *rigs[k], seen):
-            w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
+        if seen.omega.size and (beyond := _beyond(response, *rigs[k], seen, softest)):
+            w, e, modes = (np.append(found, more) for found, more in zip((w, e, modes), beyond, strict=True))
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
     return answers
@@ -109,14 +108,20 @@ def _brackets(
     return left, right, rising
 
 
-def _past_half_a_turn(response: Response, body: Impedance, velocity: float, seen: Scan) -> bool:
-    """Whether ``Z + kappa`` is through the negative real axis at the end of the scan, while ``Z`` never gets there."""
+def _beyond(
+    response: Response, body: Impedance, velocity: float, seen: Scan, softest: float | None
+) -> tuple[float, float, int] | None:
+    """Modes that cross beyond the end of the scan: frequency, extra stiffness, and how many grow with less."""
     if seen.value[-1] >= 0:
-        return False
+        return None
     s = 1j * seen.omega[-1:]
-    z = complex(body(s)[0])
+    z, at_rest = (complex(body(place)[0]) for place in (s, 0.0 * s))
     total = z + complex(response.stiffness(velocity, s)[0])
-    return math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real) < -math.pi
+    if z == at_rest:  # without mass and damping: half a turn, which both then keep, is what one real mode makes
+        return math.inf, -total.real, 1
+    turned = math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real)
+    # Cut off for |kappa| < |Z| just past half a turn, which is never completed.
+    return (math.inf, math.inf, 2) if softest is None and turned < -math.pi else None
 
 
 def _nearly_touching(value: Array) -> NDArray[np.intp]:
