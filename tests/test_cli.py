@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -118,46 +119,63 @@ def test_paper_all_is_refused_before_the_first_figure_if_the_last_cannot_be_writ
     assert os.listdir(tmp_path) == ["fig11.png"]
 
 
-def test_unusable_files(tmp_path, rig, sawtooth, capsys):
-    empty, binary, listing = tmp_path / "empty.csv", tmp_path / "binary.csv", tmp_path / "rig2.toml"
-    empty.write_text("")
-    binary.write_bytes(bytes(range(256)) * 10)
-    listing.write_text("slider = ")
-    damaged = tmp_path / "damaged.nc"
-    damaged.write_bytes(b"\x89HDF\r\n\x1a\n" + b"nonsense" * 100)
-    for arguments in (
-        ("predict", tmp_path / "none.toml"),
-        ("predict", binary),
-        ("predict", listing),
-        ("predict", sawtooth),
-        ("rerun", sawtooth),
-        ("measure", tmp_path / "none.csv"),
-        ("measure", empty, "--step", 1),
-        ("measure", damaged),
-        ("measure", sawtooth, "--force", "load"),
-        ("measure", sawtooth, "--after", 1e9),
-        ("measure", sawtooth, "--events", tmp_path / "no" / "where.csv"),
-        ("plot", sawtooth, tmp_path / "picture.xyz"),
-        ("plot", tmp_path / "none.nc", tmp_path / "out.png"),
-        ("simulate", rig, "-o", tmp_path / "no" / "where.nc"),
-        ("predict", rig, "--plot", tmp_path / "no" / "where.png"),
-        ("map", rig, "--over", "stiffness"),
-        ("map", rig, "--over", "stiffness,colour"),
-        ("map", rig, "--around", 0.5),
-        ("map", rig, "--points", 1),
-        ("paper", "fig99"),
-        ("paper", "fig1", "-o", rig),
-        ("paper", "fig1", "--format", "gif"),
-        ("measure", sawtooth, "--step", -1),
-        ("predict", rig, "--jsn"),
-        ("prdict", rig),
-        ("predict",),
-        ("predict", rig, "extra"),
-        ("measure", sawtooth, "--step", "fast"),
-    ):
-        line = refused(capsys, *arguments)
-        assert line.startswith("stickslip: "), line
-        assert len(line) > 25, line
+@pytest.fixture
+def unusable(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("empty.csv").touch()
+    Path("binary.csv").write_bytes(bytes(range(256)) * 10)
+    Path("half.toml").write_text("slider = ")
+    Path("damaged.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + b"nonsense" * 100)
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("predict none.toml", "none.toml"),
+        ("predict binary.csv", "binary.csv"),
+        ("predict half.toml", "half.toml"),
+        ("predict trace.csv", "trace.csv"),
+        ("predict rig.toml --plot no/where.png", "no/where.png"),
+        ("predict rig.toml --jsn", "--jsn"),
+        ("predict rig.toml extra", "extra"),
+        ("predict", "rig"),
+        ("prdict rig.toml", "prdict"),
+        ("rerun trace.csv", "trace.csv"),
+        ("simulate rig.toml -o no/where.nc", "no/where.nc"),
+        ("plot trace.csv picture.xyz", ".png"),
+        ("plot none.nc out.png", "none.nc"),
+        ("measure none.csv", "none.csv"),
+        ("measure empty.csv --step 1", "empty.csv"),
+        ("measure damaged.nc", "damaged.nc"),
+        ("measure trace.csv --events no/where.csv", "no/where.csv"),
+        ("measure trace.csv --force load", "load"),
+        ("measure trace.csv --force " + "9" * 5_000, "no such column"),
+        ("measure trace.csv --after 1e9", "1e+09"),
+        ("measure trace.csv --after inf", "finite"),
+        ("measure trace.csv --step -1", "-1"),
+        ("measure trace.csv --step fast", "fast"),
+        ("measure trace.csv --step nan", "finite"),
+        ("measure trace.csv --step 0,25", "write '0.25': decimal point"),
+        ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
+        ("measure trace.csv --minimum-drop 0x10", "cannot be read as a quantity"),
+        ("measure trace.csv --load '-20 N'", "begins with '-' and is read as an option; write --load='-20 N'"),
+        ("map rig.toml --over stiffness", "two parameters"),
+        ("map rig.toml --over stiffness,colour", "'colour'"),
+        ("map rig.toml --around 0.5", "0.5"),
+        ("map rig.toml --points 1", "points"),
+        *((f"map rig.toml --points {n}", "whole number") for n in ("1_0", "10.5", "0x10", "1e2", "²", "9" * 5_000)),
+        ("paper fig99", "fig99"),
+        ("paper fig1 -o rig.toml", "rig.toml"),
+        ("paper fig1 --format gif", "gif"),
+    ],
+    ids=lambda value: ascii(value[:60]),
+)
+@pytest.mark.usefixtures("rig", "sawtooth", "unusable")
+def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
+    line = refused(capsys, *shlex.split(command))
+    assert line.startswith("stickslip: ")
+    assert words in line
+    assert len(line) < 420
 
 
 def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, monkeypatch):
@@ -165,34 +183,6 @@ def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, mo
     assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
     monkeypatch.setattr("stickslip.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
     assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--force", "9" * 5_000), "no such column"),
-        (("--step", "nan"), "finite"),
-        (("--step", "0,25"), "write '0.25': decimal point"),
-        (("--step", "4 kg"), "not in a unit of 's'"),
-        (("--after", "inf"), "finite"),
-        (("--minimum-drop", "0x10"), "cannot be read as a quantity"),
-    ],
-    ids=lambda value: ascii(str(value)[:30]),
-)
-def test_numbers_of_options_are_read_by_the_grammar_of_quantities(sawtooth, capsys, arguments, words):
-    line = refused(capsys, "measure", sawtooth, *arguments)
-    assert words in line
-    assert len(line) < 420
-
-
-def test_a_value_that_begins_with_a_minus_is_told_as_such(capsys):
-    assert cli.main(["measure", "x.csv", "--load", "-20 N"]) == 2
-    assert "begins with '-' and is read as an option; write --load='-20 N'" in capsys.readouterr().err
-
-
-def test_whole_numbers_of_options_are_whole(rig, capsys):
-    for points in ("1_0", "10.5", "0x10", "1e2", "²", "9" * 5_000):
-        assert "must be a whole number" in refused(capsys, "map", rig, "--points", points)
 
 
 def test_the_step_of_a_trace_may_have_a_unit(tmp_path, capsys):

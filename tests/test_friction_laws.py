@@ -275,6 +275,10 @@ def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_dampin
     assert s.imag == 0
     assert complex(dynamic_stiffness(rig.interface, 1.0, s)) == pytest.approx(-0.01, rel=1e-6)
     assert ss.stability.count_unstable(rig.replace(stiffness=0.0175)) == 3
+    wide = bench(contacts(0.5, width=None, ageing=0.02))
+    told = str(ss.critical(wide, "stiffness", between=(0.001, 0.9)))
+    assert told.endswith("regains stability at 0.01752424 k (without oscillation)")
+    assert ss.stability.critical_spring(wide) == pytest.approx(0.01752424, rel=1e-5)
     found = ss.stability_map(rig, over=("velocity", "stiffness"), values=([1.0], [0.01, 0.0175, 0.019, 0.021]))
     assert found["unstable_modes"].to_numpy().ravel().tolist() == [1, 3, 2, 0]
 

@@ -41,7 +41,7 @@ class Crossing:
     value : float
         Of the parameter, in its natural unit.
     frequency : float
-        Angular frequency of the neutral mode, in 1/time.
+        Angular frequency of the neutral mode, in 1/time; infinite for one that does not oscillate.
     unstable_below, unstable_above : int
         Number of growing modes just below and just above the value.
     """
@@ -123,11 +123,14 @@ class Crossings(Answer):
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} all the way {where}: no boundary there"
         words = [
-            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g}{unit} "
-            f"({c.frequency / (2.0 * math.pi):.4g} {self.frequency_unit})"
+            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g}{unit} ({self._frequency(c)})"
             for c in self.edges
         ]
         return f"{where}, smooth sliding " + ", ".join(words)
+
+    def _frequency(self, crossing: Crossing) -> str:
+        frequency = crossing.frequency / (2.0 * math.pi)
+        return f"{frequency:.4g} {self.frequency_unit}" if math.isfinite(frequency) else "without oscillation"
 
 
 def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = None) -> Crossings:
@@ -363,7 +366,8 @@ def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point)
             if at is not None and left.value <= at[0] * (1 + slack) and at[0] <= right.value * (1 + slack):
                 return [_crossing(at, left, right)]
     if width <= 1e-12:
-        at = left.value, float(next(iter(_nearest(left.neutral)), math.nan))
+        nearest = np.append(left.neutral.omega[np.argsort(np.abs(left.neutral.extra))], math.inf)
+        at = left.value, float(nearest[0])
         return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
     return [
         c for pair in pairwise(_finer(parameter, rig, left, right, 4)) for c in crossings_between(parameter, rig, *pair)
