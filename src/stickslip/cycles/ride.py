@@ -5,20 +5,18 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance, number
+from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.measure.periods import rises
 from stickslip.measure.verdict import TINY
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.rig import Rig
 from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
-
-if TYPE_CHECKING:
-    from stickslip.kernels.drive import Quadratic
 
 Array = NDArray[np.float64]
 
@@ -77,8 +75,6 @@ class Ride:
 
         Raises `InputError` if a cycle lasts so long against the slider's own oscillation that no run could follow it.
         """
-        from stickslip.kernels.drive import Quadratic
-
         velocity, cycle = rig.natural.velocity, _expected_cycle(rig)
         turns = rig.slider.frequency * cycle / velocity
         if turns > MOST_TURNS:
@@ -93,8 +89,6 @@ class Ride:
 
     def on(self, travel: float) -> tuple[Ride, Array]:
         """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
-        from stickslip.kernels.drive import Stop
-
         slider, velocity = self.rig.slider, self.drive.velocity
         engine = self.engine.copy()
         begin, duration = engine.here()[0], travel / velocity
@@ -129,8 +123,6 @@ class Ride:
 
     def turned(self, rig: Rig) -> Ride:
         """Return what goes on as another rig; forces and positions stay, and the drive goes on from where it is."""
-        from stickslip.kernels.drive import Quadratic
-
         engine = self.engine.turned(rig.interface, rig.slider)
         time, X = engine.here()
         stretched = self.drive.position + self.drive.velocity * (time - self.drive.start) - X

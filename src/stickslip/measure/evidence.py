@@ -91,75 +91,42 @@ class Evidence:
         return self.tests[name].statistic if name in self.tests else math.nan
 
 
-def gather(trace: Trace, found: Slips) -> Evidence:
-    """Take the numbers of a window, and make the tests."""
-    force, friction, noise, tests = trace.force, abs(trace.largest), found.noise, dict[str, Criterion]()
+class _Tests(dict[str, Criterion]):
+    """The tests that were made; one of what is not known is none."""
 
-    def test(key: str, name: str, value: float, limit: float, source: Source, *, most: bool = False) -> None:
+    def make(self, key: str, name: str, value: float, limit: float, source: Source, *, most: bool = False) -> None:
         if not math.isnan(value):
             passed = bool(value <= limit if most else value >= limit)
-            tests[key] = Criterion(name=name, statistic=value, limit=limit, source=source, passed=passed)
+            self[key] = Criterion(name=name, statistic=value, limit=limit, source=source, passed=passed)
 
-    def over(value: float, other: float) -> float:
-        return value / other if other else math.nan
 
+def _over(value: float, other: float) -> float:
+    return value / other if other else math.nan
+
+
+def gather(trace: Trace, found: Slips) -> Evidence:
+    """Take the numbers of a window, and make the tests."""
+    force, friction, noise, tests = trace.force, abs(trace.largest), found.noise, _Tests()
     cycles, periodic = _cycles(trace, found)
-    rest = without_line(force, trace.t)
-    scatter, mean = float(rest.std()), abs(float(force.mean()))
+    scatter = float(without_line(force, trace.t).std())
     swing = peak_to_peak = float(np.ptp(force))
     if periodic and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
         swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - noise**2, 0.0)))
-    test("drops", "drops that stand out of the noise", found.size, 1, "statistics")
-    test("size", "swing over the largest force", over(swing, friction), TINY, "convention")
-    slips, trend, error = False, math.nan, math.nan
+    tests.make("drops", "drops that stand out of the noise", found.size, 1, "statistics")
+    tests.make("size", "swing over the largest force", _over(swing, friction), TINY, "convention")
     if found.size:
-        samples, fastest = float(np.median(found.trough - found.peak)), speeds(trace, found)
-        speed = math.nan if fastest is None else weighted_median(fastest, found.drops**2)
-        phase, full = found.slip_phase(trace), math.nan if trace.contacts else held(trace, noise)
-        # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
-        # irregular one, that it rises at one rate for most of the time, too.
-        slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
-        if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
-            slips = speed >= SLIP_VELOCITY
-        count = (fast_ones(trace, found) if slips else found).size
-        if periodic or (cycles.correlation >= PERIODIC and not slips):  # a cycle may have more than one drop
-            count = cycles.count if periodic else min(cycles.count, count)
-        trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
-        change = math.log(trend) if trend > 0 else 0.0
-        allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
-        relative = over(ERRORS * scatter, mean) if mean else math.inf
-        left = float(np.ptp(force[force.size // 2 :]))
-        test("cycles", "cycles in the window", count, FEWEST_CYCLES, "convention")
-        test("resolved", "samples in a drop", samples, FEWEST_IN_A_DROP, "convention")
-        test("shrinks", "drops shrink: logarithm of their change", change, -allowed, "statistics", most=True)
-        test("grows", "drops grow: logarithm of their change", change, allowed, "statistics")
-        test("paused", "longest pause over what chance allows", *_pause(trace, found, cycles, periodic), "statistics")
-        test("period", "correlation at one period", cycles.correlation, PERIODIC, "convention")
-        test("even", "variation of the cycles", cycles.variation, JITTER, "theory", most=True)
-        test("fast", "largest slider velocity over the drive's", speed, SLIP_VELOCITY, "theory")
-        test("phase", "part of the time in drops", phase, SLIP_PHASE, "theory", most=True)
-        test("held", "part of the time at the full loading rate", full, MOST, "convention")
-        test("contacts", "scatter over the noise of the contacts", _excess(trace, scatter), ERRORS, "theory")
-        test("normal", "kurtosis of the force", kurtosis(force), NORMAL, "theory")
-        test("enough", "cycles, to tell an oscillation from noise", count, ENOUGH, "statistics")
-        test("slight", "three standard deviations over the mean", relative, LARGEST_NOISE, "convention", most=True)
-        test("strong", "the same, of slips of single contacts", relative, ERRORS * STEADY, "statistics")
-        test(
-            "small",
-            "range of the second half over the largest force",
-            over(left, friction),
-            SMALL,
-            "convention",
-            most=True,
-        )
+        slips, trend, error = _of_drops(tests, trace, found, cycles, periodic, scatter)
     else:
+        slips, trend, error = False, math.nan, math.nan
         # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
-        test("masks", "scatter over the largest force", over(scatter, friction), SMALL / math.sqrt(12.0), "convention")
+        tests.make(
+            "masks", "scatter over the largest force", _over(scatter, friction), SMALL / math.sqrt(12.0), "convention"
+        )
         least = math.nan if is_white(trace, noise, cycles) else max(2.0 * found.smallest, SMALL * friction)
-        test("unfinished", "range over what noise may show", over(peak_to_peak, least), 1.0, "statistics")
+        tests.make("unfinished", "range over what noise may show", _over(peak_to_peak, least), 1.0, "statistics")
     drift = abs(slope(force, trace.t)) * float(np.ptp(trace.t))
     range_ = max(peak_to_peak, 2.0 * found.smallest / MOST)
-    test("drifts", "range of a straight line over that of the force", over(drift, range_), MOST, "convention")
+    tests.make("drifts", "range of a straight line over that of the force", _over(drift, range_), MOST, "convention")
     facts = {name for name, made in tests.items() if made.passed}
     is_noise = "contacts" in tests and "contacts" not in facts
     more = {
@@ -180,6 +147,53 @@ def gather(trace: Trace, found: Slips) -> Evidence:
         tests=tests,
         facts=facts | {name for name, holds in more.items() if holds},
     )
+
+
+def _of_drops(
+    tests: _Tests, trace: Trace, found: Slips, cycles: Cycles, periodic: bool, scatter: float
+) -> tuple[bool, float, float]:
+    """Make the tests of drops: whether they are slips, how their sizes change, and the error of that."""
+    force, friction, noise, mean = trace.force, abs(trace.largest), found.noise, abs(float(trace.force.mean()))
+    samples, fastest = float(np.median(found.trough - found.peak)), speeds(trace, found)
+    speed = math.nan if fastest is None else weighted_median(fastest, found.drops**2)
+    phase, full = found.slip_phase(trace), math.nan if trace.contacts else held(trace, noise)
+    # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
+    # irregular one, that it rises at one rate for most of the time, too.
+    slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
+    if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
+        slips = speed >= SLIP_VELOCITY
+    count = (fast_ones(trace, found) if slips else found).size
+    if periodic or (cycles.correlation >= PERIODIC and not slips):  # a cycle may have more than one drop
+        count = cycles.count if periodic else min(cycles.count, count)
+    trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
+    change = math.log(trend) if trend > 0 else 0.0
+    allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
+    relative = _over(ERRORS * scatter, mean) if mean else math.inf
+    left = float(np.ptp(force[force.size // 2 :]))
+    tests.make("cycles", "cycles in the window", count, FEWEST_CYCLES, "convention")
+    tests.make("resolved", "samples in a drop", samples, FEWEST_IN_A_DROP, "convention")
+    tests.make("shrinks", "drops shrink: logarithm of their change", change, -allowed, "statistics", most=True)
+    tests.make("grows", "drops grow: logarithm of their change", change, allowed, "statistics")
+    tests.make("paused", "longest pause over what chance allows", *_pause(trace, found, cycles, periodic), "statistics")
+    tests.make("period", "correlation at one period", cycles.correlation, PERIODIC, "convention")
+    tests.make("even", "variation of the cycles", cycles.variation, JITTER, "theory", most=True)
+    tests.make("fast", "largest slider velocity over the drive's", speed, SLIP_VELOCITY, "theory")
+    tests.make("phase", "part of the time in drops", phase, SLIP_PHASE, "theory", most=True)
+    tests.make("held", "part of the time at the full loading rate", full, MOST, "convention")
+    tests.make("contacts", "scatter over the noise of the contacts", _excess(trace, scatter), ERRORS, "theory")
+    tests.make("normal", "kurtosis of the force", kurtosis(force), NORMAL, "theory")
+    tests.make("enough", "cycles, to tell an oscillation from noise", count, ENOUGH, "statistics")
+    tests.make("slight", "three standard deviations over the mean", relative, LARGEST_NOISE, "convention", most=True)
+    tests.make("strong", "the same, of slips of single contacts", relative, ERRORS * STEADY, "statistics")
+    tests.make(
+        "small",
+        "range of the second half over the largest force",
+        _over(left, friction),
+        SMALL,
+        "convention",
+        most=True,
+    )
+    return slips, trend, error
 
 
 def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
