@@ -41,8 +41,7 @@ def preset(title):
 
 def small(**parts):
     document = preset(NATURAL)
-    if parts.get("simulation__method") != "master equation":
-        document["simulation"]["contacts"] = 300
+    document["simulation"] = {} if "simulation__method" in parts else document["simulation"] | {"contacts": 300}
     return changed(document, parts)
 
 
@@ -192,19 +191,10 @@ def test_answers_are_json():
         json.dumps(answer, allow_nan=False)
 
 
-def run_to_its_end(document):
-    """All answers, step by step, as the server asks for them."""
-    told, step = [{"going_on": True}], 0
-    while told[-1].get("going_on"):
-        told += simulate.run({"document": document, "step": step}, silent)
-        step += 1
-    return told[1:]
-
-
 @pytest.mark.slow
 def test_every_preset_has_a_run_and_no_regime_that_more_of_it_would_tell():
     for each in documents.presets():
-        *_, run, friction = run_to_its_end(each["document"])
+        *_, run, friction = simulate.run({"document": each["document"]}, silent)
         assert run["regime"]["kind"] != "undecided", each["title"]
         assert friction["friction"]["words"]
 
@@ -218,7 +208,7 @@ def test_a_run_that_would_take_long_is_cut_short_and_says_so():
 def test_a_run_that_is_undecided_goes_on_by_itself():
     document = documents.first()
     document["drive"]["velocity"] = "70 mm/s"
-    first, *_, last, _ = run_to_its_end(document)
+    first, *_, last, _ = simulate.run({"document": document}, silent)
     assert first["regime"]["kind"] == "undecided"
     assert first["going_on"]
     assert last["regime"]["kind"] == "sustained oscillation"

@@ -86,14 +86,7 @@ def any_rig_of(document: object) -> Rig:
     """Make the rig that a document describes, be its slider rigid or elastic."""
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
-    if isinstance(simulation := document.get("simulation"), Mapping):
-        unused = _UNUSED.get(str(simulation.get("method", "contacts")), ())
-        document = {**document, "simulation": {key: simulation[key] for key in simulation if key not in unused}}
     return rigs.from_document(document)
-
-
-_UNUSED = {"contacts": ("rtol",), "master equation": ("contacts", "seed")}
-"""Settings of the solver that is not in use, which the page keeps beside the others for the way back."""
 
 
 def seconds_of(request: Mapping[str, Any]) -> float:
@@ -231,30 +224,11 @@ def check_thresholds(rig: Rig) -> None:
         )
 
 
-_KEYS: Mapping[str, str] = {
-    "Slider.mass": "slider.mass",
-    "Slider.stiffness": "slider.stiffness",
-    "Slider.damping": "slider.damping",
-    "Contacts.count": "simulation.contacts",
-    "Contacts.seed": "simulation.seed",
-    "MasterEquation.rtol": "simulation.rtol",
-    "Output.interval": "simulation.interval",
-    "FromSliding.perturbation": "simulation.start",
-    "Langevin.rate": "interface.ageing.time",
-    "Interface.initial": "interface.initial",
-    "drive velocity": "drive.velocity",
-    "drive duration": "drive.distance",
-}
-"""Fields of records that a run may complain about, and the keys that they come from."""
-
-
 def complaints(error: Exception) -> list[dict[str, str]]:
     """Return what is wrong, each with the key of the document that it is about (empty if there is none)."""
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
-    places = [getattr(mistake, "place", "") for mistake in mistakes]
     return [
-        {"key": _KEYS.get(place, place), "message": str(mistake).removeprefix("rig: ")}
-        for place, mistake in zip(places, mistakes, strict=True)
+        {"key": getattr(mistake, "place", ""), "message": str(mistake).removeprefix("rig: ")} for mistake in mistakes
     ]
 
 

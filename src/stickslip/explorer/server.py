@@ -147,9 +147,7 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> Any:
         threading.Thread(target=workers.start, daemon=True).start()
-        warming = asyncio.create_task(house.quick.begin(Job("run", {"document": documents.first()}, 60.0)))
         yield
-        warming.cancel()
         house.quick.close()
         house.slow.close()
 
@@ -228,22 +226,14 @@ class _Lane:
         """Answer a question unless a newer one comes in."""
         self.drop()
         self._newest = dropped = threading.Event()
-        limits = self._limits
-        async with self._free, self._turns:
-            step: int | None = 0
-            while step is not None and not dropped.is_set():
-                asked = {**request, "seconds": limits.run, "table": limits.table, "step": step}
-                goes_on = threading.Event()
-                job = Job(self._kind, asked, limits.slow if self._slow else limits.quick)
-                await self._crew.work(job, partial(self._reply, request.get("id"), goes_on), dropped)
-                step = step + 1 if goes_on.is_set() else None
+        limits, mine = self._limits, {"kind": self._kind, "id": request.get("id")}
 
-    def _reply(self, number: object, goes_on: threading.Event, content: Plain) -> None:
-        """Send an answer on; one that goes on is not done with its step."""
-        if content.get("going_on"):
-            goes_on.set()
-        if not (content.get("done") and goes_on.is_set()):
-            self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
+        def reply(content: Plain) -> None:
+            self._send(json.dumps(mine | content, allow_nan=False))
+
+        async with self._free, self._turns:
+            asked = {**request, "seconds": limits.run, "table": limits.table}
+            await self._crew.work(Job(self._kind, asked, limits.slow if self._slow else limits.quick), reply, dropped)
 
 
 async def _session(house: _House, websocket: WebSocket) -> None:

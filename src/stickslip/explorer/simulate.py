@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -32,36 +31,33 @@ _LAW, _LAW_POINTS = 300.0, 61  # of the friction law: speeds about that of the d
 def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
 
-    A drive that would take too long is cut short. A run whose regime is undecided is asked for again, with the next
-    ``step``, if twice the time can tell: each step is a question of its own, and others have their turn between.
+    A drive that would take too long is cut short. A run whose regime is undecided goes on, if twice the time can tell.
     """
-    begun = time.perf_counter()
     asked = documents.rig_of(request.get("document"))
-    seconds, step = documents.seconds_of(request), request.get("step", 0)
+    seconds = documents.seconds_of(request)
     rig = documents.shortened(asked, seconds)
     notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
-    for _ in range(step):
-        rig = documents.extended(rig, seconds) or rig
+    for step in range(_EXTENSIONS + 1):
+        made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
+        answer = force_trace(made, width_of(request))
+        undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
+        longer = documents.extended(rig, seconds) if undecided else None
+        yield {
+            **answer,
+            "phase": _phase(made),
+            "stretchings": _stretchings(made),
+            "name": rig.name,
+            "notes": notes,
+            "going_on": longer is not None,
+            "parameters": documents.values_of(rig),
+            "period": _in_hertz(answer["regime"], rig),
+        }
+        if longer is None:
+            break
+        rig = longer
         times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
         notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
-    made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
-    watch(1.0)
-    answer = force_trace(made, width_of(request))
-    undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
-    goes_on = undecided and documents.extended(rig, seconds) is not None
-    yield {
-        **answer,
-        "phase": _phase(made),
-        "stretchings": _stretchings(made),
-        "name": rig.name,
-        "notes": notes,
-        "going_on": goes_on,
-        "parameters": documents.values_of(rig),
-        "period": _in_hertz(answer["regime"], rig),
-        "took": time.perf_counter() - begun,
-    }
-    if not goes_on:
-        yield {"friction": _friction(rig)}
+    yield {"friction": _friction(rig)}
 
 
 def _cut_note(asked: Rig, rig: Rig, seconds: float) -> str:

@@ -54,25 +54,19 @@ class Crew:
     """
 
     def __init__(self, name: str, size: int, niceness: int = 0) -> None:
-        self._size, self._niceness = size, niceness
+        self._niceness = niceness
         self._turns = asyncio.Semaphore(size)
         self._threads = ThreadPoolExecutor(size, name)  # each waits for its worker
         self._idle: queue.LifoQueue[_Worker] = queue.LifoQueue()
         self._closed = False
 
-    async def work(self, job: Job, reply: Reply, dropped: threading.Event | None = None) -> None:
+    async def work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
         """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
 
         After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
         """
-        loop, dropped = asyncio.get_running_loop(), dropped or threading.Event()
         async with self._turns:
-            if not dropped.is_set():
-                await loop.run_in_executor(self._threads, self._work, job, reply, dropped)
-
-    async def begin(self, job: Job) -> None:
-        """Start all workers, each with a job that nobody waits for: the first visitors find them warm."""
-        await asyncio.gather(*(self.work(job, lambda _reply: None) for _ in range(self._size)))
+            await asyncio.get_running_loop().run_in_executor(self._threads, self._work, job, reply, dropped)
 
     def _work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
         if dropped.is_set() or self._closed:

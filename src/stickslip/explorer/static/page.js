@@ -81,11 +81,15 @@ export function complainAt(id, text) {
   $(id).hidden = text === "";
 }
 /* A field for a number or a text: its name, its input and its unit; `entered` is told what was typed, a comma as a point. */
-export function field(id, { title, unit }, entered, more = {}) {
-  const input = element("input", { id, inputMode: "decimal", autocomplete: "off", ...more });
+export function field(id, words, entered, more = {}) {
+  const input = element("input", { id, type: "text", inputMode: "decimal", autocomplete: "off", ...more });
   input.onchange = () => entered((input.value = pointed(input.value.trim())), input);
-  return element("div", { className: "field" }, element("label", { htmlFor: id, textContent: title }), input,
-    element("span", { className: "unit", textContent: unit }));
+  return labelled(id, words, input, element("span", { className: "unit", textContent: words.unit }));
+}
+/* What is filled in, behind its name. */
+export function labelled(id, { symbol, title, help = "" }, ...content) {
+  const label = element("label", { htmlFor: id, title: help }, ...(symbol ? [element("i", { textContent: symbol }), " "] : []), title);
+  return element("div", { className: "field" }, label, ...content);
 }
 export function showRegime(prefix, regime, often = "") {
   $(prefix).textContent = regime.kind;

@@ -1,7 +1,7 @@
 /* The rig: its fields, its presets, and its place in the address. */
 
 import { fieldsOf, joined, numeric, pointed, short, split, unfinished } from "./fields.js";
-import { $, complainAt, element, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
+import { $, complainAt, element, field, labelled, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
 import { ask, on, saying } from "./talk.js";
 
 const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
@@ -104,47 +104,43 @@ function rebuild() {
 const value0 = (field) => field.read(state.doc) ?? field.missing ?? (field.zero ? 0 : undefined);
 
 function row(field) {
-  const id = `field-${field.key.replaceAll(".", "-")}`, box = element("div", { className: "field" });
-  const label = element("label", { htmlFor: id, title: field.help });
-  for (const event of ["pointerenter", "focusin"]) box.addEventListener(event, () => { $("help").textContent = field.help; });
-  if (field.symbol) label.append(element("i", { textContent: field.symbol }), " ");
-  label.append(field.title);
-  const complaint = element("p", { className: "complaint", id: `${id}-complaint`, hidden: true });
-  complaint.setAttribute("role", "alert");
+  const id = `field-${field.key.replaceAll(".", "-")}`;
+  const complaint = element("p", { className: "complaint", id: `${id}-complaint`, role: "alert", hidden: true });
   const made = { field, complaint };
   rows.push(made);
-  if (field.choices) {
-    made.input = element("select", { id }, ...Object.entries(field.choices).map(([value, text]) => new Option(text, value)));
-    made.input.value = field.read(state.doc) ?? field.missing ?? Object.keys(field.choices)[0];
-    made.input.onchange = () => { field.write(state.doc, made.input.value); rebuild(); changed(); };
-    box.append(label, made.input, complaint);
-    return box;
-  }
-  const natural = state.doc.units === "natural";
-  const [number, unit] = split(value0(field));
-  made.unit = field.plain || natural ? "" : unit || field.si;
-  made.input = element("input", { id, type: "text", inputMode: "decimal", value: number, autocomplete: "off" });
-  made.input.setAttribute("aria-describedby", `${complaint.id} help`);
-  const shownUnit = element("span", { className: "unit", textContent: field.plain && !natural ? relative(field) :
-    micro(made.unit || field.unit || "") });
-  made.shownUnit = shownUnit;
-  if (field.swap) {
-    const menu = element("button", { type: "button", textContent: `${shownUnit.textContent} ⇄`, title: `Give ${field.swap} instead` });
-    menu.onclick = () => ask("edit", { damping_ratio: field.swap === "ζ" });
-    shownUnit.replaceChildren(menu);
-    menu.style.padding = "0 .3rem";
-  }
-  made.input.oninput = () => typing(made);
-  made.input.onchange = () => {
+  const box = field.choices ? choice(id, made) : number(id, made);
+  for (const event of ["pointerenter", "focusin"]) box.addEventListener(event, () => { $("help").textContent = field.help; });
+  box.append(complaint);
+  return box;
+}
+function choice(id, made) {
+  const { choices, read, write, missing } = made.field;
+  made.input = element("select", { id }, ...Object.entries(choices).map(([value, text]) => new Option(text, value)));
+  made.input.value = read(state.doc) ?? missing ?? Object.keys(choices)[0];
+  made.input.onchange = () => { write(state.doc, made.input.value); rebuild(); changed(); };
+  return labelled(id, made.field, made.input);
+}
+function number(id, made) {
+  const { field: told } = made, natural = state.doc.units === "natural", [value, unit] = split(value0(told));
+  made.unit = told.plain || natural ? "" : unit || told.si;
+  const beside = told.plain && !natural ? (told.unit === "xₛ" ? "of xₛ" : "") : micro(made.unit || told.unit || "");
+  const box = field(id, { ...told, unit: beside }, () => {
     settleTyping(made);
     made.left = true;
     if (!made.pending) tidy(made);
-  };
-  box.append(label, made.input, shownUnit);
-  if (field.range) {
+  }, { value, oninput: () => typing(made) });
+  [, made.input, made.shownUnit] = box.children;
+  made.input.setAttribute("aria-describedby", `${made.complaint.id} help`);
+  if (told.swap) {
+    const menu = element("button", { type: "button", textContent: `${beside} ⇄`, title: `Give ${told.swap} instead` });
+    menu.onclick = () => ask("edit", { damping_ratio: told.swap === "ζ" });
+    made.shownUnit.replaceChildren(menu);
+    menu.style.padding = "0 .3rem";
+  }
+  if (told.range) {
     made.slider = element("input", { type: "range", min: 0, max: 1000, step: 1, id: `${id}-slider` });
-    made.slider.setAttribute("aria-label", field.title);
-    made.range = rangeOf(made, parseFloat(number));
+    made.slider.setAttribute("aria-label", told.title);
+    made.range = rangeOf(made, parseFloat(value));
     place(made);
     made.slider.oninput = () => {
       clearTimeout(made.pause);
@@ -154,10 +150,8 @@ function row(field) {
     };
     box.append(made.slider);
   }
-  box.append(complaint);
   return box;
 }
-const relative = (field) => (field.unit === "xₛ" ? "of xₛ" : "");
 /* The slider spans its natural range, or in SI as many decades about the value; always the value itself. */
 function rangeOf({ field }, value) {
   let [low, high] = field.range;

@@ -4,7 +4,7 @@ import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logari
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, showRegime, state, tellParts, unpacked } from "./page.js";
 import { accept, anyTyped, complain, showPreset } from "./rig.js";
-import { Stage } from "./stage.js";
+import { makeStage } from "./stage.js";
 import { ask, drop, isNewest, on, saying } from "./talk.js";
 
 const { shown } = state;
@@ -126,7 +126,7 @@ $("plot-force").addEventListener("click", (event) => { held = !held || playing; 
 // --------------------------------------------------------------------------------------------------- the drawing
 
 let frames = null, playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, framing = 0;
-const stage = Stage.make($("drawing"), colour, (time, force) => {
+const stage = makeStage($("drawing"), colour, (time, force) => {
   if (!shown.run) return;
   state.cursor = (time / shown.run.time.factor - shown.run.span[0]) / (shown.run.span[1] - shown.run.span[0]);
   if (state.page === "simulate") pointHere(force);
