@@ -10,7 +10,7 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -258,7 +258,7 @@ def with_damping(document: Document, ratio: bool) -> Document:
     return _like(document, rig_of(document), damping_ratio=ratio)
 
 
-def in_units(document: Document, units: str, scales: object = None) -> Document:
+def in_units(document: Document, units: str, scales: Any = None) -> Document:
     """Return a document in the other system of units, and the scales of the one in SI, for the way back.
 
     Without scales, those of the PMMA bench among the examples are taken.
@@ -268,19 +268,14 @@ def in_units(document: Document, units: str, scales: object = None) -> Document:
     rig = rig_of(document)
     if (units == "natural") == (rig.scales is None):
         return {"document": document}
+    try:
+        back = Scales(**scales) if scales else _BENCH
+    except TypeError:
+        raise InputError(f"scales = {shown(scales)}: must be a table of force, stretching and time") from None
     # What was assumed is said of the numbers of the file.
-    turned = replace(rig, scales=None if rig.scales else _scales(scales), assumed={})
+    turned = replace(rig, scales=None if rig.scales else back, assumed={})
     found = {"document": _like(document, turned, damping_ratio=_by_ratio(document))}
     return found | ({"scales": vars(rig.scales)} if rig.scales else {})
-
-
-def _scales(given: object) -> Scales:
-    if given is None:
-        return _BENCH
-    names = [field.name for field in fields(Scales)]
-    if not isinstance(given, Mapping) or set(given) != set(names):
-        raise InputError(f"scales = {shown(given)}: must be a table of {', '.join(names)}")
-    return Scales(**{name: number(f"scales.{name}", given[name], above=0) for name in names})
 
 
 def _by_ratio(document: Document) -> bool:

@@ -12,7 +12,7 @@ import xarray as xr
 from stickslip import measure
 from stickslip.errors import InputError
 from stickslip.explorer import documents
-from stickslip.explorer.plain import Array, Plain, Watch, axis, packed
+from stickslip.explorer.plain import Array, Plain, Watch, axis, in_unit, packed, span
 from stickslip.io import rig_files as rigs
 from stickslip.measure import front_map as maps
 from stickslip.model import Chain, Contacts, Output
@@ -57,7 +57,7 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
         "force": force,
         "speed": {"fastest": fastest, "decades": _DECADES, "unit": run["velocity"].attrs["units"]},
         "blocks": body.blocks,
-        "whole": _view(run, fastest, times["factor"], force["factor"], _ROWS),
+        "whole": _view(run, fastest, times, force, _ROWS),
         "events": [
             {
                 "start": event["start"] / times["factor"],
@@ -65,12 +65,11 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "drop": event["drop"] / force["factor"],
                 "blocks": event["blocks"],
                 **_front(part, sound),
-                "view": _view(part, fastest, times["factor"], force["factor"], _CLOSE),
+                "view": _view(part, fastest, times, force, _CLOSE),
             }
             for event, part in zip(longest, _closer(run, longest, sound), strict=True)
         ],
         "left_out": len(events) - len(longest),
-        "document": request["chain"],
         "toml": rigs.to_toml(rig),
     }
 
@@ -115,15 +114,15 @@ def _front(part: xr.Dataset, sound: float) -> Plain:
     return {"from": origin + 1, "speed": way / took / sound if way >= _FEWEST and took > 0 else None}
 
 
-def _view(part: xr.Dataset, fastest: float, times: float, force: float, most: int) -> Plain:
-    """Force, velocity of the blocks and attached contacts in a part of a run; units of time and force."""
-    t, F = envelope(part["time"].to_numpy() / times, part["spring_force"].to_numpy() / force, 2 * most)
+def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int) -> Plain:
+    """Force, velocity of the blocks and attached contacts in a part of a run, by the axes of time and force."""
+    t, F = envelope(in_unit(part["time"], times), in_unit(part["spring_force"], force), 2 * most)
     velocity = maps.front_map(part, "velocity", most=(most, MOST_BLOCKS)).values
     attached = maps.front_map(part, "attached", most=(most, MOST_BLOCKS)).values
     with np.errstate(divide="ignore"):
         shade = 1.0 + np.log10(velocity / fastest) / _DECADES
     return {
-        "span": [float(part["time"][0]) / times, float(part["time"][-1]) / times],
+        "span": span(part, times),
         "t": packed(t),
         "F": packed(F),
         "rows": velocity.shape[0],

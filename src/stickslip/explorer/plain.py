@@ -29,9 +29,8 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     seen, words = measure.regime(data), ramps.in_words(data)
     slips = measure.drops(data) if seen.kind == "stick-slip" or words else None
     times, force = axis(data["time"]), axis(data["spring_force"])
-    t, f = envelope(
-        data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], 2 * width
-    )
+    t, f = in_unit(data["time"], times), in_unit(data["spring_force"], force)
+    t, f = envelope(t, f, 2 * width)
     start, end, before = (
         np.empty(0) if slips is None else slips[name].to_numpy()[:_MOST_MARKED]
         for name in ("start", "end", "force_before")
@@ -39,7 +38,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
-        "span": [float(data["time"][0]) / times["factor"], float(data["time"][-1]) / times["factor"]],
+        "span": span(data, times),
         "slips": {
             "count": 0 if slips is None else int(slips.sizes["event"]),
             "counted": "no slips" if slips is None else measure.counted(slips),
@@ -53,7 +52,6 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
             "evidence": str(seen).splitlines()[1:] if not words else [],
             "period": seen.period if math.isfinite(seen.period) and not words else None,
         },
-        "window": [edge / times["factor"] for edge in seen.window],
     }
 
 
@@ -78,6 +76,16 @@ def axis(variable: xr.DataArray) -> Plain:
         return {**name, "factor": 1.0}
     factor, unit = prefixed(2.0 * largest, name["unit"])  # .5 kN rather than 500 N
     return {**name, "unit": unit.replace("u", "µ"), "factor": factor}
+
+
+def in_unit(variable: xr.DataArray, along: Plain) -> Array:
+    """Values in the unit of an axis."""
+    return np.asarray(variable / along["factor"])
+
+
+def span(data: xr.Dataset, times: Plain) -> list[float]:
+    """When a run, or a trace, begins and ends."""
+    return [float(time) / times["factor"] for time in data["time"][[0, -1]]]
 
 
 def name_of(variable: xr.DataArray) -> Plain:

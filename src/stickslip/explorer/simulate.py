@@ -17,7 +17,7 @@ import xarray as xr
 from stickslip import plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents, replay
-from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, packed, width_of, within
+from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, in_unit, packed, width_of, within
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay
@@ -150,9 +150,7 @@ def _phase(data: xr.Dataset) -> Plain:
     """Force against velocity in the last two fifths of the run, and the range that shows noise as small as it is."""
     late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
     velocity, force = axis(late["velocity"]), axis(data["spring_force"])
-    v, f = along_path(
-        late["velocity"].to_numpy() / velocity["factor"], late["spring_force"].to_numpy() / force["factor"]
-    )
+    v, f = along_path(in_unit(late["velocity"], velocity), in_unit(late["spring_force"], force))
     drive = float(late["drive_velocity"][-1]) / velocity["factor"]
     largest = float(data["spring_force"].max()) / force["factor"]
     return {
@@ -168,13 +166,11 @@ def _room(low: float, high: float) -> list[float]:
 
 
 def _stretchings(data: xr.Dataset) -> Plain:
-    x, density = axis(data["x"]), {**axis(data["stretching_density"]), "title": "Q(x)"}
+    x, density = axis(data["x"]), axis(data["stretching_density"])
+    values = packed(in_unit(data["stretching_density"][0], density))
     return {
-        "x": {**x, "values": packed(data["x"].to_numpy() / x["factor"])},
-        "stretching_density": {
-            **density,
-            "values": packed(data["stretching_density"].to_numpy()[0] / density["factor"]),
-        },
+        "x": {**x, "values": packed(in_unit(data["x"], x))},
+        "stretching_density": {**density, "title": "Q(x)", "values": values},
         "at": float(data["snapshot"][0]) / axis(data["time"])["factor"],
     }
 
