@@ -305,7 +305,7 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"chain__blocks": 5_000}, "chain.blocks: must be at most 400, here 5000"),
+        ({"chain__blocks": 5_000}, "chain.blocks: must make at most 400 blocks, here 5000"),
         ({"drive__duration": 1e9}, "times shorter"),
         ({"simulation__contacts": 1_000_000}, "simulation.contacts"),
         ({"chain__coupling": "stiff"}, "coupling"),

@@ -8,12 +8,14 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from pandas import json_normalize
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
@@ -32,13 +34,8 @@ LONGEST = 4.0
 """Seconds of a run, as estimated before it starts; it is cut short to that."""
 SHORTEST = 0.02
 """Of a drive, that a run shows at least; one that would have to be shorter is refused."""
-MOST_CONTACTS = 1_000_000
-MOST_SAMPLES = 200_000
-"""Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
-MOST_PIECES = 1_000
-"""Of a drive."""
-MOST_BINS = 1_000
-"""Of an empirical distribution of thresholds."""
+MOST = {"contacts": 1_000_000, "samples": 200_000, "pieces": 1_000, "bins": 1_000, "blocks": 400}
+"""What a run, its drive, a distribution of thresholds and a bar may have, so that the page stays live."""
 DIGITS = 5
 """Significant digits of the numbers that the page shows."""
 DECADES = 15
@@ -155,23 +152,12 @@ def lasting(rig: Rig, duration: float) -> Rig:
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     check_decades(rig)
-    interval, shortest = rig.output.interval, rig.drive.duration / MOST_SAMPLES
-    bins = {
-        f"interface.{name}": len(distribution.weights)
-        for name in ("thresholds", "initial", "newborn")
-        if isinstance(distribution := getattr(rig.interface, name), Empirical)
-    }
-    contacts = rig.method.count if isinstance(rig.method, Contacts) else 0
-    check_counts({"drive.pieces": len(rig.drive.pieces)}, MOST_PIECES)
-    check_counts(bins, MOST_BINS)
-    check_counts({"simulation.contacts": contacts}, MOST_CONTACTS)
-    if interval is not None and interval < shortest:
-        raise InputError(
-            f"simulation.interval = {rig.in_units(interval, 'time')}: must be at least "
-            f"{rig.in_units(shortest, 'time')} in a run of this length ({MOST_SAMPLES} samples), to stay live; "
-            f"{_ELSEWHERE}",
-            "simulation.interval",
-        )
+    for name in ("thresholds", "initial", "newborn"):
+        if isinstance(distribution := getattr(rig.interface, name), Empirical):
+            check_count(f"interface.{name}", "bins", len(distribution.weights))
+    check_count("drive.pieces", "pieces", len(rig.drive.pieces))
+    check_count("simulation.contacts", "contacts", rig.method.count if isinstance(rig.method, Contacts) else 0)
+    check_count("simulation.interval", "samples", rig.drive.duration / (rig.output.interval or math.inf))
     if rig.slider.mass == 0:
         raise InputError(
             "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
@@ -179,37 +165,21 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
 
-_ELSEWHERE = "for longer ones use `stickslip simulate`"
-
-
-def check_counts(counted: Mapping[str, int], most: int) -> None:
-    """Raise `InputError` if something has more parts than a page can wait for."""
-    for key, count in counted.items():
-        if count > most:
-            raise InputError(f"{key}: must be at most {most}, here {count}, to stay live; {_ELSEWHERE}", key)
+def check_count(key: str, what: str, count: float) -> None:
+    """Raise `InputError` if there is more of something than a page can wait for."""
+    if count > MOST[what]:
+        more = f"at most {MOST[what]} {what}, here {count:.6g}, to stay live; for more use `stickslip simulate`"
+        raise InputError(f"{key}: must make {more}", key)
 
 
 def check_decades(rig: Rig) -> None:
     """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
-    for table in ("slider", "chain", "interface", "drive"):
-        for key, value in _numbers(rigs.to_document(rig.natural).get(table, {}), table):
-            if value and math.isfinite(value) and not 10.0**-DECADES <= abs(value) <= 10.0**DECADES:
-                raise InputError(
-                    f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with",
-                    key,
-                )
-
-
-def _numbers(content: object, key: str) -> Iterator[tuple[str, float]]:
-    """All numbers in a part of a document, each with its key."""
-    if isinstance(content, Mapping):
-        for name, item in content.items():
-            yield from _numbers(item, f"{key}.{name}")
-    elif isinstance(content, list | tuple):
-        for item in content:
-            yield from _numbers(item, key)
-    elif isinstance(content, float):
-        yield key, content
+    for key, value in json_normalize(rigs.to_document(rig.natural)).iloc[0].items():
+        if isinstance(value, float) and value and math.isfinite(value) and abs(math.log10(abs(value))) > DECADES:
+            raise InputError(
+                f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with",
+                str(key),
+            )
 
 
 def check_thresholds(rig: Rig) -> None:

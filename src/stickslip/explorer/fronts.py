@@ -20,7 +20,6 @@ from stickslip.model.rig import Rig
 from stickslip.plot.style import envelope
 from stickslip.simulation import estimate, simulate
 
-MOST_BLOCKS = 400
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
 _MOST_VALUES = 4_000_000  # of each block at each time
 _PER_BLOCK = 3.0  # samples while sound passes one
@@ -83,12 +82,11 @@ def _bar(rig: Rig) -> Chain:
 
 def _check(rig: Rig, body: Chain, seconds: float) -> None:
     """Raise `InputError` if the run would keep the page waiting."""
-    documents.check_counts({"chain.blocks": body.blocks}, MOST_BLOCKS)
+    documents.check_count("chain.blocks", "blocks", body.blocks)
     if body.blocks < _FEWEST:
         raise InputError(f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to run")
     if isinstance(rig.method, Contacts):
-        most = documents.MOST_CONTACTS // body.blocks
-        documents.check_counts({"simulation.contacts": rig.method.count}, most)
+        documents.check_count("simulation.contacts", "contacts", rig.method.count * body.blocks)
     documents.check_decades(rig)
     estimate(rig).check(_PATIENCE * seconds, otherwise="use `stickslip simulate`")
 
@@ -117,8 +115,8 @@ def _front(part: xr.Dataset, sound: float) -> Plain:
 def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int) -> Plain:
     """Force, velocity of the blocks and attached contacts in a part of a run, by the axes of time and force."""
     t, F = envelope(in_unit(part["time"], times), in_unit(part["spring_force"], force), 2 * most)
-    velocity = maps.front_map(part, "velocity", most=(most, MOST_BLOCKS)).values
-    attached = maps.front_map(part, "attached", most=(most, MOST_BLOCKS)).values
+    velocity = maps.front_map(part, "velocity", most=(most, documents.MOST["blocks"])).values
+    attached = maps.front_map(part, "attached", most=(most, documents.MOST["blocks"])).values
     with np.errstate(divide="ignore"):
         shade = 1.0 + np.log10(velocity / fastest) / _DECADES
     return {
