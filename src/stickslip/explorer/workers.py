@@ -55,7 +55,6 @@ class Crew:
 
     def __init__(self, name: str, size: int, niceness: int = 0) -> None:
         self._niceness = niceness
-        self._turns = asyncio.Semaphore(size)
         self._threads = ThreadPoolExecutor(size, name)  # each waits for its worker
         self._idle: queue.LifoQueue[_Worker] = queue.LifoQueue()
         self._closed = False
@@ -65,8 +64,7 @@ class Crew:
 
         After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
         """
-        async with self._turns:
-            await asyncio.get_running_loop().run_in_executor(self._threads, self._work, job, reply, dropped)
+        await asyncio.get_running_loop().run_in_executor(self._threads, self._work, job, reply, dropped)
 
     def _work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
         if dropped.is_set() or self._closed:
