@@ -22,6 +22,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from stickslip.kernels import lives as kernel
+from stickslip.kernels.lives import perturbed
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lives import MeanLives, gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
 from stickslip.sliding.response import STEP, Array, ComplexArray, Parts, Perturbed, Precision, Response
@@ -37,8 +39,6 @@ def mean_lives(interface: Interface, velocity: float) -> MeanLives:
 
 def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLives:
     """Return the mean lives of contacts of different areas: of each area, or of all if newborns draw a new one."""
-    from stickslip.kernels import lives as kernel
-
     areas, hazard = interface.threshold_distribution, hazard_of(interface.temperature)
     low, high = areas.support
     if areas.single:
@@ -93,8 +93,6 @@ class ActivatedResponse(Response):
 
     def _transforms(self, v: float, q: ComplexArray) -> ComplexArray:
         """`Perturbed` of a life, as one array."""
-        from stickslip.kernels.lives import perturbed
-
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
         octave[(np.abs(q) > self._fastest) & (q.real > -0.1 * np.abs(q))] = math.inf

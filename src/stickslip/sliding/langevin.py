@@ -11,11 +11,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError, instance
+from stickslip.kernels import langevin_steady
+from stickslip.kernels.langevin import Langevin as Constants
+from stickslip.kernels.langevin import Life
+from stickslip.kernels.langevin_response import Excursions, excursions, life_transforms
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.sliding.lives import hazard_of
@@ -28,12 +33,6 @@ from stickslip.sliding.response import (
     Response,
     speed_by_speed,
 )
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
-
-    from stickslip.kernels.langevin import Langevin as Constants
-    from stickslip.kernels.langevin_response import Excursions
 
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
@@ -114,8 +113,6 @@ class AgedResponse(Response):
 
 def force(interface: Interface, velocity: Array) -> Array:
     """Force per contact at velocities, by the stationary kinetic equation of Eqs. (13)-(17)."""
-    from stickslip.kernels import langevin_steady
-
     constants, delay = ageing_constants(interface), interface.delay.moment(1)
     for value in (float(velocity.min()), float(velocity.max())):
         if not _RESOLVED[0] <= (relative := value / constants.rate**2) <= _RESOLVED[1]:
@@ -137,9 +134,6 @@ def response(interface: Interface) -> AgedResponse:
 @lru_cache(maxsize=64)
 def _known(u: float, delta: float, newborn: float) -> Excursions:
     """What is the same at all Laplace variables: some milliseconds."""
-    from stickslip.kernels.langevin import Life
-    from stickslip.kernels.langevin_response import excursions
-
     try:
         return excursions(Life(u, delta, newborn))
     except ValueError:
@@ -152,8 +146,6 @@ def _known(u: float, delta: float, newborn: float) -> Excursions:
 
 def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[ComplexArray, float]:
     """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength)."""
-    from stickslip.kernels.langevin_response import life_transforms
-
     points = np.append(np.asarray(p, dtype=np.complex128).ravel(), 0.0)
     parts = life_transforms(_known(u, delta, newborn), points)
     if newborn == 0:  # lives from the boundary are known up to a factor
@@ -226,7 +218,5 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
 
 def ageing_constants(interface: Interface) -> Constants:
     """Return what the kernels know of ageing by `Langevin`; raises what `gaussian_ageing` does."""
-    from stickslip.kernels.langevin import Langevin as Constants
-
     ageing, distribution = gaussian_ageing(interface)
     return Constants(ageing.rate, distribution.mean, distribution.std, ageing.newborn)

@@ -10,11 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.kernels import lives as kernel
+from stickslip.kernels.growth import EXPONENTIAL, FIXED, LOGARITHMIC, Growth
+from stickslip.kernels.hazard import BARRIER, BELL, NONE, PARABOLIC, Hazard
+from stickslip.kernels.lives import INTEGRAL, NODE, Lives, relax, rule
 from stickslip.model import (
     AgeingModel,
     Barrier,
@@ -26,11 +30,6 @@ from stickslip.model import (
 )
 from stickslip.model.distribution import Distribution
 from stickslip.model.quadrature import hashable
-
-if TYPE_CHECKING:
-    from stickslip.kernels.growth import Growth
-    from stickslip.kernels.hazard import Hazard
-    from stickslip.kernels.lives import Lives
 
 Array = NDArray[np.float64]
 
@@ -69,8 +68,6 @@ def _lives(
     velocity: float,
     longest: float,
 ) -> Lives:
-    from stickslip.kernels import lives as kernel
-
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth, hazard = growth_of(ageing), hazard_of(temperature)
@@ -98,8 +95,6 @@ def _lives(
 
 def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is never tried."""
-    from stickslip.kernels.hazard import BARRIER, BELL, NONE, PARABOLIC, Hazard
-
     match temperature:
         case Bell(width=width, attempts=attempts):
             return Hazard(BELL, attempts, width, 1.0, 0.0)
@@ -112,8 +107,6 @@ def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
 
 def growth_of(ageing: AgeingModel | None) -> Growth:
     """Return a fixed rule of growth as the kernels take it, also for thresholds that do not grow."""
-    from stickslip.kernels.growth import EXPONENTIAL, FIXED, LOGARITHMIC, Growth
-
     match ageing:
         case ExponentialGrowth(rate=rate, newborn=newborn):
             return Growth(EXPONENTIAL, rate, newborn)
@@ -164,8 +157,6 @@ def gauss_nodes(edges: Array, count: int = 8) -> tuple[Array, Array]:
 
 def _radau(edges: Array) -> tuple[Array, Array, Array]:
     """Lengths of panels, and their nodes and weights."""
-    from stickslip.kernels.lives import INTEGRAL, NODE
-
     width = np.diff(edges)
     inside = np.minimum(NODE, 1.0 - 1e-12)  # a density may jump at the end of a panel
     return width, (edges[:-1, None] + width[:, None] * inside).ravel(), (width[:, None] * INTEGRAL[-1]).ravel()
@@ -183,8 +174,6 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
 
     The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
     """
-    from stickslip.kernels import lives as kernel
-
     low, high = distribution.support
     if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lives
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
@@ -215,8 +204,6 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
 
 def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Array:
     """Ends of panels for all contacts at once, up to where the strongest have broken."""
-    from stickslip.kernels import lives as kernel
-
     (low, high), A = distribution.support, hazard.scale
     end = kernel.reach(growth, high, v)
     thermal = hazard.attempts > 0
@@ -250,8 +237,6 @@ def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v:
 
 def _from_strength(growth: Growth) -> bool:
     """Whether thresholds grow, and from the strength on."""
-    from stickslip.kernels.growth import LOGARITHMIC
-
     return growth.kind == LOGARITHMIC and growth.first > 0.0
 
 
@@ -269,8 +254,6 @@ def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: flo
 
 def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
     """Strength whose threshold is met at a stretching, its slope in the threshold, and that in ln v."""
-    from stickslip.kernels.lives import rule
-
     age = x / v
     factor, addend, steeper, more = rule(growth, age)
     strength = (x - addend) / factor
@@ -279,8 +262,6 @@ def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
 
 def _reached(hazard: Hazard, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
     """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by age, and ``rho'/rho``."""
-    from stickslip.kernels.lives import relax, rule
-
     A, age = hazard.scale, x / v
     _, addend, _, slope = rule(growth, age)
     # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the time they are born.
