@@ -289,8 +289,9 @@ def held(trace: Trace, noise: float) -> float:
         )
         if 24 * half > force.size:
             return np.empty(0)
-        mean = (total[half:] - total[:-half]) / half
-        return np.asarray((mean[half:] - mean[:-half])[:: max(1, force.size // _MANY)] / (half * step))
+        begin = np.arange(0, total.size - 2 * half, max(1, force.size // _MANY))
+        first, second = ((total[at + half] - total[at]) / half for at in (begin, begin + half))
+        return np.asarray((second - first) / (half * step))
 
     rate = float(np.quantile(np.diff(force), 0.9)) / step
     for _ in range(20):

@@ -104,8 +104,9 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     if float(np.ptp(np.diff(t))) > 0.01 * step:
         force = np.interp(t[0] + step * np.arange(size), t, force)
     rest = without_line(force, np.arange(size, dtype=float))
-    spectrum = fft.rfft(rest, fft.next_fast_len(2 * size, real=True))
-    power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[: max(size // 2, 3)]
+    lags = max(size // 2, 3)
+    spectrum = fft.rfft(rest, fft.next_fast_len(size + lags, real=True))
+    power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]
     if not power[0] > 0:
         return math.nan, 0.0
     power /= power[0] * (1.0 - np.arange(power.size) / size)

@@ -124,9 +124,9 @@ def resolution(force: Array) -> float:
 
 def kurtosis(force: Array) -> float:
     """Fourth moment over the squared variance: 3 of what is normally distributed, 1.5 of a sine."""
-    rest = force - force.mean()
-    variance = float(np.mean(rest**2))
-    return float(np.mean(rest**4)) / variance**2 if variance > 0 else math.nan
+    squares = np.square(force - force.mean())
+    variance = float(squares.mean())
+    return float(np.mean(squares * squares)) / variance**2 if variance > 0 else math.nan
 
 
 def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
