@@ -1,13 +1,13 @@
 """Contacts that break by thermal activation: N of them, and infinitely many; velocity steps and holds."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import integrate, optimize
 
 import stickslip as ss
-from stickslip.simulation import estimate
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
 
@@ -17,34 +17,57 @@ GROWING = ss.LogarithmicGrowth(slope=0.02, time=1e-3)
 T = ss.Interface(thresholds=WIDE, temperature=BELL)
 LT = ss.Interface(thresholds=WIDE, temperature=BELL, ageing=GROWING)
 
-# Forces of steady sliding, by quadrature of the survival under the hazard: interface, velocity, force.
-STEADY = {
-    "bell, narrow": (ss.Interface(thresholds=NARROW, temperature=BELL), 1.0, 0.45670),
-    "bell, slow": (T, 0.01, 0.48057),
-    "bell": (T, 1.0, 0.50096),
-    "bell, fast": (T, 100.0, 0.52159),
-    "bell, nearly without temperature": (ss.Interface(thresholds=NARROW, temperature=BELL), 1e4, 0.50112),
-    "bell, thresholds met": (ss.Interface(thresholds=NARROW, temperature=BELL), 1e6, 0.50495),
-    "bell, seldom": (ss.Interface(thresholds=NARROW, temperature=ss.Bell(width=0.05, attempts=1e6)), 0.01, 0.13126),
-    "bell, growing": (LT, 1.0, 0.56522),
-    "bell, growing, fast": (LT, 1162.0, 0.53898),
-    "parabolic": (
-        ss.Interface(thresholds=NARROW, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415,
-    ),
-    "barrier": (ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6)), 1.0, 0.39555),
-    "barrier, Kramers": (
-        ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0, 0.40097,
-    ),
-    "parabolic, hot": (
-        ss.Interface(thresholds=NARROW, temperature=ss.model.Parabolic(temperature=0.05, attempts=1e6)), 1.0, 0.15507,
-    ),
-    "bell, delay, at the maximum": (
-        ss.Interface(thresholds=NARROW, temperature=BELL, delay=ss.Delay(0.01)), 0.9972, 0.45169,
-    ),
-}  # fmt: skip
 
-# Slopes of the friction law at the velocity 1, by the same quadrature.
-SLOPES = {"bell, narrow": 0.004938, "bell": 0.004455, "parabolic": 0.005473, "bell, growing": -0.00464}
+def narrow(temperature, **fields):
+    return ss.Interface(thresholds=NARROW, temperature=temperature, **fields)
+
+
+def of_areas(areas, temperature=None):
+    return ss.Interface(thresholds=ss.Exponential(mean=1.0), areas=areas, temperature=temperature)
+
+
+def noisy(temperature, std=0.1, delay=0.0, newborn=0.3):
+    return ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=std),
+        temperature=temperature,
+        ageing=ss.Langevin(rate=1.5, newborn=newborn),
+        delay=ss.Delay(delay),
+    )
+
+
+BARRIERS = {
+    "bell": BELL,
+    "parabolic": ss.model.Parabolic(temperature=0.02, attempts=1e4),
+    "barrier, Kramers": ss.Barrier(height=60.0, attempts=1e5, kramers=True),
+}
+LOW = ss.Barrier(height=50.0, power=1.0, attempts=1e6)
+COHORTS = {
+    "bell": (T, 1.0),
+    "bell, slow": (T, 0.01),
+    "bell, fast": (T, 100.0),
+    "bell, narrow": (narrow(BELL), 1.0),
+    "bell, nearly without temperature": (narrow(BELL), 1e4),
+    "bell, thresholds met": (narrow(BELL), 1e6),
+    "bell, seldom": (narrow(ss.Bell(width=0.05, attempts=1e6)), 0.01),
+    "bell, delay": (narrow(BELL, delay=ss.Delay(0.01)), 0.9972),
+    "bell, growing": (LT, 1.0),
+    "bell, growing, fast": (LT, 1162.0),
+    "parabolic": (narrow(ss.model.Parabolic(temperature=0.01, attempts=1e6)), 1.0),
+    "parabolic, hot": (narrow(ss.model.Parabolic(temperature=0.05, attempts=1e6)), 1.0),
+    "barrier": (narrow(ss.Barrier(height=100, attempts=1e6)), 1.0),
+    "barrier, Kramers": (narrow(ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0),
+}
+"""Interfaces that both solvers take, and velocities."""
+ONE_BY_ONE = {
+    **{f"noise, {name}": (noisy(barrier, delay=0.2), 2.0, 0.25, 0.5, 2_000) for name, barrier in BARRIERS.items()},
+    # Forces of contacts go up to their areas; a site keeps its area for ever.
+    **{
+        f"areas, {areas}, {temperature}": (of_areas(areas, temperature), 1.0, scatter, forgets, 20_000)
+        for areas, scatter, forgets in (("fresh", 0.9, 1.0), ("site", 0.6, 6.0))
+        for temperature in (None, LOW)
+    },
+}
+"""Those that contacts alone take: interface, velocity, largest scatter of a force, the way in which it is forgotten."""
 
 
 def slide(interface, velocity, method, distance):
@@ -54,47 +77,37 @@ def slide(interface, velocity, method, distance):
     return follow(engine, ss.constant(velocity, distance / velocity), 0.0, times)["friction_force"]
 
 
-LASTING = [pytest.param(case, marks=pytest.mark.slow) if case == "parabolic, hot" else case for case in STEADY]
+def lasting(names, *long):
+    return [pytest.param(name, marks=pytest.mark.slow) if name.startswith(long) else name for name in names]
 
 
-@pytest.mark.parametrize("case", LASTING)
-def test_the_master_equation_slides_with_the_steady_force(case):
-    interface, velocity, force = STEADY[case]
+@pytest.mark.parametrize("name", lasting(COHORTS, "parabolic, hot"))
+def test_cohorts_slide_with_the_steady_force(name):
+    interface, velocity = COHORTS[name]
     run = slide(interface, velocity, ss.MasterEquation(), 0.2)
-    assert run == pytest.approx(force, abs=1.5e-4)
+    assert run == pytest.approx(ss.kinetic_friction(interface, velocity), abs=1.5e-4)
+
+
+@pytest.mark.parametrize("name", lasting([*COHORTS, *ONE_BY_ONE], "noise"))
+def test_contacts_slide_with_the_steady_force(name):
+    # The force of one contact has a standard deviation of .3 at most, and forgets within a length of .5.
+    interface, velocity, scatter, forgets, count = ONE_BY_ONE.get(name) or (*COHORTS[name], 0.3, 0.5, 5_000)
+    run = slide(interface, velocity, ss.Contacts(count, seed=5), 6.0)
+    error = scatter / math.sqrt(count * 6.0 / forgets)
+    assert run.mean() == pytest.approx(ss.kinetic_friction(interface, velocity), abs=4 * error)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", SLOPES)
-def test_the_master_equation_slides_with_the_slope_of_the_friction_law(case):
-    interface, size = STEADY[case][0], 0.2
+@pytest.mark.parametrize("name", ["bell", "bell, narrow", "bell, growing", "parabolic"])
+def test_cohorts_slide_with_the_slope_of_the_friction_law(name):
+    interface, size = COHORTS[name][0], 0.2
     up, down = (slide(interface, math.exp(one), ss.MasterEquation(), 0.1).mean() for one in (size, -size))
-    assert (up - down) / (2 * size) == pytest.approx(SLOPES[case], abs=3e-5)
+    assert (up - down) / (2 * size) == pytest.approx(ss.stability.friction_slope(interface, 1.0), abs=3e-5)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("between", "turn"), [((100.0, 1e4), 1162.0), ((0.05, 20.0), 0.9972)])
-def test_the_master_equation_turns_where_friction_is_least_or_largest(between, turn):
-    interface = STEADY["bell, growing" if turn > 1 else "bell, delay, at the maximum"][0]
-    (exact,) = ss.stability.turning_velocities(interface, between=between)
-    assert exact.velocity == pytest.approx(turn, rel=0.005)
-    place = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])
-    force = [slide(interface, turn * math.exp(one), ss.MasterEquation(), 0.1).mean() for one in place]
-    roots = np.roots(np.polyder(np.polyfit(place, force, 3)))
-    # Four points a decade: a cubic gives the place to half a percent or so.
-    assert np.abs(roots).min() < 0.01
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("interface", "s", "kappa"),
-    [
-        (T, 3j, -0.01093 + 0.01754j),
-        (LT, 1j, -0.00424 - 0.00370j),
-        (ss.Interface(thresholds=WIDE, temperature=BELL, ageing=GROWING, delay=ss.Delay(0.05)), 2j, -0.0406 - 0.0481j),
-    ],
-)
-def test_steps_of_the_master_equation_have_the_linear_response(interface, s, kappa):
+@pytest.mark.parametrize(("interface", "s"), [(T, 3j), (LT, 1j), (replace(LT, delay=ss.Delay(0.05)), 2j)])
+def test_steps_of_cohorts_have_the_linear_response(interface, s):
     """The transform of a small step, up and down, times the frequency squared."""
     ratio, steps = 1.004, []
     for after in (ratio, 1.0 / ratio):
@@ -105,21 +118,11 @@ def test_steps_of_the_master_equation_have_the_linear_response(interface, s, kap
     x, mean = steps[0][0], 0.5 * (steps[0][1] + np.interp(steps[0][0], *steps[1]))
     end = mean[-200:].mean()
     found = s * s * (integrate.simpson((mean - end) * np.exp(-s * x), x=x) + end / s)
+    kappa = complex(ss.stability.dynamic_stiffness(interface, 1.0, s))
     assert abs(found - kappa) < 0.01 * abs(kappa)
 
 
-@pytest.mark.parametrize("case", STEADY)
-def test_contacts_slide_with_the_steady_force(case):
-    interface, velocity, force = STEADY[case]
-    count, distance = 5000, 5.0
-    run = slide(interface, velocity, ss.Contacts(count, seed=5), distance)
-    # The force of one contact has a standard deviation of .3 at most, and forgets within a length of .5.
-    assert run.mean() == pytest.approx(force, abs=4 * 0.3 / math.sqrt(count * distance / 0.5))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Limits and accounts
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- limits and accounts
 
 THERE_AND_BACK = (
     ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
@@ -154,12 +157,9 @@ COMBINED = {
         delay=ss.RandomDelay(mean=0.1, std=0.03),
     ),
 }
-every_mixture = pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if "growing" in case else case for case in COMBINED]
-)
 
 
-@every_mixture
+@pytest.mark.parametrize("case", lasting(COMBINED, "bell, growing"))
 def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
     rig, count, seeds = pulled(COMBINED[case]), 2000, 12
     cohorts = ss.simulate(rig, method=ss.MasterEquation())
@@ -173,41 +173,7 @@ def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
         assert np.sqrt((difference**2).mean()) < 2.5 * error
 
 
-@every_mixture
-def test_cohorts_lose_no_contact(case):
-    interface = COMBINED[case]
-    engine = engine_of(interface, ss.MasterEquation())(
-        Beginning(interface, None, 1.0, ss.FromSliding()), ss.MasterEquation()
-    )
-    drive = ss.constant(1.0, 0.5).then(ss.constant(0.0, 100.0)).then(ss.constant(1.0, 0.5))
-    follow(engine, drive, 0.0, np.linspace(0.0, 101.0, 11))
-    assert engine.mass == pytest.approx(1.0, abs=1e-12)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Contacts of different areas
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def of_areas(areas, warm, delay=0.0):
-    return ss.Interface(
-        thresholds=ss.Exponential(mean=1.0),
-        areas=areas,
-        temperature=ss.Barrier(height=50.0, power=1.0, attempts=1e6) if warm else None,
-        delay=ss.Delay(delay),
-    )
-
-
-@pytest.mark.parametrize(
-    ("areas", "warm", "force"),
-    [("fresh", False, 0.75), ("fresh", True, 0.5832), ("site", False, 0.5), ("site", True, 0.3935)],
-)
-def test_contacts_of_different_areas_slide_with_the_steady_force(areas, warm, force):
-    count, distance = 10_000, 6.0
-    run = slide(of_areas(areas, warm), 1.0, ss.Contacts(count, seed=3), distance)
-    # Forces of contacts go up to their areas: a standard deviation of .9 at most; they forget within 1.
-    error = 0.9 / math.sqrt(count * distance) if areas == "fresh" else 0.6 / math.sqrt(count)
-    assert run.mean() == pytest.approx(force, abs=3 * error)
+# ---------------- contacts of different areas
 
 
 def test_contacts_of_one_area_are_contacts():
@@ -222,34 +188,7 @@ def test_contacts_of_one_area_are_contacts():
             np.testing.assert_allclose(run[name], runs[0][name], rtol=0, atol=1e-9)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Thresholds that age by Langevin
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def noisy(temperature, std=0.1, delay=0.0, newborn=0.3):
-    return ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=std),
-        temperature=temperature,
-        ageing=ss.Langevin(rate=1.5, newborn=newborn),
-        delay=ss.Delay(delay),
-    )
-
-
-BARRIERS = {
-    "bell": BELL,
-    "parabolic": ss.model.Parabolic(temperature=0.02, attempts=1e4),
-    "barrier, Kramers": ss.Barrier(height=60.0, attempts=1e5, kramers=True),
-}
-
-
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) for name in BARRIERS])
-def test_noisy_thresholds_slide_with_the_steady_force(name):
-    """Contacts one by one against their kinetic equation."""
-    interface, count, distance = noisy(BARRIERS[name], delay=0.2), 2000, 4.0
-    run = slide(interface, 2.0, ss.Contacts(count, seed=5), distance)
-    error = 0.25 / math.sqrt(count * distance / 0.5)
-    assert run.mean() == pytest.approx(ss.kinetic_friction(interface, 2.0), abs=4 * error)
+# ---------------- thresholds that age by Langevin
 
 
 @pytest.mark.parametrize("name", BARRIERS)
@@ -271,9 +210,7 @@ def test_noisy_thresholds_that_are_never_tried_are_those_without_temperature():
     assert ss.kinetic_friction(barely, 1.0) == pytest.approx(ss.kinetic_friction(cold, 1.0), abs=1e-5)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Steps and holds
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- steps and holds
 
 
 @pytest.mark.parametrize(("interface", "rise", "end"), [(T, 0.00955, 0.00447), (LT, 0.00943, -0.00461)])
@@ -283,19 +220,40 @@ def test_a_velocity_step(interface, rise, end):
     step = int(np.argmin(np.abs(run.time.to_numpy())))
     assert (run.time[step].item(), run.displacement[step].item()) == (0.0, 0.0)
     assert np.diff(run.time[: step + 1]) == pytest.approx(0.3 / step)  # a twentieth of the way, at the speed before
-    force = run.friction_force
-    first = float(force.sel(time=0.0))
-    assert (float(force.max()) - first) / math.log(10) == pytest.approx(rise, rel=0.01)
-    assert (float(force[-1]) - first) / math.log(10) == pytest.approx(end, rel=0.02)
+    force = (run.friction_force - float(run.friction_force[step])) / math.log(10)
+    assert float(force.max()) == pytest.approx(rise, rel=0.01)
+    assert float(force[-1]) == pytest.approx(end, rel=0.02)
 
 
-def test_a_velocity_step_of_contacts_is_that_of_cohorts():
-    given = {"before": 1.0, "after": 10.0, "distance": 1.0, "points": 200}
-    for interface in (T, LT):
-        cohorts = ss.velocity_step(interface, **given).friction_force
-        contacts = ss.velocity_step(interface, **given, method=ss.Contacts(40_000, seed=4)).friction_force
-        # Stretchings scatter by .36, and the lives at the start are drawn from four times as many: .36 sqrt(5/4).
-        assert float(np.abs(contacts - cohorts).max()) < 4 * 0.4 / math.sqrt(40_000)
+GROWTHS = {"logarithmic": GROWING, "exponential": ss.ExponentialGrowth(rate=2.0, newborn=0.3)}
+STEPS = {
+    "bell": (T, {}),
+    "bell, growing": (LT, {}),
+    "bell, on a spring": (T, {"stiffness": 0.1}),
+    **{
+        f"{name}, delay {delay}": (ss.Interface(thresholds=NARROW, ageing=growth, delay=ss.Delay(delay)), {})
+        for name, growth in GROWTHS.items()
+        for delay in (0.0, 0.2)
+    },
+}
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
+    interface, spring = STEPS[name]
+    given = {"before": 1.0, "after": 10.0, "distance": 3.0, "points": 200} | spring
+    cohorts = ss.velocity_step(interface, **given)
+    force = cohorts.friction_force
+    assert float(force[0]) == pytest.approx(
+        ss.kinetic_friction(interface, 1.0), abs=2e-5 if interface.temperature is None else 1.5e-4
+    )
+    contacts = ss.velocity_step(interface, **given, method=ss.Contacts(40_000, seed=4))
+    # Stretchings scatter by .36, and the lives at the start are drawn from four times as many: .36 sqrt(5/4).
+    assert float(np.abs(contacts.friction_force - force).max()) < 4 * 0.4 / math.sqrt(40_000)
+    if spring:  # in balance all the way: the spring's force is the friction force
+        way = np.where(cohorts.time > 0, 10.0, 1.0) * cohorts.time
+        pull = 0.1 * (way - cohorts.displacement)
+        np.testing.assert_allclose(pull - pull[0], force - force[0], atol=2e-6)
 
 
 def test_exponential_thresholds_are_rate_and_state():
@@ -307,26 +265,16 @@ def test_exponential_thresholds_are_rate_and_state():
     assert values == pytest.approx([0.0159, 0.0130, 0.0079], abs=8e-4)
 
 
-GROWTHS = {"logarithmic": GROWING, "exponential": ss.ExponentialGrowth(rate=2.0, newborn=0.3)}
-
-
-@pytest.mark.parametrize("name", GROWTHS)
-@pytest.mark.parametrize("delay", [0.0, 0.2])
-def test_thresholds_that_grow_at_no_temperature_step_from_one_steady_force_to_the_other(name, delay):
-    interface = ss.Interface(thresholds=NARROW, ageing=GROWTHS[name], delay=ss.Delay(delay))
-    run = ss.velocity_step(interface, before=1.0, after=3.0, distance=3.0, points=300)
-    assert float(run.friction_force[0]) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=2e-5)
-    contacts = ss.velocity_step(
-        interface, before=1.0, after=3.0, distance=3.0, points=300, method=ss.Contacts(4_000, seed=3)
-    )
-    assert float(np.abs(contacts.friction_force - run.friction_force).max()) < 4 * 0.35 / math.sqrt(4_000)
-
-
-def test_logarithmic_ageing_alone_heals_by_its_slope():
+@pytest.mark.parametrize(
+    ("interface", "healing"),
+    [(ss.Interface(thresholds=NARROW, ageing=GROWING), 0.02 * math.log(10)), (LT, 0.0451)],
+)
+def test_contacts_heal_by_the_slope_of_their_growth(interface, healing):
     """At no temperature a contact breaks at its threshold, which a hold has raised by ``c ln(1 + t/t_0)``."""
-    run = ss.slide_hold_slide(ss.Interface(thresholds=NARROW, ageing=GROWING), velocity=1.0, holds=(1e3, 1e4))
-    assert run.relaxation.to_numpy() == pytest.approx(0.0, abs=1e-9)
-    assert float(run.peak[1] - run.peak[0]) == pytest.approx(0.02 * math.log(10), rel=0.01)
+    run = ss.slide_hold_slide(interface, velocity=1.0, holds=(1e3, 1e4))
+    assert float(run.peak[1] - run.peak[0]) == pytest.approx(healing, rel=0.01)
+    if interface.temperature is None:
+        assert run.relaxation.to_numpy() == pytest.approx(0.0, abs=1e-9)
 
 
 HOLDS = {"T": (T, -0.0874, 0.0048), "LT": (LT, -0.0461, 0.0889)}
@@ -343,13 +291,6 @@ def test_slide_hold_slide(name):
     error = 0.3 / math.sqrt(20_000)
     assert float(contacts.relaxation[0]) == pytest.approx(relaxation, abs=4 * error)
     assert float(contacts.peak[0]) == pytest.approx(peak, abs=4 * error)
-
-
-def test_contacts_heal_by_the_slope_of_their_growth():
-    run = ss.slide_hold_slide(LT, velocity=1.0, holds=(1e3, 1e4))
-    healing = float(run.peak[1] - run.peak[0])
-    assert healing == pytest.approx(0.0451, rel=0.01)
-    assert healing < 0.02 * math.log(10)
 
 
 def mode_of(run, frequency):
@@ -375,18 +316,6 @@ def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequenc
     assert found[1] == pytest.approx(frequency, rel=0.003)
 
 
-def test_contacts_on_a_spring_are_cohorts_on_a_spring():
-    given = {"before": 1.0, "after": 10.0, "distance": 3.0, "stiffness": 0.1, "points": 200}
-    cohorts = ss.velocity_step(T, **given)
-    contacts = ss.velocity_step(T, **given, method=ss.Contacts(20_000, seed=6))
-    error = 0.3 / math.sqrt(20_000)
-    assert float(np.abs(contacts.friction_force - cohorts.friction_force).max()) < 4 * error
-    # In balance all the way: the spring's force is the friction force.
-    way = np.where(cohorts.time > 0, 10.0, 1.0) * cohorts.time
-    spring = 0.1 * (way - cohorts.displacement)
-    np.testing.assert_allclose(spring - spring[0], cohorts.friction_force - cohorts.friction_force[0], atol=2e-6)
-
-
 def test_a_rig_has_its_own_units():
     scales = ss.model.Scales(force=50.0, stretching=2e-6, time=1e-3)
     rig = ss.Rig(T, ss.Slider(stiffness=1.0, mass=1e-3, damping=1.0), ss.constant(1.0), scales=scales)
@@ -401,9 +330,7 @@ def test_a_rig_has_its_own_units():
     assert float(held.peak[0]) == pytest.approx(50.0 * 0.00484, rel=1e-2)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What is refused
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- what is refused
 
 
 @pytest.mark.parametrize(
@@ -419,43 +346,12 @@ def test_a_rig_has_its_own_units():
             lambda: ss.velocity_step(ss.Interface(thresholds=WIDE), before=1.0, after=2.0, distance=1.0, stiffness=1.0),
             "temperature = None: not available with a spring",
         ),
-        (
-            lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, ageing=ss.ExponentialGrowth(rate=1.0)))),
-            "ageing = ExponentialGrowth.*: not available with MasterEquation; newborns without strength",
-        ),
-        (
-            lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.Langevin(rate=1.0)))),
-            "temperature = .*: not available with MasterEquation together with ageing = .*; use Contacts",
-        ),
-        (
-            lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, newborn=NARROW))),
-            "newborn = .*: not available with MasterEquation together with temperature = .*; use Contacts",
-        ),
-        (
-            lambda: ss.simulate(
-                pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.ExponentialGrowth(rate=1.0)))
-            ),
-            "newborns without strength break at once",
-        ),
-        (
-            lambda: ss.simulate(pulled(T), method=ss.MasterEquation(memoryless=True)),
-            "memoryless=True.: not available with Interface.temperature",
-        ),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(call, message):
     with pytest.raises(ss.InputError, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)
-
-
-def test_a_run_without_end_is_refused():
-    rig = pulled(T, ss.constant(1.0, 1e9)).replace(method=ss.Contacts(10_000))
-    with pytest.raises(ss.InputError, match=r"contacts = 1e\+04: .*breaks.* would take about .* days"):
-        ss.simulate(rig)
-    with pytest.raises(ss.InputError, match=r"interface.temperature = 0.01: .*steps of .* cohorts would take"):
-        ss.simulate(rig.replace(method=ss.MasterEquation()))
-    assert estimate(pulled(T)).seconds < 60
 
 
 def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
@@ -469,9 +365,6 @@ def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
     assert float(run.attached.min()) == 0.0
     assert bool(np.isfinite(run.friction_force).all())
     assert float(np.abs(run.friction_force).max()) < 1.2
-    kept = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
-    assert float(np.abs(kept - kept[0] - run.work).max()) < 1e-6 * float(np.abs(run.work).max())
-    assert ss.drops(run).sizes["event"] >= 1
 
 
 def test_what_breaks_by_heat_at_rest_pulls_neither_way():
