@@ -1,20 +1,16 @@
 """Sliding force, newborn stretchings, re-attachment on arrest, track scatter: all solvers, closed forms, files."""
 
 import math
-import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import stickslip as ss
 from stickslip import stability
 from stickslip.errors import InputError
 from stickslip.io import rig_files
-from stickslip.model.newborn import as_unstretched, mean_life
-from stickslip.model.units import Scales
+from stickslip.model.newborn import mean_life
 from stickslip.rigid import effective_stiffness
 from stickslip.theory import attached_fraction
 
@@ -31,15 +27,6 @@ def rig_of(interface, drive=None, *, damping=200.0, stiffness=2.0, mass=1e-4, co
 # ------------------------------------------------------------------------------------------------ contacts
 
 THERE_AND_BACK = ss.ramp(2, -2, duration=4).then(ss.ramp(-2, 2, duration=4))
-
-interfaces = st.builds(
-    ss.Interface,
-    thresholds=st.sampled_from([TENTH, ss.Uniform(low=0.5, high=1.5), ss.Weibull(scale=1.0, shape=4.0)]),
-    delay=st.sampled_from([ss.Delay(0.1), ss.Delay(math.inf), ss.RandomDelay(mean=0.1, std=0.1), ss.OnArrest()]),
-    sliding_force=st.sampled_from([0.0, 0.05, 0.4, 1.2]),
-    newborn=st.sampled_from([None, STRETCHED, ss.Gaussian(mean=0.4, std=0.0)]),
-    track_scatter=st.sampled_from([0.0, 0.2]),
-)
 
 CREEP = ss.LogarithmicGrowth(slope=0.02, time=0.05)
 
@@ -167,12 +154,10 @@ def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
 
 
 def test_a_mechanism_that_is_absent_changes_no_bit():
-    plain = ss.simulate(rig_of(ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))))
-    with_nothing = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=0.0, track_scatter=0.0)
-    assert plain.identical(ss.simulate(rig_of(with_nothing)).assign_attrs(plain.attrs))
-    unstretched = replace(with_nothing, newborn=ss.Gaussian(mean=0.0, std=0.0))
-    for name in ("displacement", "friction_force"):  # other draws of thresholds, the same motion on average
-        assert not plain[name].equals(ss.simulate(rig_of(unstretched))[name])
+    plain = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
+    nothing = replace(plain, sliding_force=0.0, track_scatter=0.0)
+    run = ss.simulate(rig_of(plain))
+    assert run.identical(ss.simulate(rig_of(nothing)).assign_attrs(run.attrs))
 
 
 RE_STUCK = ss.Interface(
@@ -226,20 +211,6 @@ def test_peaks_of_slips_follow_the_factor_of_their_track():
     assert peaks[0.15].std() == pytest.approx(0.15 * peaks[0.0].mean(), rel=4 / math.sqrt(2 * n))
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"newborn": ss.Gaussian(mean=1.5, std=0.3)}, "Interface.newborn = .*would start beyond the largest threshold"),
-        ({"newborn": STRETCHED, "track_scatter": 0.1, "delay": ss.Delay(0.0)}, "Interface.delay = .*above 0"),
-        ({"sliding_force": -0.1}, "Interface.sliding_force = -0.1: must be .* at least 0"),
-        ({"track_scatter": 1.5}, "Interface.track_scatter = 1.5: must be .* at most 1"),
-    ],
-)
-def test_what_cannot_be_is_refused(changes, words):
-    with pytest.raises(InputError, match=words):
-        ss.simulate(rig_of(ss.Interface(**{"thresholds": TENTH, "delay": ss.Delay(0.1)} | changes)))
-
-
 # ------------------------------------------------------------------------------------------------ closed forms
 
 
@@ -275,30 +246,28 @@ def test_growth_rates_in_numbers(stiffness, sliding_force, root):
     assert (stability.count_unstable(rig) > 0) == (root.real > 0)
 
 
-def root_of_a_run(interface, near, velocity=1.5):
-    """The growth rate nearest to one in the difference of two perturbed runs: exponentials by a pencil of matrices."""
-    interval, modes = 0.02, 8
-    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.426)
-    rig = ss.Rig(interface, slider, ss.constant(velocity, duration=14.0), method=ss.MasterEquation(rtol=1e-7))
+@pytest.mark.parametrize("sliding_force", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("newborn", [None, ss.Gaussian(mean=0.3, std=0.0)])
+def test_the_master_equation_grows_as_the_linear_response_says(sliding_force, newborn):
+    """The growth rate in the difference of two perturbed runs: exponentials by a pencil of matrices."""
+    interface, interval, modes = replace(FIG7, sliding_force=sliding_force, newborn=newborn), 0.02, 8
+    rig = rig_of(interface, ss.constant(1.5, duration=14.0), damping=42.426)
     one, two = (
-        ss.simulate(rig, start=ss.FromSliding(perturbation=change), output=ss.Output(interval=interval))
+        ss.simulate(
+            rig,
+            method=ss.MasterEquation(rtol=1e-7),
+            start=ss.FromSliding(perturbation=change),
+            output=ss.Output(interval=interval),
+        )
         for change in (1e-3, -1e-3)
     )
-    assert float(one.friction_force[0]) == pytest.approx(ss.kinetic_friction(interface, velocity), rel=1e-7)
+    assert float(one.friction_force[0]) == pytest.approx(ss.kinetic_friction(interface, 1.5), rel=1e-7)
     apart = (one.displacement - two.displacement).to_numpy()[100:]
     rows = np.lib.stride_tricks.sliding_window_view(apart, apart.size // 3)
     basis = np.linalg.svd(rows, full_matrices=False)[2][:modes].T
     found = np.log(np.linalg.eigvals(np.linalg.pinv(basis[:-1]) @ basis[1:])) / interval
-    return found[np.argmin(np.abs(found - near))]
-
-
-@pytest.mark.parametrize("sliding_force", [0.0, 0.1, 0.3])
-@pytest.mark.parametrize("newborn", [None, ss.Gaussian(mean=0.3, std=0.0)])
-def test_the_master_equation_grows_as_the_linear_response_says(sliding_force, newborn):
-    interface = replace(FIG7, sliding_force=sliding_force, newborn=newborn)
-    rig = rig_of(interface, ss.constant(1.5), damping=42.426, stiffness=2.0)
     root = stability.growth_rate(rig)
-    assert root_of_a_run(interface, root) == pytest.approx(root, abs=1e-4)
+    assert found[np.argmin(np.abs(found - root))] == pytest.approx(root, abs=1e-4)
 
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(150)
@@ -368,37 +337,6 @@ def test_without_delay_a_sliding_force_does_nothing():
     assert all(stability.count_unstable(rig) == 0 for rig in rigs)
 
 
-def test_the_stability_limit_is_where_the_growth_rate_changes_sign():
-    interface = replace(FIG7, sliding_force=0.3, newborn=ss.Gaussian(mean=0.1, std=0.0))
-    rig = rig_of(interface, ss.constant(1.5), damping=42.426)
-    found = ss.critical(rig, "stiffness", between=(0.1, 20))
-    assert len(found) > 0
-    for crossing in found:
-        below, above = (stability.count_unstable(rig.replace(stiffness=crossing.value * by)) for by in (0.999, 1.001))
-        assert abs(above - below) == 2
-    assert stability.count_unstable(rig.replace(stiffness=20.0)) == 0
-
-
-def agrees_with_contacts(interface, exact, count, *, beside, atol):
-    """Rigid motion by renewal against single contacts; its stiffness against its slope, but beside the kink at .4."""
-    drawn = ss.rigid_slide(interface, 3.0, method=ss.Contacts(count, seed=2))
-    X = exact["displacement"].to_numpy()
-    for name in ("friction_force", "attached"):
-        at = np.interp(drawn["displacement"], X, exact[name])
-        assert np.max(np.abs(at - drawn[name])) < 5 * 0.5 / math.sqrt(count)
-    force = exact["friction_force"].to_numpy()
-    slope = (force[2:] - force[:-2]) / (X[2:] - X[:-2])
-    smooth = np.abs(X[1:-1] - 0.4) > beside
-    assert np.allclose(slope[smooth], exact["stiffness"][1:-1][smooth], atol=atol)
-
-
-@pytest.mark.parametrize("delay", [ss.Delay(0.2), ss.Delay(math.inf), ss.RandomDelay(mean=0.3, std=0.1)])
-def test_rigid_motion_with_a_sliding_force(delay):
-    interface = ss.Interface(thresholds=TENTH, delay=delay, sliding_force=0.4)
-    exact = ss.rigid_slide(interface, 3.0)
-    agrees_with_contacts(interface, exact, 100_000, beside=0.01, atol=2e-4)
-
-
 NEWBORNS = [
     ss.Gaussian(mean=0.3, std=0.0),
     ss.Gaussian(mean=-0.3, std=0.0),
@@ -406,19 +344,29 @@ NEWBORNS = [
     ss.Gaussian(mean=0.1, std=0.3),
 ]
 WIDE = ss.Gaussian(mean=1.0, std=0.2)
+SCATTERED = ss.RandomDelay(mean=0.3, std=0.1)
 
 
 @pytest.mark.parametrize(
     ("newborn", "delay"),
     [
+        *((None, delay) for delay in (ss.Delay(0.2), ss.Delay(math.inf), SCATTERED)),
         *((newborn, ss.Delay(time)) for newborn in NEWBORNS for time in (0.0, 0.2)),
-        (NEWBORNS[0], ss.RandomDelay(mean=0.3, std=0.1)),
+        (NEWBORNS[0], SCATTERED),
     ],
 )
-def test_rigid_motion_with_stretched_newborns(newborn, delay):
-    interface = ss.Interface(thresholds=WIDE, delay=delay, sliding_force=0.4, newborn=newborn)
-    exact = ss.rigid_slide(interface, 3.0, method=ss.model.Renewal(600))
-    agrees_with_contacts(interface, exact, 20_000, beside=0.02, atol=2e-3)
+def test_rigid_motion_is_that_of_contacts_and_its_stiffness_is_its_slope(newborn, delay):
+    interface = ss.Interface(thresholds=WIDE if newborn else TENTH, delay=delay, sliding_force=0.4, newborn=newborn)
+    method, count = (ss.model.Renewal(600), 20_000) if newborn else (ss.model.Renewal(), 100_000)
+    exact, drawn = (ss.rigid_slide(interface, 3.0, method=each) for each in (method, ss.Contacts(count, seed=2)))
+    X = exact["displacement"].to_numpy()
+    for name in ("friction_force", "attached"):
+        at = np.interp(drawn["displacement"], X, exact[name])
+        assert np.max(np.abs(at - drawn[name])) < 5 * 0.5 / math.sqrt(count)
+    force = exact["friction_force"].to_numpy()
+    slope = (force[2:] - force[:-2]) / (X[2:] - X[:-2])
+    smooth = np.abs(X[1:-1] - 0.4) > (0.02 if newborn else 0.01)  # but beside the kink where all detached slide
+    assert np.allclose(slope[smooth], exact["stiffness"][1:-1][smooth], atol=2e-3 if newborn else 2e-4)
 
 
 @pytest.mark.parametrize("newborn", NEWBORNS)
@@ -431,13 +379,10 @@ def test_rigid_motion_ends_in_the_steady_state_of_stretched_newborns(newborn):
 
 
 def test_newborns_enter_the_falling_force_where_contacts_re_attach():
-    plain, born = (ss.Interface(thresholds=TENTH, newborn=one) for one in (None, ss.Gaussian(mean=0.0, std=0.0)))
-    assert ss.static_friction(born) == ss.static_friction(plain)
-    assert ss.critical_stiffness(born) == ss.critical_stiffness(plain)
+    plain = ss.Interface(thresholds=TENTH)
     for newborn in NEWBORNS:
         interface = replace(plain, newborn=newborn)
-        X = np.linspace(0.0, 3.0, 3001)
-        steepest = float(np.max(effective_stiffness(interface, X)))
+        steepest = float(np.max(effective_stiffness(interface, np.linspace(0.0, 3.0, 3001))))
         assert ss.critical_stiffness(interface) == pytest.approx(steepest, rel=1e-4)
         never = ss.critical_stiffness(interface, reattachment=False)
         assert never == pytest.approx(ss.critical_stiffness(plain, reattachment=False), rel=1e-9)
@@ -449,42 +394,44 @@ def test_newborns_enter_the_falling_force_where_contacts_re_attach():
 def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay_detached():
     plain, sliding = (ss.Interface(thresholds=TENTH, sliding_force=force) for force in (0.0, 0.4))
     assert ss.critical_stiffness(plain) == ss.critical_stiffness(sliding)
+    assert ss.static_friction(plain) == ss.static_friction(sliding)
     never = [ss.critical_stiffness(one, reattachment=False) for one in (plain, sliding)]
     # The fall is that of breaking contacts, each of which now keeps .4 of about 1.
     assert never[1] == pytest.approx(0.6 * never[0], rel=0.07)
-    assert never[1] < never[0]
-    assert ss.static_friction(plain) == ss.static_friction(sliding)
+
+
+def simulated(interface):
+    return ss.simulate(rig_of(interface))
+
+
+def response(interface):
+    return stability.dynamic_stiffness(interface, 1.0, 1j)
 
 
 @pytest.mark.parametrize(
     ("changes", "call", "words"),
     [
+        (
+            {"newborn": ss.Gaussian(mean=1.5, std=0.3)},
+            simulated,
+            "newborn = .*would start beyond the largest threshold",
+        ),
+        ({"newborn": STRETCHED, "track_scatter": 0.1, "delay": ss.Delay(0.0)}, simulated, "delay = .*above 0"),
+        ({"sliding_force": -0.1}, simulated, "Interface.sliding_force = -0.1: must be .* at least 0"),
+        ({"track_scatter": 1.5}, simulated, "Interface.track_scatter = 1.5: must be .* at most 1"),
         ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with smooth sliding"),
         ({"track_scatter": 0.1}, ss.static_friction, "track_scatter = 0.1: not available with static_friction"),
-        ({"newborn": STRETCHED}, lambda i: stability.dynamic_stiffness(i, 1.0, 1j), "stretched all alike"),
-        ({"delay": ss.OnArrest()}, lambda i: stability.dynamic_stiffness(i, 1.0, 1j), "delay = .*: not available"),
+        ({"newborn": STRETCHED}, response, "stretched all alike"),
+        ({"delay": ss.OnArrest()}, response, "delay = .*: not available"),
         ({"sliding_force": 0.1, "ageing": ss.Langevin(rate=1.5)}, ss.kinetic_friction, "sliding_force = 0.1: not"),
     ],
 )
-def test_what_has_no_closed_form_is_refused(changes, call, words):
+def test_what_cannot_be_or_has_no_closed_form_is_refused(changes, call, words):
     with pytest.raises(InputError, match=words):
-        call(ss.Interface(thresholds=TENTH, **changes))
+        call(ss.Interface(**{"thresholds": TENTH, "delay": ss.Delay(0.1)} | changes))
 
 
 # ------------------------------------------------------------------------------------------------ rig files
-
-
-@settings(max_examples=50, deadline=None)
-@given(interfaces, st.floats(1e-3, 1e6), st.floats(1e-9, 1e3), st.floats(1e-6, 1e3))
-def test_every_mixture_is_written_and_read_back_the_same(interface, strength, x_s, time):
-    rig = rig_of(interface)
-    assert ss.read_rig(tomllib.loads(rig_files.to_toml(rig))) == rig
-    scaled = replace(rig, scales=Scales(force=strength, stretching=x_s, time=time))
-    again = ss.read_rig(tomllib.loads(rig_files.to_toml(scaled)))
-    assert again.interface.mechanisms == interface.mechanisms
-    assert again.interface.newborn == interface.newborn
-    assert again.interface.track_scatter == interface.track_scatter
-    assert again.interface.sliding_force == pytest.approx(interface.sliding_force, rel=1e-14)
 
 
 def test_a_sliding_force_in_newtons_is_a_part_of_the_contact_strength():
@@ -508,12 +455,3 @@ def test_at_the_speed_v_half_the_friction_has_halved_with_a_sliding_force_too():
     document["interface"]["sliding_force"] = "300 N"
     with pytest.raises(InputError, match=r"interface\.v_half: the friction never halves"):
         rig_files.from_document(document)
-
-
-def test_the_margin_of_stretched_newborns_is_exceeded_as_often_as_it_says():
-    thresholds = ss.Weibull(scale=1.1, shape=2.5)
-    margin, force = as_unstretched(ss.Interface(thresholds=thresholds, newborn=ss.Gaussian(mean=0.3, std=0.0)))
-    p = np.linspace(0.01, 0.99, 9)
-    assert force == -0.3
-    assert margin.survival(margin.inverse_survival(p)) == pytest.approx(p, rel=1e-9)
-    assert margin.inverse_survival(p) == pytest.approx(thresholds.inverse_survival(p * thresholds.survival(0.3)) - 0.3)
