@@ -1,6 +1,5 @@
 """A distribution, a delay, an ageing, an engine, a parameter of a user's own: a class and a registration each."""
 
-import functools
 import math
 import tomllib
 from collections.abc import Iterator
@@ -11,9 +10,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip import sweep
 from stickslip.errors import InputError
-from stickslip.io import datasets, rig_files
+from stickslip.io import rig_files
 from stickslip.model import ageing, body, delays, distributions, methods, parameters
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
@@ -163,14 +161,8 @@ ZETA = Parameter(
 @pytest.fixture(scope="module", autouse=True)
 def _registered() -> Iterator[None]:
     """As the decorators do it; other tests see only what comes with the package."""
-    tables: list[dict] = [
-        distributions.DISTRIBUTIONS,
-        delays.DELAYS,
-        ageing.AGEING_MODELS,
-        body.BODIES,
-        methods.METHODS,
-    ]
-    tables += [parameters.BY_NAME, ENGINES]
+    tables: list[dict] = [distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES]
+    tables += [methods.METHODS, parameters.BY_NAME, ENGINES]
     before = [dict(table) for table in tables]
     distributions.register("triangle of a test")(Triangular)
     delays.register("rate of a test")(ConstantRate)
@@ -198,6 +190,14 @@ def rig_with(delay, thresholds=THRESHOLDS, distance=4.0):
     return ss.Rig(ss.Interface(thresholds=thresholds, delay=delay), SLIDER, ss.constant(1.0, distance))
 
 
+def is_kept(rig):
+    """The text of a rig's file, from which it comes back; and its run is made again from what the run says."""
+    run, text = ss.simulate(rig), rig_files.to_toml(rig)
+    assert ss.rerun(run).identical(run)
+    assert ss.read_rig(tomllib.loads(text)) == rig
+    return text
+
+
 def test_a_density_is_a_whole_distribution():
     assert THRESHOLDS.moment(1) == pytest.approx(1.0, rel=1e-13)
     assert THRESHOLDS.standard_deviation() == pytest.approx(0.25 / math.sqrt(6), rel=1e-12)
@@ -212,35 +212,30 @@ def test_a_density_is_a_whole_distribution():
     q = np.array([0.0, 1e-6j, 3.0 + 2j, -4.0, 40j, 2e3j, 1e3])
     assert THRESHOLDS.laplace(q) == pytest.approx(half.laplace(q) ** 2, rel=1e-11, abs=1e-14)
     assert THRESHOLDS.laplace(q, 1) == pytest.approx(2 * half.laplace(q) * half.laplace(q, 1), rel=1e-11, abs=1e-14)
-    assert THRESHOLDS.leftmost == -math.inf
-    assert THRESHOLDS.positive() is THRESHOLDS
     drawn = THRESHOLDS.sample(np.random.default_rng(1), 20_000)
     assert abs(drawn.mean() - 1.0) < 5 * THRESHOLDS.standard_deviation() / math.sqrt(20_000)
+    # Thresholds are its positive part.
+    assert THRESHOLDS.positive() is THRESHOLDS
+    wide, x = Triangular(mean=0.2, half_width=0.5), np.linspace(0.05, 0.65, 7)
+    assert wide.positive().survival(x) == pytest.approx(wide.survival(x) / wide.survival(0.0), rel=1e-12)
 
 
-def test_thresholds_are_the_positive_part_of_a_density():
-    wide = Triangular(mean=0.2, half_width=0.5)
-    cut = wide.positive()
-    assert cut.survival(0.0) == pytest.approx(1.0, rel=1e-14)
-    x = np.linspace(0.05, 0.65, 7)
-    assert cut.survival(x) == pytest.approx(wide.survival(x) / wide.survival(0.0), rel=1e-12)
+@dataclass(frozen=True)
+class Odd(Distribution):
+    """No density: of another integral, or below zero."""
+
+    sign: int
+
+    def density(self, x):
+        return 1.0 * np.where(np.abs(np.asarray(x)) < 1, np.sign(x) ** self.sign, 0.0)
 
 
-def test_a_density_that_is_none_is_told_so():
-    @dataclass(frozen=True)
-    class Twice(Distribution):
-        def density(self, x):
-            return 2 * THRESHOLDS.density(x)
-
-    @dataclass(frozen=True)
-    class Negative(Distribution):
-        def density(self, x):
-            return np.where(np.abs(np.asarray(x)) < 1, 0.5 * np.sign(x), 0.0)
-
-    with pytest.raises(InputError, match=r"integral of its density is 2, must be 1"):
-        Twice().moment(1)
-    with pytest.raises(InputError, match=r"density is -0\.5 at x = -"):
-        Negative().moment(1)
+@pytest.mark.parametrize(
+    ("sign", "told"), [(2, "integral of its density is 2, must be 1"), (1, r"density is -1 at x = -")]
+)
+def test_a_density_that_is_none_is_told_so(sign, told):
+    with pytest.raises(InputError, match=told):
+        Odd(sign).moment(1)
 
 
 def test_every_solver_takes_them():
@@ -274,14 +269,6 @@ def test_stability_takes_them_by_name():
     assert modes == [2, 0]
 
 
-def test_results_and_sweeps_keep_them(tmp_path):
-    rig = rig_with(ConstantRate(10.0))
-    assert datasets.decode(datasets.encode(rig.interface), datasets.records()) == rig.interface
-    friction = functools.partial(_friction, interface=rig.interface)
-    found = sweep.run_cases(friction, {"velocity": [0.5, 1.0]}, store=tmp_path / "own.sqlite")
-    assert found["friction"].to_numpy() == pytest.approx([friction(velocity=v)["friction"] for v in (0.5, 1.0)])
-
-
 def test_a_rig_file_names_a_distribution_and_a_sweep_varies_its_rig(tmp_path):
     file = tmp_path / "own.toml"
     file.write_text("""
@@ -303,8 +290,7 @@ delay = 0.1
         damped = rig.replace(damping=2 * zeta * rig.slider.frequency)
         alone = ss.sweep(damped, {"velocity": [1.0], "seed": [1]})
         np.testing.assert_allclose(varied["mean_force"].sel({"damping ratio": zeta}), alone["mean_force"][0], 1e-12)
-    run = ss.simulate(rig)
-    assert ss.rerun(run).identical(run)
+    is_kept(rig)
     file.write_text(file.read_text().replace("half_width", "width"))
     with pytest.raises(InputError, match=r"own\.toml: interface\.thresholds.*width"):
         ss.read_rig(file)
@@ -316,7 +302,7 @@ def test_a_rig_file_names_a_delay():
     document["interface"]["delay"] = {"model": "rate of a test", "rate": "2.5 1/ms"}
     own = ss.read_rig(document)
     assert own.interface.delay == ConstantRate(2500.0 / own.scales.unit("1/time"))
-    assert ss.read_rig(tomllib.loads(rig_files.to_toml(own))) == own
+    assert 'model = "rate of a test"' in is_kept(replace(own, drive=ss.constant(1.0, 2.0)))
     document["interface"]["delay"] = {"model": "rate of a test", "rate": 2.5}
     with pytest.raises(InputError, match=r"interface\.delay\.rate = 2\.5: has no unit"):
         ss.read_rig(document)
@@ -335,18 +321,12 @@ def test_an_engine_of_ones_own():
     assert np.diff(X) / np.diff(t) == pytest.approx((V[1:] + V[:-1]) / 2, abs=0.01)
     np.testing.assert_array_equal(run["displacement"], X)
     np.testing.assert_allclose(run["spring_force"], 2.0 * (t - X), atol=1e-12)
-    assert ss.rerun(run).identical(run)
-    text = rig_files.to_toml(rig)
-    assert 'method = "glued of a test"' in text
-    assert ss.read_rig(tomllib.loads(text)).method == Glued(0.3)
+    assert 'method = "glued of a test"' in is_kept(rig)
     found = ss.sweep(rig, {"stiffness": [1.0, 2.0]})
     assert (found["mean_force"] > 10.0).all()  # it grows for ever; contacts that break hold 1 at most
-    ageing = replace(rig, interface=replace(rig.interface, ageing=ss.Langevin(rate=1.0)))
-    with pytest.raises(InputError, match=r"Interface\.ageing = Langevin.*: not available with Glued"):
-        ss.simulate(ageing)
-    falling = replace(rig, interface=replace(rig.interface, sliding_force=0.1))
-    with pytest.raises(InputError, match=r"sliding_force.*Glued"):
-        ss.simulate(falling)
+    for field in ({"ageing": ss.Langevin(rate=1.0)}, {"sliding_force": 0.1}):
+        with pytest.raises(InputError, match=r"Interface\..* = .*: not available with Glued"):
+            ss.simulate(replace(rig, interface=replace(rig.interface, **field)))
 
 
 def test_a_body_of_ones_own():
@@ -359,10 +339,8 @@ def test_a_body_of_ones_own():
     assert run.sizes["block"] == balance.sizes["block"] == 5
     displacement = balance["displacement"].to_numpy()
     np.testing.assert_allclose(displacement[:, 1:], displacement[:, 1:2] * np.ones(4), atol=1e-12)
-    assert ss.rerun(run).identical(run)
-    text = rig_files.to_toml(rig)
+    text = is_kept(rig)
     assert '["star of a test"]' in text
-    assert ss.read_rig(tomllib.loads(text)) == rig
     with pytest.raises(InputError, match=r"^rig: star of a test\.arms: is missing"):
         ss.read_rig(tomllib.loads(text.replace("arms = 4\n", "")))
     document = rig_files.to_document(replace(ss.example("pmma_slider"), slider=STAR))
@@ -378,16 +356,13 @@ def test_an_ageing_of_ones_own():
     hard = replace(aged, interface=replace(aged.interface, thresholds=ss.Gaussian(mean=2.0, std=0.2), ageing=None))
     run, same = ss.simulate(aged), ss.simulate(hard)
     np.testing.assert_array_equal(run["friction_force"], same["friction_force"])
-    assert ss.rerun(run).identical(run)
+    assert 'model = "hardened of a test"' in is_kept(aged)
     speeds = np.array([0.5, 2.0])
     for law in (ss.kinetic_friction, ss.stability.friction_slope):
         assert law(aged.interface, speeds) == pytest.approx(law(hard.interface, speeds), rel=1e-6)
     edges = [ss.critical(each, "velocity", between=(0.5, 5.0)) for each in (aged, hard)]
     assert len(edges[0]) == len(edges[1]) > 0
     assert [edge.value for edge in edges[0]] == [edge.value for edge in edges[1]]
-    text = rig_files.to_toml(aged)
-    assert 'model = "hardened of a test"' in text
-    assert ss.read_rig(tomllib.loads(text)) == aged
     found, known = (ss.sweep(each, {"stiffness": [1.0, 3.0]}) for each in (aged, hard))
     np.testing.assert_array_equal(found["mean_force"], known["mean_force"])
 
@@ -403,10 +378,6 @@ def test_an_ageing_that_says_nothing_is_refused_by_name():
             ask()
     with pytest.raises(InputError, match=r"Unknown.*: not available with MasterEquation; no solver takes it"):
         ss.simulate(rig)
-
-
-def _friction(velocity, interface):
-    return {"friction": float(ss.kinetic_friction(interface, velocity))}
 
 
 def test_a_registration_names_one_frozen_dataclass():
