@@ -1,7 +1,6 @@
 """Sweeps from the shell: files that an engineer writes, one line for every mistake, results that survive a kill."""
 
 import copy
-import errno
 import json
 import os
 import signal
@@ -26,7 +25,7 @@ from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
 from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Population
-from stickslip.sweep import Refinement, Runs, Span, _table, open_sweep, study
+from stickslip.sweep import Refinement, Runs, Span, open_sweep, study
 from stickslip.sweep.plan import from_document, open_plan, plan_of, read_plan
 from stickslip.sweep.theory import with_theory
 
@@ -100,8 +99,9 @@ def refused(capsys, *arguments):
 # ---------------------------------------------------------------- files
 
 
-def axis(name, given, **more):
-    return from_document(changed("axes", {name: given, **more})).axes[name].tolist()
+def again(plan):
+    """The plan as it comes back from results."""
+    return plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))
 
 
 def test_the_axes_of_a_file_are_as_written():
@@ -110,17 +110,20 @@ def test_the_axes_of_a_file_are_as_written():
     assert plan.study.rig.method == Contacts(100, 0)
     assert list(plan.axes) == list(again(plan).axes) == ["stiffness", "velocity", "start"]
     assert plan.axes["stiffness"].tolist() == pytest.approx([0.5, 2.0, 8.0])
-    here = {"velocity": [1.0]}
-    assert axis("start", ["from rest", "sliding"], **here) == ["from rest", "sliding"]
-    assert axis("seed", {"from": 7, "count": 3}, **here) == [7, 8, 9]
-    counts = {"from": 10, "to": 1000, "count": 5, "spacing": "log"}
-    assert axis("contacts", counts, **here) == [10, 32, 100, 316, 1000]
-    assert axis("delay", {"from": 0.0, "to": 0.2, "count": 3}, **here) == pytest.approx([0.0, 0.1, 0.2])
 
 
-def again(plan):
-    """The plan as it comes back from results."""
-    return plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))
+@pytest.mark.parametrize(
+    ("name", "given", "values"),
+    [
+        ("start", ["from rest", "sliding"], ["from rest", "sliding"]),
+        ("seed", {"from": 7, "count": 3}, [7, 8, 9]),
+        ("contacts", {"from": 10, "to": 1000, "count": 5, "spacing": "log"}, [10, 32, 100, 316, 1000]),
+        ("delay", {"from": 0.0, "to": 0.2, "count": 3}, [0.0, 0.1, 0.2]),
+    ],
+)
+def test_an_axis_is_as_written(name, given, values):
+    found = from_document(changed("axes", {name: given, "velocity": [1.0]})).axes[name].tolist()
+    assert found == (values if name == "start" else pytest.approx(values))
 
 
 @pytest.mark.parametrize(
@@ -164,23 +167,17 @@ MISTAKES = [
     ("axes.stifness", [1.0], "axes.stifness", "did you mean 'stiffness'"),
     ("axes.stiffness", {"from": 1, "to": 0.5, "count": 3}, "axes.stiffness: to = 0.5", "above from = 1"),
     ("axes.stiffness", {"from": 1, "to": 2, "count": 3, "spacing": "cubic"}, "spacing = 'cubic'", "'linear' or 'log'"),
-    ("axes.stiffness", [], "axes.stiffness", "at least one"),
     ("axes.stiffness", ["4 MN/m"], "axes.stiffness.0 = '4 MN/m'", "plain number"),
-    ("axes.stiffness", [2.0, 2.0], "axes.stiffness", "holds a value twice"),
     ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay: from = 0", "above 0"),
     ("axes.start", ["warm"], "axes.start.0 = 'warm'", "'from rest' or 'sliding'"),
-    ("axes.seed", [-1], "axes.seed.0 = -1", "at least 0"),
     ("axes", {}, "axes", "at least one of stiffness"),
     ("rig", None, "rig is missing", "name of a rig file"),
-    ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
     ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
-    ("run.contacts", 0, "run.contacts = 0", "at least 1"),
     ("run.method", "monte carlo", "run.method", "must be 'contacts' or 'master equation'"),
     ("run.rtol", 1e-4, "run.rtol", "method = 'master equation'"),
     ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
     ("measure", ["perod"], "'perod'", "did you mean 'period'"),
-    ("axes.stiffness", {"from": 1, "to": 2, "count": 10**9}, "1e+09 cases", "max_cases = 1e+06"),
     ("measure", "period", "measure = 'period'", "list"),
     ("refine", {"runs": 3}, "refine.runs = 3", "at least 16"),
     ("refine", {}, "axes.velocity", "give from, to and spacing"),
@@ -280,6 +277,8 @@ def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, counted
     assert capsys.readouterr().out == "12 of 12 cases done\n"
     assert run("sweep", "--status", "--store", store, "--json") == 0
     assert json.loads(capsys.readouterr().out)["summary"] == {"total": 12, "done": 12, "failed": 0, "missing": 0}
+    assert run("sweep", file, "--store", store, "--replot", "--plot", tmp_path / "a.svg") == 0
+    assert "<svg" in (tmp_path / "a.svg").read_text()
     assert run("sweep", file, "--store", store, "--replot", "--plot", tmp_path / "a.png") == 0
     assert run("plot", store, tmp_path / "b.png") == 0
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -301,7 +300,7 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"std": -0.1, "velocity": 1.0}
 
 
-def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
+def test_stores_that_will_not_do(tmp_path, capsys):
     file, store, nowhere = written(tmp_path), tmp_path / "s.sqlite", tmp_path / "no"
     assert run("sweep", file, "--store", store) == 0
     capsys.readouterr()
@@ -320,16 +319,6 @@ def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
     ):
         assert words in refused(capsys, "sweep", *arguments)
     xr.testing.assert_identical(open_sweep(store), before)  # no refusal touched it
-
-    def read_only(*_arguments, **_options):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    monkeypatch.setattr(_table, "open", read_only, raising=False)
-    assert run("sweep", file, "--store", store) == 0  # finished: nothing to write
-    capsys.readouterr()
-    line = refused(capsys, "sweep", file, "--store", tmp_path / "t.sqlite")
-    assert "cannot be written (Read-only file system)" in line
-    assert "make it writable or choose another place" in line
 
 
 def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch):
@@ -382,12 +371,9 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     assert_drawn(plot.sweep_picture(with_theory(result)), "phase_diagram")
 
 
-def test_a_sweep_along_one_axis_is_a_line(tmp_path):
+def test_a_sweep_along_one_axis_is_a_line():
     document = changed("axes", {"velocity": [0.5, 1.0, 2.0], "start": ["from rest", "sliding"], "seed": [1, 2]})
-    file, store = written(tmp_path, document), tmp_path / "s.sqlite"
-    assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.svg") == 0
-    assert "<svg" in (tmp_path / "s.svg").read_text()
-    assert_drawn(plot.sweep_picture(with_theory(open_sweep(store))), "sweep_along_one_axis")
+    assert_drawn(plot.sweep_picture(with_theory(from_document(document).run())), "sweep_along_one_axis")
 
 
 def test_cells_lie_where_their_values_are_in_any_order():
@@ -442,9 +428,11 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, counted):
 SLOW = changed(
     "run",
     {"contacts": 10_000, "distance": 250.0, "extensions": 0},
-    changed("axes", {"stiffness": {"from": 0.5, "to": 8.0, "count": 10, "spacing": "log"}, "velocity": [0.2, 0.5, 1.0],
-                     "start": ["from rest", "sliding"]}),
-)  # fmt: skip
+    changed(
+        "axes",
+        NATURAL["axes"] | {"stiffness": NATURAL["axes"]["stiffness"] | {"count": 10}, "velocity": [0.2, 0.5, 1.0]},
+    ),
+)
 
 
 def start_command(file, store, *options):
@@ -506,12 +494,7 @@ def gone_on_with(file, store, counted, expected, kept):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "options"),
-    [
-        (signal.SIGKILL, ["--processes"]),
-        (signal.SIGINT, []),
-        (signal.SIGTERM, ["--processes"]),
-    ],
+    ("number", "options"), [(signal.SIGKILL, ["--processes"]), (signal.SIGINT, []), (signal.SIGTERM, ["--processes"])]
 )
 def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options):
     file, store = written(tmp_path, SLOW), tmp_path / "s.sqlite"
@@ -536,16 +519,20 @@ def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options
     gone_on_with(file, store, counted, expected, kept)
 
 
+def ended_well(process, store, expected):
+    out, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    assert out.strip().splitlines()[-1] == "60 of 60 cases done"
+    xr.testing.assert_identical(open_plan(store), expected)
+
+
 @pytest.mark.slow
 def test_kill_a_worker_of_the_command(tmp_path, expected):
     file, store = written(tmp_path, SLOW), tmp_path / "s.sqlite"
     process = start_command(file, store, "--workers", "2", "--processes")
     wait_for(lambda: len(finished(store)) >= 4, process)
     os.kill(children_of(process.pid)[0], signal.SIGKILL)
-    out, errors = process.communicate(timeout=120)
-    assert process.returncode == 0, errors
-    assert out.strip().splitlines()[-1] == "60 of 60 cases done"
-    xr.testing.assert_identical(open_plan(store), expected)
+    ended_well(process, store, expected)
 
 
 @pytest.mark.slow
@@ -565,17 +552,14 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected,
         wait_for(lambda: len(finished(store)) >= 4, process)
         victim = next(iter(client.run(os.getpid).values()))
         os.kill(victim, signal.SIGKILL)
-        out, errors = process.communicate(timeout=120)
-        assert process.returncode == 0, errors
-        assert out.strip().splitlines()[-1] == "60 of 60 cases done"
-        xr.testing.assert_identical(open_plan(store), expected)
+        ended_well(process, store, expected)
 
         # A cluster takes seconds to close: long runs, lest they be done before.
         file, other = written(tmp_path, changed("run.distance", 1000.0, SLOW), "long.toml"), tmp_path / "t.sqlite"
         process = start_command(file, other, "--scheduler", cluster.scheduler_address)
         wait_for(lambda: len(finished(other)) >= 4, process)
         cluster.close()
-        out, errors = process.communicate(timeout=120)
+        _, errors = process.communicate(timeout=120)
         assert process.returncode == 2
         assert "cases are kept in" in errors.strip().splitlines()[-1]
         assert "Traceback" not in errors
