@@ -6,21 +6,10 @@ per contact; the interface of Fig. 4 unless another is named.
 
 CRITICAL_STIFFNESS = 2.989
 """``K*`` of Eq. (8), broken contacts re-attaching at once; to .003."""
-CRITICAL_STIFFNESS_NEVER = 3.548
-"""The same with contacts that never re-attach; to .003."""
 CRITICAL_STIFFNESS_PRINTED = 3.59
 """What the paper prints for it, which follows from neither."""
 CRITICAL_STIFFNESS_ESTIMATE = 1 / 0.11
 """Eq. (9)."""
-CRITICAL_STIFFNESS_BY_STD = {
-    (0.01, 0.1): CRITICAL_STIFFNESS,
-    (0.0, 0.1): 3.009,
-    (0.1, 0.1): 1.828,
-    (0.01, 0.2): 1.033,
-    (0.01, 0.3): 0.438,
-}
-"""``K*`` by the standard deviations of the initial forces and of the thresholds; to .003."""
-
 KINETIC_FRICTION = {0.1: 0.505, 0.3: 0.54498}
 """``F_k`` without delay, by the standard deviation of the thresholds."""
 STATIC_FRICTION, STATIC_DISPLACEMENT = 0.79560, 0.8435

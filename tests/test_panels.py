@@ -2,21 +2,19 @@
 
 import math
 import pathlib
-from functools import cache, partial
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from stickslip.kernels import panels, renewal, survival
-from stickslip.kernels.drive import FINISHED, PAUSED, Quadratic
+from stickslip.kernels import panels, survival
+from stickslip.kernels.drive import FINISHED, Quadratic
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.kernels.panel_state import Accuracy, Case, Delays, State, initial_state
 from stickslip.kernels.rules import GAUSS, WEIGHT
-from stickslip.model import MasterEquation, RandomDelay
 from stickslip.model.distributions import Empirical, Exponential, Gamma, Gaussian, LogNormal, Uniform, Weibull, excess
-from stickslip.simulation.engines.panels import _delays as engine_delays
 
 GAUSSIAN = Gaussian(mean=1.0, std=0.1)
 DISTRIBUTIONS = [
@@ -44,11 +42,6 @@ def after(*times, weights=None):
     weights = np.ones(len(times)) / max(len(times), 1) if weights is None else weights
     times, weights = np.array(times, float), np.array(weights, float)
     return Delays(times, weights, survival.EMPTY, 0.0, 1.0, float(times @ weights), False, False)
-
-
-def spread(delay):
-    """A random delay, as the engine gives it to the kernel."""
-    return engine_delays(delay, MasterEquation(rtol=1e-5))
 
 
 NO_DELAY = after(0.0)
@@ -209,54 +202,6 @@ def test_the_error_is_that_of_the_stored_reference_of_fig_4():
         assert np.sqrt(np.mean((rows.drive_force - exact) ** 2)) < error
 
 
-# ---------------------------------------------------------------- agreement with the renewal convolution
-
-
-@pytest.mark.eq(1, 2, 3, 4)
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
-@pytest.mark.parametrize("velocity", [1.0, 0.3])
-def test_agrees_with_the_renewal_convolution(distribution, velocity):
-    delays = after(0.0, 0.1, 0.4, weights=(0.2, 0.5, 0.3))
-    agree(distribution, delays, velocity)
-
-
-def test_agrees_with_the_renewal_convolution_for_a_random_delay():
-    delay = RandomDelay(mean=0.2, std=0.12)
-    agree(GAUSSIAN, spread(delay), 1.0, *delay.quadrature())
-
-
-def agree(distribution, delays, velocity, time=None, weight_of_time=None):
-    x, weight = narrow(0.05)
-    start = initial_state(tables(distribution), delays, x, weight)
-    positive = distribution.positive()
-    # Each node makes a kink of its own in the convolution where the density at 0 is finite.
-    fine, weight_of_fine = narrow(0.05, 256)
-    contacts = renewal.Contacts(
-        positive.density,
-        partial(excess, positive),
-        fine.ravel(),
-        weight_of_fine.ravel(),
-        abs(fine.ravel()),
-        velocity * (delays.time if time is None else time),
-        delays.weight if weight_of_time is None else weight_of_time,
-    )
-    exact = renewal.solve(contacts, 4.0, 1600)
-    for tolerance in (1e-4, 1e-6):
-        rows = run(
-            4.0 / velocity,
-            distribution=distribution,
-            delays=delays,
-            slider=RIGID,
-            velocity=velocity,
-            start=start,
-            tolerance=tolerance,
-        ).rows
-        response = renewal.observe(contacts, exact, np.clip(rows.position, 0.0, 4.0))
-        for found, value in ((rows.contact_force, response.force), (rows.attached, response.attached)):
-            # The convolution itself is good to some 1e-4 where the distribution jumps.
-            assert np.abs(found - value).max() < (2e-4 if positive.knots[1:] else 0.0) + 10 * tolerance
-
-
 # ---------------------------------------------------------------- any direction of motion
 
 
@@ -295,20 +240,6 @@ def test_memoryless_approximation_is_exact_for_the_mean_force_of_steady_sliding(
 
 
 # ---------------------------------------------------------------- control
-
-
-def test_neither_samples_nor_pauses_change_the_steps():
-    case = {"delays": after(0.1), "pull": Quadratic(0.0, 0.0, 1.0, 0.0), "until": 2.0}
-    times = np.linspace(0.0, 2.0, 201)
-    whole = run(2.0, times=times, **case)
-    state, rows, reason = run(2.0, times=times, max_steps=7, **case)
-    while reason == PAUSED:
-        state, more, reason = run(2.0, start=state, times=times[len(rows) :], max_steps=7, **case)
-        rows = np.concatenate([rows, more])
-    assert reason == FINISHED
-    assert all(np.array_equal(rows[name], whole.rows[name]) for name in rows.dtype.names[:10])
-    assert np.array_equal(state.motion, whole.state.motion)
-    assert np.array_equal(state.motion, run(2.0, times=times[::50], **case).state.motion)
 
 
 def test_slow_and_resting_sliders_need_few_steps():

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
-from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.cohorts import COUNT
 from stickslip.simulation.engines import Beginning, engine_of
@@ -20,7 +19,6 @@ TENTH = ss.Gaussian(mean=1.0, std=0.1)
 RELAXED = ss.Gaussian(mean=0.0, std=0.01)
 CYCLING = ss.Interface(thresholds=TENTH, initial=RELAXED, delay=ss.Delay(0.2))
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-THERE_AND_BACK = ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2))
 
 
 class Several(ss.model.DelayModel):
@@ -53,8 +51,8 @@ DELAYS = [
 ]
 
 
-def engine_for(interface, method, slider=SLIDER, start=ss.FromRest(), velocity=1.0):
-    return engine_of(interface, method, slider)(Beginning(interface, slider, velocity, start), method)
+def engine_for(interface, method, slider=SLIDER, start=ss.FromRest()):
+    return engine_of(interface, method, slider)(Beginning(interface, slider, 1.0, start), method)
 
 
 # ---------------------------------------------------------------- conservation
@@ -69,28 +67,26 @@ interfaces = st.builds(
 )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     interfaces,
-    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=3), ss.constant(-0.5, duration=4)]),
+    st.sampled_from([ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2)), ss.constant(-0.5, duration=4)]),
+    st.sampled_from([0.3, 0.7, 1.0]),
     st.sampled_from([10, 1_000, 10**9]),
     st.sampled_from([20.0, 200.0]),
 )
-def test_every_contact_is_attached_or_waits(interface, drive, count, damping):
+def test_every_contact_is_attached_or_waits(interface, drive, end, count, damping):
     engine = engine_for(interface, ss.Population(count, seed=1, rtol=1e-3), replace(SLIDER, damping=damping))
-    for end in (0.3, 0.7, 1.0):
-        follow(engine, drive if end == 1.0 else ss.constant(1.0, duration=end), 0.0, np.linspace(0, end, 5))
-        state = engine.state
-        attached = state.cohorts[COUNT, : state.used.cohorts]
-        waiting = state.panels[: state.used.panels, kernel.WAITING :]
-        assert np.array_equal(attached, np.round(attached))
-        assert np.array_equal(waiting, np.round(waiting))
-        assert attached.min(initial=0.0) >= 0.0
-        assert waiting.min(initial=0.0) >= 0.0
-        if math.isfinite(interface.delay.moment(1)):
-            assert attached.sum() + waiting.sum() == count
-        assert attached.sum() == round(count * state.motion.mass_in)
-        engine = engine_for(interface, ss.Population(count, seed=2, rtol=1e-3), replace(SLIDER, damping=damping))
+    follow(engine, drive, 0.0, np.linspace(0, end, 5))
+    state = engine.state
+    attached = state.cohorts[COUNT, : state.used.cohorts]
+    waiting = state.panels[: state.used.panels, kernel.WAITING :]
+    for some in (attached, waiting):
+        assert np.array_equal(some, np.round(some))
+        assert some.min(initial=0.0) >= 0.0
+    if math.isfinite(interface.delay.moment(1)):
+        assert attached.sum() + waiting.sum() == count
+    assert attached.sum() == round(count * state.motion.mass_in)
 
 
 # ---------------------------------------------------------------- the limit of many
@@ -123,11 +119,9 @@ def test_very_many_contacts_are_infinitely_many(changes):
 # ---------------------------------------------------------------- fluctuations
 
 
-def rigidly(interface, count, lives, seed, start=ss.FromSliding(), rtol=1e-4):
-    """Friction force and attached fraction in rigid sliding at velocity 1, sampled every 0.037."""
-    method = ss.Population(count, seed=seed, rtol=rtol)
-    times = np.arange(0.0, lives, 0.037)
-    track = follow(engine_for(interface, method, None, start), ss.constant(1.0, duration=lives), 0.0, times)
+def rigidly(interface, method, times):
+    """Friction force and attached fraction in rigid sliding at velocity 1."""
+    track = follow(engine_for(interface, method, None, ss.FromSliding()), ss.constant(1.0, times[-1]), 0.0, times)
     return track["friction_force"], track["attached"]
 
 
@@ -143,7 +137,7 @@ def moments(interface):
 def test_fluctuations_in_rigid_sliding(delay, count):
     interface, lives = replace(CYCLING, delay=delay), 600.0
     force, attached = moments(interface)
-    F, A = rigidly(interface, count, lives, 1)
+    F, A = rigidly(interface, ss.Population(count, seed=1), np.arange(0.0, lives, 0.037))
     # A contact's force forgets in a life: so many independent values, of a variance with a relative error of sqrt(2/n).
     slack = 4 * math.sqrt(2 / lives)
     assert F.var() * count == pytest.approx(force, rel=slack)
@@ -163,8 +157,7 @@ def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
     times = 0.037 * np.arange(parts * length)
 
     def octaves(method):
-        engine = engine_for(CYCLING, method, None, ss.FromSliding())
-        F = follow(engine, ss.constant(1.0, duration=times[-1]), 0.0, times)["friction_force"].reshape(parts, length)
+        F = rigidly(CYCLING, method, times)[0].reshape(parts, length)
         power = np.abs(np.fft.rfft(F - F.mean(), axis=1)) ** 2 / length * method.count
         edges = (power.shape[1] * 0.5 ** np.arange(7)).astype(int)
         bands = np.stack([power[:, low:high].mean(axis=1) for high, low in pairwise(edges)])
@@ -196,33 +189,6 @@ def test_cycles_are_those_of_contacts(count):
 
 
 # ---------------------------------------------------------------- drives, files, refusals
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (
-            lambda: engine_for(replace(CYCLING, track_scatter=0.1), ss.Population(10)),
-            "track_scatter = 0.1: not available with Population; use Contacts",
-        ),
-        (
-            lambda: engine_for(replace(CYCLING, temperature=ss.Bell(width=0.05, attempts=1e-3)), ss.Population(10)),
-            "temperature = .*not available with Population",
-        ),
-        (
-            lambda: engine_for(replace(CYCLING, sliding_force=0.1), ss.MasterEquation(memoryless=True)),
-            "sliding_force = 0.1: not available with the approximation",
-        ),
-        (
-            lambda: engine_for(CYCLING, ss.Population(10), ss.Chain(blocks=3, coupling=1.0, mass=1.0, damping=0.1)),
-            "method = Population: is not for a Chain",
-        ),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(make, words):
-    with pytest.raises(InputError, match=words) as caught:
-        make()
-    assert "\n" not in str(caught.value)
 
 
 def test_a_sweep_keeps_the_method_and_changes_its_count():
