@@ -5,7 +5,6 @@ computed by two independent programs, to the tolerance that stands beside it.
 """
 
 import ast
-import json
 import math
 from dataclasses import replace
 from functools import lru_cache
@@ -17,7 +16,7 @@ import xarray as xr
 from benches import WARM
 from drawn import assert_drawn, assert_kept
 from other_units import rescaled
-from scipy import special
+from scipy import integrate
 from scipy.signal import lfilter
 
 import stickslip as ss
@@ -115,27 +114,20 @@ def test_the_slope_is_that_of_the_force_and_of_slow_perturbations(interface):
     assert slow / 1e-5j == pytest.approx(slope, abs=1e-5)
 
 
-def breaking_points(barrier, threshold, tried, velocity):
-    """Stretchings at which contacts break, by bisection of the integrated rate: no quadrature, no table."""
-
-    def integrated(x):
-        if isinstance(barrier, ss.Bell):
-            return barrier.width * np.exp(-threshold / barrier.width) * np.expm1(x / barrier.width)
-        if isinstance(barrier, ss.model.Parabolic):
-            steep = math.sqrt(2.0 * barrier.temperature)
-            return steep * np.exp((x**2 - threshold**2) / steep**2) * special.dawsn(x / steep)
-        p, E = barrier.power, barrier.height
-        left = E * (1.0 - x / threshold) ** p
-        if barrier.kramers:
-            return threshold / (p * E) * (np.exp(-left) - math.exp(-E))
-        return threshold / p * E ** (-1 / p) * special.gamma(1 / p) * special.gammaincc(1 / p, left)
-
-    low, high = np.zeros_like(threshold), threshold
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        broken = barrier.attempts / velocity * (integrated(middle) - integrated(0.0)) > tried
-        low, high = np.where(broken, low, middle), np.where(broken, middle, high)
-    return high
+def by_quadrature(barrier, thresholds, velocity):
+    """Steady force out of the survival under the hazard, on a grid of stretchings and thresholds."""
+    threshold, part = np.linspace(1e-3, 3.0, 600), np.linspace(0.0, 1.0, 2001)[:, None]
+    x = part * threshold
+    if isinstance(barrier, ss.Bell):
+        hazard = np.exp((x - threshold) / barrier.width)
+    elif isinstance(barrier, ss.model.Parabolic):
+        hazard = np.exp((x**2 - threshold**2) / (2.0 * barrier.temperature))
+    else:
+        hazard = np.exp(-barrier.height * (1.0 - part) ** barrier.power) * np.ones_like(x)
+        hazard *= (1.0 - part) ** (barrier.power - 1.0) if barrier.kramers else 1.0
+    held = np.exp(-barrier.attempts / velocity * integrate.cumulative_trapezoid(hazard, x, axis=0, initial=0.0))
+    work, way = (integrate.trapezoid(each, x, axis=0) @ thresholds.density(threshold) for each in (x * held, held))
+    return work / way
 
 
 @pytest.mark.parametrize(
@@ -153,19 +145,11 @@ def breaking_points(barrier, threshold, tried, velocity):
     ],
     ids=str,
 )
-def test_every_barrier_agrees_with_drawn_lives(temperature, velocity):
-    rng, count = np.random.default_rng(1), 50_000
-    level = (np.arange(count) + 0.5) / count
+def test_every_barrier_by_quadrature(temperature, velocity):
     for std in (0.1, 0.3):
         interface = contacts(std, temperature=temperature)
-        threshold = interface.threshold_distribution.inverse_survival(level)
-        y = breaking_points(temperature, threshold, -np.log(rng.permutation(level)), velocity)
-        force = np.mean(y**2) / (2.0 * np.mean(y))
-        # Delta method for the ratio of two means; the thresholds are stratified, which only helps.
-        error = np.std(0.5 * y**2 - force * y) / (np.mean(y) * math.sqrt(count))
-        assert ss.kinetic_friction(interface, velocity) == pytest.approx(force, abs=4.0 * error)
-        slope = dynamic_stiffness(interface, velocity, 1e-4j * velocity).imag / 1e-4
-        assert slope == pytest.approx(friction_slope(interface, velocity), rel=1e-6)
+        force = by_quadrature(temperature, interface.threshold_distribution, velocity)
+        assert ss.kinetic_friction(interface, velocity) == pytest.approx(force, abs=1e-4)
 
 
 AREAS = ss.Interface(thresholds=ss.Exponential(mean=1.0), areas="site")
@@ -200,8 +184,6 @@ def test_detached_contacts_carry_their_force(interface):
     # While contacts wait, the slider goes v tau; while they hold, the mean stretching at which they break.
     slower = ss.kinetic_friction(replace(bare, delay=ss.Delay(0.0)), 1.0)
     assert ss.kinetic_friction(bare, 1.0) == pytest.approx(slower * (1.0 - waiting), rel=1e-9)
-    life = interface.delay.moment(1) * (1.0 - waiting) / waiting
-    assert 0.1 < life < 1.2
 
 
 @pytest.mark.parametrize(
@@ -217,14 +199,6 @@ def test_velocities_where_friction_turns(interface, between, kind, velocity, for
     assert found.velocity == pytest.approx(velocity, rel=0.01)
     assert found.force == pytest.approx(force, abs=2e-4)
     assert not ss.stability.turning_velocities(THERMAL, between=(0.01, 100))
-
-
-@pytest.mark.parametrize("ask", [ss.kinetic_friction, friction_slope])
-def test_arrays_of_velocities(ask):
-    speed = np.geomspace(0.01, 100, 6).reshape(2, 3)
-    found = ask(AGEING, speed)
-    assert found.shape == speed.shape
-    assert found[1, 2] == ask(AGEING, float(speed[1, 2]))
 
 
 @pytest.mark.parametrize("thresholds", [ss.Gaussian(1.0, 0.3), ss.Gamma(1.0, 0.5), ss.Uniform(0.5, 1.5)], ids=str)
@@ -379,9 +353,8 @@ def test_steps_whose_poles_meet_or_go_are_those_of_their_neighbours():
     slip, one = np.linspace(0.0, 5.0, 40), RateAndState(law="slip", a=1.0, b=1.0, distance=1.0)
     meeting, *beside = (one.small_step(slip, stiffness=k) for k in (4.0, 4.004, 3.996))
     np.testing.assert_allclose(meeting, 0.5 * sum(beside), atol=1e-6)
-    less, little = (replace(one, a=a, b=0.3, distance=0.5).small_step(slip[1:], stiffness=2.0) for a in (1e-12, 1e-9))
-    np.testing.assert_allclose(less, little, atol=1e-6)
-    assert less[-1] == pytest.approx(-0.3, rel=1e-6)
+    gone = replace(one, a=1e-12, b=0.3, distance=0.5).small_step(slip[1:], stiffness=2.0)
+    assert gone[-1] == pytest.approx(-0.3, rel=1e-6)
 
 
 # ---------------------------------------------------------------- the verdict
@@ -389,15 +362,14 @@ def test_steps_whose_poles_meet_or_go_are_those_of_their_neighbours():
 
 def test_the_verdict_is_in_units_of_the_thresholds():
     one, four = fitted(AGEING), ss.rate_and_state(rescaled(AGEING, 4), 4)
-    assert four.holds
     assert [four.a, four.b, four.distance] == pytest.approx([4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3)
 
 
-def test_what_speaks_against_rate_and_state_is_told_with_its_size():
+def test_a_direct_effect_that_is_missing_is_told_with_its_size():
     interface = contacts(0.1, width=None, delay=1.0)  # half of the contacts are attached
     fit, s = ss.rate_and_state(interface), 200j
-    kappa = dynamic_stiffness(interface, 1.0, np.array([s]))[0]
-    direct = (1.0 / (1.0 / kappa - 1.0 / fit.contact_stiffness) / s).real  # a dashpot in series with them
+    kappa = dynamic_stiffness(interface, 1.0, s)
+    direct = (1.0 / (1.0 / kappa - 1.0 / 0.5) / s).real  # a dashpot in series with them
     assert fit.contact_stiffness == pytest.approx(0.5)
     assert fit.reason.startswith(f"no direct effect: a = {direct:.2g} at high frequency")
     assert ss.rate_and_state(THERMAL, 1.0, step=None).law == "slip"
@@ -531,13 +503,12 @@ def test_a_measured_step_on_basalt():
 SCALES = ss.model.Scales(force=768.0, stretching=2e-6, time=1.0)
 
 
-def exported(interface, program, **given):
-    return ss.rate_state.export_rate_and_state(
-        fitted(interface), program, **({"scales": SCALES, "load": "2 kN", "area": "1 cm^2"} | given)
-    )
+def exported(interface, program, fit=None, **given):
+    given = {"scales": SCALES, "load": "2 kN", "area": "1 cm^2"} | given
+    return ss.rate_state.export_rate_and_state(fit or fitted(interface), program, **given)
 
 
-def test_exports_in_python_parse_and_are_in_si_units(tmp_path):
+def test_exports_are_scripts_in_si_units(tmp_path):
     fit, text = fitted(AGEING), exported(AGEING, "qdyn", path=tmp_path / "fault.py")
     assert (tmp_path / "fault.py").read_text() == text
     (assigned,) = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
@@ -547,40 +518,25 @@ def test_exports_in_python_parse_and_are_in_si_units(tmp_path):
     assert law["A"] * 2000.0 / SCALES.force == pytest.approx(fit.a)
     assert law["DC"] / SCALES.stretching == pytest.approx(fit.distance)
     assert law["TH_0"] * law["V_SS"] == pytest.approx(law["DC"])
-    assert "critical stiffness" in text
-    scaled = ss.rate_state.export_rate_and_state(fit.in_scales(SCALES), "qdyn", scales=SCALES, load=2000.0, area=1e-4)
-    assert scaled == text  # what is in SI units already is not scaled twice
-    ast.parse(exported(AGEING, "diabayes"))
-    ast.parse(text := exported(AGEING, "rsfmodel", area=None))
-    assert f"state.Dc = {fit.distance * 2.0:.6f}"[:18] in text
-
-
-def test_export_to_tandem():
-    """A scenario: tandem asks for boundary, mu and eta, and slips forward under a traction below 0."""
-    text = exported(AGEING, "tandem")
-    code = [line for line in text.splitlines() if line and not line.startswith("--")]
-    assert (code[0], code[-1]) == ("local Fault = {}", "fault = Fault:new()")
+    assert exported(AGEING, "qdyn", fit=fit.in_scales(SCALES)) == text  # what is in SI units is not scaled twice
+    for program in ("diabayes", "rsfmodel"):
+        ast.parse(exported(AGEING, program))
+    # A scenario: tandem asks for boundary, mu and eta, and slips forward under a traction below 0.
+    fault = exported(AGEING, "tandem")
     for name in ("boundary", "mu", "eta", "a", "L", "sn_pre", "Vinit", "tau_pre"):
-        assert any(line.startswith(f"function Fault:{name}(x, y") for line in code)
-    assert "Fault:sn_pre(x, y) return 20.0 end" in text
-    assert "return -(self.f0 * self:sn_pre(x, y) + self:eta(x, y) * self.V0)" in text
-    assert "a step from 2 um/s to 20 um/s" in text  # in the units of the rig, as its a, b and D are
-    assert f"-- {fitted(AGEING).in_scales(SCALES)}".splitlines()[1] in text
+        assert f"\nfunction Fault:{name}(x, y" in fault
+    assert "Fault:sn_pre(x, y) return 20.0 end" in fault
+    assert "a step from 2 um/s to 20 um/s" in fault  # in the units of the rig, as its a, b and D are
 
 
 # ---------------------------------------------------------------- what is refused
 
-BLOCK = ss.Slider(stiffness=1.0, mass=0.1, damping=1.0)
-CHAIN = ss.Chain(blocks=4, coupling=1.0, leaf=1.0, mass=0.1, damping=1.0)
 NOT_WITH_AREAS = r"Interface\.areas = site: not available with"
 LANGEVIN = replace(THERMAL, ageing=ss.Langevin(rate=1.0))
 REFUSED = [
     (lambda: ss.static_friction(AREAS), NOT_WITH_AREAS),
     (lambda: ss.growth_rate(bench(AREAS)), NOT_WITH_AREAS),
     (lambda: ss.rate_and_state(AREAS), NOT_WITH_AREAS),
-    (lambda: ss.simulate(replace(bench(AREAS), slider=BLOCK)), NOT_WITH_AREAS),
-    (lambda: ss.simulate(replace(bench(AREAS), slider=CHAIN)), NOT_WITH_AREAS),
-    (lambda: ss.rigid_slide(AREAS, distance=1.0, method=ss.MasterEquation()), NOT_WITH_AREAS),
     (lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0), NOT_WITH_AREAS),
     (lambda: replace(AREAS, ageing=ss.Langevin(rate=1.0)), "leave one of them out"),
     (lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)), "use Barrier"),
@@ -629,47 +585,28 @@ def test_temperature_in_a_rig_file(warm):
     bell = ss.read_rig(warm).natural.interface.temperature
     assert bell.width == pytest.approx(1.380649e-23 * 293 / (1e9 * 0.4e-27))
     assert bell.attempts == pytest.approx(1e6)
-    warm.write_text(WARM.replace("293 K", "586 K"))
-    hot = ss.read_rig(warm).natural.interface.temperature
-    assert hot == replace(bell, width=hot.width)
-    assert hot.width == pytest.approx(2 * bell.width)
+    for here, instead, message in (
+        ('temperature = "293 K"', 'temperature = "20 m"', "temperature = '20 m': is not in a unit of 'K'"),
+        ('shear_strength = "1 GPa"\n', "", "interface.temperature.shear_strength"),
+        ('kind = "bell"', 'kind = "arrhenius"', "must be one of the known kinds"),
+        ('kind = "bell"', 'kind = "bell"\nwidth = "20 nm"', "not both"),
+    ):
+        warm.write_text(WARM.replace(here, instead))
+        with pytest.raises(InputError, match=message):
+            ss.read_rig(warm)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (('temperature = "293 K"', 'temperature = "20 m"'), "temperature = '20 m': is not in a unit of 'K'"),
-        (('shear_strength = "1 GPa"\n', ""), "interface.temperature.shear_strength"),
-        (('kind = "bell"', 'kind = "arrhenius"'), "must be one of the known kinds"),
-        (('shear_strength = "1 GPa"', 'shear_strength = "1 GPa"\nwidth = "20 nm"'), "not both"),
-    ],
-)
-def test_mistakes_in_the_table_of_temperature(warm, wrong, message):
-    warm.write_text(WARM.replace(*wrong))
-    with pytest.raises(InputError, match=message):
-        ss.read_rig(warm)
-
-
-def test_the_command_on_a_rig(warm, tmp_path, capsys):
-    assert main(["rsf", str(warm), "--velocity", "0.1 mm/s", "--load", "2 kN", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["velocity"] == pytest.approx(1e-4)
-    assert told["coefficients"]["a"] == pytest.approx(told["a"] / 2000.0)
-    file = tmp_path / "qdyn.py"
-    assert main(["rsf", str(warm), "--export", "qdyn", "--load", "2 kN", "--area", "1 cm^2", "-o", str(file)]) == 0
-    assert capsys.readouterr().out == f"qdyn: {file}\n"
-    ast.parse(file.read_text())
-
-
+BASALT = DATA / "giacomel_basalt_step.txt"
 STEP = ["--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s"]
 
 
-def test_the_command_on_a_measured_step(tmp_path, capsys):
-    picture = tmp_path / "step.png"
-    path = str(DATA / "giacomel_basalt_step.txt")
-    assert main(["rsf", path, *STEP, "--law", "slip", "--plot", str(picture)]) == 0
-    assert "slip law: a = 0.009" in capsys.readouterr().out
+def test_the_command_writes_pictures_and_scripts(warm, tmp_path, capsys):
+    picture, script = tmp_path / "step.png", tmp_path / "qdyn.py"
+    assert main(["rsf", str(BASALT), *STEP, "--law", "slip", "--plot", str(picture)]) == 0
     assert picture.stat().st_size > 10_000
+    assert main(["rsf", str(warm), "--export", "qdyn", "--load", "2 kN", "--area", "1 cm^2", "-o", str(script)]) == 0
+    assert capsys.readouterr().out.endswith(f"qdyn: {script}\n")
+    ast.parse(script.read_text())
 
 
 DELAYED = WARM[: WARM.index("ageing")] + 'delay = "2 ms"\n' + WARM[WARM.index("[drive]") :]
@@ -685,11 +622,10 @@ DELAYED = WARM[: WARM.index("ageing")] + 'delay = "2 ms"\n' + WARM[WARM.index("[
         (DELAYED, [], "; add [interface.temperature]"),
         (None, [], "of a measured trace say --step-at"),
         (None, STEP[2:], "of a measured trace say --step-at"),
-        (None, STEP[:4], "of a measured trace say --step-at"),
         (None, [*STEP, "--holds", "1 s"], "--holds: is for a rig"),
     ],
 )
 def test_what_the_command_refuses(warm, capsys, file, asked, why):
     warm.write_text(file or "")
-    assert main(["rsf", str(warm if file else DATA / "giacomel_basalt_step.txt"), *asked]) == 2
+    assert main(["rsf", str(warm if file else BASALT), *asked]) == 2
     assert why in capsys.readouterr().err
