@@ -13,7 +13,7 @@ import pytest
 
 from stickslip import cli
 from stickslip.explorer import documents
-from stickslip.fitting.arrest import KEYS
+from stickslip.fitting.model import KEYS
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Rig

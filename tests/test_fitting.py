@@ -15,14 +15,12 @@ import stickslip as ss
 from stickslip import fitting
 from stickslip.cli import main
 from stickslip.errors import InputError
-from stickslip.fitting.arrest import KEYS, Prior, simulate
 from stickslip.fitting.inference import infer
-from stickslip.fitting.observation import Observation
-from stickslip.fitting.rates import half_speed_of, read_pairs, strengthening_of
+from stickslip.fitting.known import half_speed_of, read_pairs, strengthening_of
+from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
 from stickslip.fitting.summary import FITTED, NAMES, detrended, resampled, statistics
-from stickslip.fitting.synthetic import sampled
-from stickslip.fitting.tables import folder_of, table
+from stickslip.fitting.tables import Observation, Table, folder_of, table
 from stickslip.kernels.turning_points import Sampling
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
@@ -205,13 +203,21 @@ def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
     assert folder_of(prior, 41, 0) != place
 
 
+def seen_of(observation, peaks, troughs, **how):
+    """Statistics of one series of slips, as a bench sees it."""
+    one = Table(
+        prior=Prior(), parts=np.empty((1, 6)), count=np.array([peaks.size]), peaks=peaks[None], troughs=troughs[None]
+    )
+    return observation.see(one, **how)[0][0]
+
+
 def test_the_observation_biases_simulations_as_it_does_traces():
     """Statistics of the trace, and of its own slips seen through the observation, agree; not so the bare ones."""
     peaks, troughs = simulate(np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15]), 400, np.random.default_rng(5))
     events = fitting.pick_events(saw(peaks, troughs, samples=24, noise=0.004))
-    seen = Observation.of(events).see(np.array([400]), peaks[None], troughs[None])
+    seen = seen_of(Observation.of(events), peaks, troughs)
     error = resampled(events.peaks, events.troughs).std(axis=0)
-    away = np.abs(seen.statistics[0] - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
+    away = np.abs(seen - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
     assert np.all(away < 0.7)
     bare = np.abs(statistics(peaks, troughs) - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
     assert bare.max() > away.max()
@@ -222,7 +228,7 @@ def test_what_is_known_holds_for_the_draws_of_every_round(rounds):
     made, error = table(prior=NARROW, draws=1500, slips=60), 0.02
     ideal = Observation(slips=25, sampling=Sampling(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01))
     peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
-    observed = ideal.see(np.array([60]), peaks[None], troughs[None], seed=1).statistics[0]
+    observed = seen_of(ideal, peaks, troughs, seed=1)
 
     def likelihood(values):
         """The sliding friction is known to be a half."""

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from stickslip import fit, read_trace
 from stickslip.errors import InputError
 from stickslip.fitting import FITTED, Bench, Fit, Prior, pick_events, synthetic_trace
-from stickslip.fitting.arrest import KEYS
-from stickslip.fitting.inference import infer, see
-from stickslip.fitting.observation import Observation
+from stickslip.fitting.inference import infer
+from stickslip.fitting.model import KEYS
 from stickslip.fitting.summary import NAMES
-from stickslip.fitting.tables import table
+from stickslip.fitting.tables import Observation, table
 from stickslip.kernels.turning_points import Sampling
 from stickslip.paper import Claim, Measured
 from stickslip.paper.figure import between
@@ -139,11 +138,10 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
     """
     made, rng = table(), np.random.default_rng(seed)
     parts = rng.random((truths, len(KEYS)))
-    observed = see(made.prior, parts, IDEAL, seed=seed)
-    seen = IDEAL.see(made.count, made.peaks, made.troughs)
+    observed, seen = IDEAL.see_at(made.prior, parts, seed=seed)[0], IDEAL.see(made)[0]
     rows, refused, edge = [], Counter[str](), 0
-    for part, valid, statistics in zip(parts, observed.valid, observed.statistics, strict=True):
-        if not valid:
+    for part, statistics in zip(parts, observed, strict=True):
+        if not np.isfinite(statistics[0]):
             refused["fewer slips"] += 1
             continue
         try:
@@ -152,7 +150,7 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
             refused[_reason(error)] += 1
             continue
         edge += not sample.adjusted
-        rows.append((part, sample.resample(1000, rng)))
+        rows.append((part, sample.parts[rng.choice(len(sample.parts), size=1000, p=sample.weights)]))
     return _coverage(rows, edge, refused)
 
 

@@ -22,8 +22,8 @@ from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
 from stickslip.fitting.known import newtons
 from stickslip.fitting.known import seconds as seconds_in
+from stickslip.fitting.model import sampled
 from stickslip.fitting.rigs import compared
-from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import listed
@@ -295,7 +295,6 @@ _SAYS = {
 
 def _parameters(found: fitting.Fit) -> list[Plain]:
     """Each parameter: in words, and where its interval lies within what was held possible, 0 to 1."""
-    parts = np.quantile(found.prior.parts(found.values), (0.05, 0.5, 0.95), axis=0)
     return [
         {
             "title": one.title,
@@ -303,9 +302,9 @@ def _parameters(found: fitting.Fit) -> list[Plain]:
             "verdict": one.verdict,
             "says": _SAYS[str(one.verdict)],
             "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
-            "part": [float(value) for value in parts[:, row]],
+            "part": list(one.parts or ()),
         }
-        for row, one in enumerate(found.parameters)
+        for one in found.parameters
     ]
 
 

@@ -1,10 +1,10 @@
-"""The slips of a measured trace as a fit needs them, with what was found on the way."""
+"""The slips of a measured trace as a fit needs them, and what is refused a fit, with the figure that decided."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +12,11 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number
-from stickslip.fitting.arrest import FLOOR
-from stickslip.fitting.summary import statistics
+from stickslip.fitting.model import FLOOR
+from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.arrays import Array, Trace
-from stickslip.measure.slips import pick, resolution, white_noise
+from stickslip.measure.bench import about_the_sensor
+from stickslip.measure.slips import pick, resolution, turning_points, weighted_median, white_noise
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,6 +28,12 @@ FEWEST, LARGEST_DROP = 30, 0.10
 PLATEAU, LOST = 2.0, 0.1
 """The count of slips may change by a tenth while the smallest drop is doubled."""
 _FINER = 2.0**0.25
+RESOLVED = 5.0
+"""Samples of a slip from which on it is resolved."""
+_FEWEST_SAMPLES, _LONGEST_GAP, _LARGEST_NOISE = 20.0, 4, 0.03
+_LEAST_SAWTOOTH, _CLEAR_SAWTOOTH = 1.5, 4.0
+_MOST_DRIFT, _STEP, _LOAD_CHANGE, _DIFFERENT = 0.2, 2.0, 0.05, 3.0
+_LEAST_ERROR = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -40,93 +47,52 @@ class Events(Answer):
     smallest: float  #: drops of at least this count
     noise: float  #: standard deviation, from sample to sample
     resolution: float  #: step of the recording; 0 if there is none
-    counts: tuple[tuple[float, int], ...]  #: how many slips there would be for other smallest drops
+    doubled: int  #: how many slips are at least twice as large
     gap: int = 0  #: longest run of samples that were interpolated
     force_unit: str = ""  #: empty where the trace does not say
     time_unit: str = ""
     source: str = ""
     load_change: float = 0.0  #: largest change of the normal load over its mean; 0 where it is not known
 
-    # ------------------------------------------------------------------------------------------------ one of each slip
+    peaks: Array = field(init=False)  #: force before each slip
+    troughs: Array = field(init=False)  #: force after each slip
+    drops: Array = field(init=False)  #: drop of the force in each slip
+    slopes: Array = field(init=False)  #: rise of the force per time from each trough to the peak after it
+    mean_peak: float = field(init=False)  #: mean force before a slip: the scale of all others
+    step: float = field(init=False)  #: median time from sample to sample
+    recurrence: float = field(init=False)  #: mean time from slip to slip
+    samples_per_period: float = field(init=False)  #: mean recurrence in samples
+    slip_samples: float = field(init=False)  #: median time of a drop in samples; below 5 it is not resolved
+    sawtooth: float = field(init=False)  #: mean time of a rise over that of a drop: 1 for a sine, 10 for stick-slip
+    loading_rate: float = field(init=False)  #: median rise of the force per time between slips
+    thirds: tuple[float, float] = field(init=False)  #: the same in the first and in the last third of the slips
+    drift: float = field(init=False)  #: median loading rate in the last third of the slips over that in the first
+
+    def __post_init__(self) -> None:
+        t, begins, ends = self.time, self.peak_at, self.trough_at
+        peaks, troughs = (np.asarray(self.force[at]) for at in (begins, ends))
+        rising, step, recurrence = t[begins[1:]] - t[ends[:-1]], np.median(np.diff(t)), np.diff(t[begins]).mean()
+        slopes = (peaks[1:] - troughs[:-1]) / rising
+        third = max(len(slopes) // 3, 1)
+        first, last = float(np.median(slopes[:third])), float(np.median(slopes[-third:]))
+        vars(self).update(
+            peaks=peaks,
+            troughs=troughs,
+            drops=peaks - troughs,
+            slopes=slopes,
+            mean_peak=float(peaks.mean()),
+            step=float(step),
+            recurrence=float(recurrence),
+            samples_per_period=float(recurrence / step),
+            slip_samples=float(np.median(ends - begins)),
+            sawtooth=float(rising.mean() / (t[ends] - t[begins]).mean()),
+            loading_rate=float(np.median(slopes)),
+            thirds=(first, last),
+            drift=last / first,
+        )
 
     def __len__(self) -> int:
         return len(self.peak_at)
-
-    @property
-    def peaks(self) -> Array:
-        """Force before each slip."""
-        return np.asarray(self.force[self.peak_at])
-
-    @property
-    def troughs(self) -> Array:
-        """Force after each slip."""
-        return np.asarray(self.force[self.trough_at])
-
-    @property
-    def drops(self) -> Array:
-        """Drop of the force in each slip."""
-        return self.peaks - self.troughs
-
-    @property
-    def slopes(self) -> Array:
-        """Rise of the force per time from each trough to the peak after it."""
-        took = self.time[self.peak_at[1:]] - self.time[self.trough_at[:-1]]
-        return np.asarray((self.peaks[1:] - self.troughs[:-1]) / took)
-
-    # ------------------------------------------------------------------------------------------------ one of all slips
-
-    @property
-    def mean_peak(self) -> float:
-        """Mean force before a slip: the scale of all others."""
-        return float(self.peaks.mean())
-
-    @property
-    def step(self) -> float:
-        """Median time from sample to sample."""
-        return float(np.median(np.diff(self.time)))
-
-    @property
-    def recurrence(self) -> float:
-        """Mean time from slip to slip."""
-        return float(np.diff(self.time[self.peak_at]).mean())
-
-    @property
-    def samples_per_period(self) -> float:
-        """Mean recurrence in samples."""
-        return self.recurrence / self.step
-
-    @property
-    def loading_rate(self) -> float:
-        """Median rise of the force per time between slips."""
-        return float(np.median(self.slopes))
-
-    @property
-    def rise(self) -> float:
-        """Smallest rise between two slips."""
-        return least_rise(self.smallest, self.noise)
-
-    @property
-    def thirds(self) -> tuple[float, float]:
-        """Median loading rate in the first and in the last third of the slips."""
-        third = max(len(self.slopes) // 3, 1)
-        return float(np.median(self.slopes[:third])), float(np.median(self.slopes[-third:]))
-
-    @property
-    def drift(self) -> float:
-        """Median loading rate in the last third of the slips over that in the first."""
-        return self.thirds[1] / self.thirds[0]
-
-    @property
-    def sawtooth(self) -> float:
-        """Mean time of a rise over that of a drop: 1 for a sine, 10 for stick-slip."""
-        falls = (self.time[self.trough_at] - self.time[self.peak_at]).mean()
-        rises = (self.time[self.peak_at[1:]] - self.time[self.trough_at[:-1]]).mean()
-        return float(rises / falls)
-
-    @property
-    def slip_samples(self) -> float:
-        """Median time of a drop, in samples; below 5 the slip itself is not resolved."""
-        return float(np.median(self.trough_at - self.peak_at))
 
     @property
     def statistics(self) -> Array:
@@ -137,32 +103,28 @@ class Events(Answer):
         """Some of the slips, by number."""
         return replace(self, peak_at=self.peak_at[begin:end], trough_at=self.trough_at[begin:end])
 
-    # ------------------------------------------------------------------------------------------------------- in words
-
     def __str__(self) -> str:
         f, t = self.force_unit, self.time_unit
-        low, high = self.smallest, PLATEAU * self.smallest
-        peak, trough = (
-            f"{mean:.4g} ± {with_unit(scatter, f)}"
-            for mean, scatter in ((self.mean_peak, self.peaks.std()), (self.troughs.mean(), self.troughs.std()))
-        )
-        rate = with_unit(self.loading_rate, f) + (f"/{t}" if t else " per time unit")
-        return "\n".join(
-            (
-                f"{len(self)} slips of at least {with_unit(low, f)} ({self.count_at(high)} of at least "
-                f"{with_unit(high, f)})",
-                f"peak {peak}, trough {trough}, drop {with_unit(self.drops.mean(), f)} (CV "
-                f"{self.drops.std() / self.drops.mean():.2f}), every {with_unit(self.recurrence, t)}",
-                f"loading rate {rate}, last third over first {self.drift:.2f}; noise {with_unit(self.noise, f, 2)}, "
-                f"resolution {with_unit(self.resolution, f, 2)}",
-                f"{self.samples_per_period:.3g} samples from slip to slip, {self.slip_samples:.2g} in a slip; rises "
-                f"last {self.sawtooth:.3g} times as long as drops",
+        low, high, noise, step = (
+            with_unit(value, f, digits)
+            for value, digits in (
+                (self.smallest, 3),
+                (PLATEAU * self.smallest, 3),
+                (self.noise, 2),
+                (self.resolution, 2),
             )
         )
-
-    def count_at(self, smallest: float) -> int:
-        """How many slips have at least a certain drop, by the counts at hand."""
-        return min(self.counts, key=lambda pair: abs(math.log(pair[0] / smallest)))[1]
+        peak, trough = (f"{x.mean():.4g} ± {with_unit(x.std(), f)}" for x in (self.peaks, self.troughs))
+        scatter, rate = self.drops.std() / self.drops.mean(), with_unit(self.loading_rate, f)
+        return (
+            f"{len(self)} slips of at least {low} ({self.doubled} of at least {high})\n"
+            f"peak {peak}, trough {trough}, drop {with_unit(self.drops.mean(), f)} (CV {scatter:.2f}), "
+            f"every {with_unit(self.recurrence, t)}\n"
+            f"loading rate {rate}{f'/{t}' if t else ' per time unit'}, last third over first {self.drift:.2f}; "
+            f"noise {noise}, resolution {step}\n"
+            f"{self.samples_per_period:.3g} samples from slip to slip, {self.slip_samples:.2g} in a slip; "
+            f"rises last {self.sawtooth:.3g} times as long as drops"
+        )
 
     def to_dataset(self) -> xr.Dataset:
         """The slips as a Dataset along ``slip``, and the trace along ``time``."""
@@ -176,11 +138,8 @@ class Events(Answer):
             "loading_rate": (np.append(np.nan, self.slopes), f"{f}/{t}" if t else f, "loading rate before the slip"),
         }
         return xr.Dataset(
-            {"spring_force": ("time", self.force, {"units": f, "long_name": "force"})}
-            | {
-                name: ("slip", values, {"units": unit, "long_name": title})
-                for name, (values, unit, title) in of_slips.items()
-            },
+            {name: ("slip", x, {"units": unit, "long_name": title}) for name, (x, unit, title) in of_slips.items()}
+            | {"spring_force": ("time", self.force, {"units": f, "long_name": "force"})},
             coords={"time": ("time", self.time, {"units": t, "long_name": "time"})},
             attrs={"source": self.source, "smallest": self.smallest, "noise": self.noise},
         )
@@ -241,12 +200,16 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
             peaks, troughs = peaks[:-1], troughs[:-1]
         return peaks[first:], troughs[first:]
 
+    def on_a_plateau(drop: float) -> bool:
+        return len(picked(PLATEAU * drop)[0]) >= (1.0 - LOST) * len(picked(drop)[0]) > 0
+
     if smallest is None:
-        smallest = max(_NOISES * noise, _STEPS * step, FLOOR * height)
-        smallest = _on_a_plateau(lambda drop: len(picked(drop)[0]), smallest, LARGEST_DROP * height)
+        drop = least = max(_NOISES * noise, _STEPS * step, FLOOR * height)
+        while drop <= LARGEST_DROP * height and not on_a_plateau(drop):
+            drop *= _FINER
+        smallest = drop if drop <= LARGEST_DROP * height else least
     else:
         smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
-
     peaks, troughs = picked(smallest)
     if len(peaks) < 2:
         raise InputError(
@@ -265,23 +228,13 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
         smallest=float(smallest),
         noise=noise,
         resolution=step,
-        counts=tuple((float(h), len(picked(float(h))[0])) for h in smallest * np.geomspace(0.5, 16.0, 21)),
+        doubled=len(picked(PLATEAU * smallest)[0]),
         gap=max(int(runs.max()), round(float(steps.max() / np.median(steps))) - 1),
-        force_unit=str(kept["spring_force"].attrs.get("units", "")),
-        time_unit=str(kept["time"].attrs.get("units", "")),
+        force_unit=read.force_unit,
+        time_unit=read.time_unit,
         source=str(trace.attrs.get("source", "")),
         load_change=float(np.ptp(np.quantile(load, (0.05, 0.95))) / abs(load.mean())) if load.mean() else 0.0,
     )
-
-
-def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> float:
-    """The smallest drop that may be doubled at hardly any change of the count of slips; `least` if there is none."""
-    drop = least
-    while drop <= most:
-        if count(PLATEAU * drop) >= (1.0 - LOST) * count(drop) > 0:
-            return drop
-        drop *= _FINER
-    return least
 
 
 def least_rise(drop: float, noise: float) -> float:
@@ -292,3 +245,105 @@ def least_rise(drop: float, noise: float) -> float:
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
     """A value in the unit of a trace as it is there, without another prefix."""
     return f"{value:.{digits}g} {'' if unit == '1' else unit}".rstrip()
+
+
+# ------------------------------------------------------------------------------------------------ what is refused a fit
+
+
+def check(events: Events) -> tuple[str, ...]:
+    """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
+    for fault in _faults(events):
+        raise InputError(f"fit: {fault}")
+    return tuple(_notes(events))
+
+
+def _faults(events: Events) -> Iterator[str]:
+    """What makes a fit mislead, the plainest first."""
+    peak, smallest, least = events.mean_peak, events.smallest, with_unit(events.smallest, events.force_unit)
+    for fault in about_the_sensor(events.force):
+        yield f"{fault}; reduce its gain, and record again"
+    if events.gap > _LONGEST_GAP:
+        yield f"{events.gap} samples in a row are missing: at most {_LONGEST_GAP} are filled in; cut the trace there"
+    if events.load_change > _LOAD_CHANGE:
+        yield f"the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
+    if events.noise > _LARGEST_NOISE * peak:
+        yield (
+            f"the noise is {100 * events.noise / peak:.2g} % of the peak force: at most {100 * _LARGEST_NOISE:g} %; "
+            "smooth the trace, or record it with less noise"
+        )
+    if smallest > LARGEST_DROP * peak:
+        yield (
+            f"drops below {least}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
+            f"noise: at most {100 * LARGEST_DROP:g} %; record faster, or with less noise"
+        )
+    if events.sawtooth < _LEAST_SAWTOOTH:
+        yield (
+            f"the force rises for {events.sawtooth:.2g} times as long as it drops: this is an oscillation or noise, "
+            f"not stick-slip, where it is at least {_LEAST_SAWTOOTH:g}"
+        )
+    if events.samples_per_period < _FEWEST_SAMPLES:
+        yield (
+            f"{events.samples_per_period:.3g} samples from slip to slip: at least {_FEWEST_SAMPLES:g} are needed; "
+            "record faster, or pull slower"
+        )
+    if len(events) < FEWEST:
+        yield f"{len(events)} slips: at least {FEWEST} are needed; record for longer"
+    if events.doubled < (1.0 - LOST) * len(events):
+        yield (
+            f"{len(events)} drops of at least {least}, but {events.doubled} of at least twice that: how many slips "
+            "there are depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
+        )
+    change, when = _largest_step(events)
+    if change > _STEP:
+        yield (
+            f"the loading rate changes {change:.2g} times at t = {with_unit(when, events.time_unit, 4)}: the "
+            "speed or the load was changed; fit one part of the trace"
+        )
+    name, z = _halves(events)
+    if z > _DIFFERENT:
+        yield (
+            f"the halves of the trace differ: {name} by {z:.2g} standard errors, at most {_DIFFERENT:g}; fit one part "
+            "of the trace"
+        )
+
+
+def _notes(events: Events) -> Iterator[str]:
+    """What a reader should know."""
+    if abs(math.log(events.drift)) > math.log1p(_MOST_DRIFT):
+        yield (
+            f"the loading rate in the last third is {events.drift:.2f} times that in the first: the drive or the rig "
+            "is not steady; what is fitted depends on the order of the slips, not on time"
+        )
+    if events.sawtooth < _CLEAR_SAWTOOTH:
+        yield f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip"
+    if events.slip_samples < RESOLVED:
+        yield f"slips are not resolved (samples in each: {events.slip_samples:.2g}): only bounds on mass and delay"
+
+
+def _halves(events: Events) -> tuple[str, float]:
+    """The statistic by which the halves of a trace differ most, and by how many standard errors."""
+    middle = len(events) // 2
+    one, other = comparable(statistics(*(x[: 2 * middle].reshape(2, middle) for x in (events.peaks, events.troughs))))
+    # Errors of the whole trace, doubled: of half as many slips, and of a difference.
+    error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
+    z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
+    worst = int(np.argmax(z))
+    return FITTED[worst], float(z[worst])
+
+
+def _largest_step(events: Events) -> tuple[float, float]:
+    """Largest ratio of the median loading rates on both sides of a drop, and its time.
+
+    By the time that rises take, ringing weighs little; of joined slips a sudden change of the speed would be ringing.
+    """
+    peaks, troughs = turning_points(events.force, events.smallest, least_rise(events.smallest, events.noise))
+    took = events.time[peaks[1:]] - events.time[troughs[:-1]]
+    slopes = (events.force[peaks[1:]] - events.force[troughs[:-1]]) / took
+    many = max(8, slopes.size // 8)
+    best, when = 1.0, 0.0
+    for i in range(many, slopes.size - many + 1):
+        sides = slice(i - many, i), slice(i, i + many)
+        before, behind = (weighted_median(slopes[side], took[side]) for side in sides)
+        if (ratio := max(before / behind, behind / before)) > best:
+            best, when = ratio, float(events.time[peaks[i]])
+    return best, when

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -12,16 +12,24 @@ import xarray as xr
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, instance, whole
-from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior, Unknown, simulate
-from stickslip.fitting.events import Events, pick_events
-from stickslip.fitting.gates import check
-from stickslip.fitting.inference import EDGE, infer, see
-from stickslip.fitting.known import QUANTITIES, Known, in_si, likelihood_of, read_known, refusal
-from stickslip.fitting.observation import Observation
-from stickslip.fitting.rates import Delays, Pairs, Strengthening, delays_of, strengthening_of
-from stickslip.fitting.summary import FITTED, NAMES
-from stickslip.fitting.synthetic import sampled
-from stickslip.fitting.tables import DRAWS, SLIPS, table
+from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.inference import EDGE, infer
+from stickslip.fitting.known import (
+    QUANTITIES,
+    Delays,
+    Known,
+    Pairs,
+    Strengthening,
+    delays_of,
+    in_si,
+    likelihood_of,
+    read_known,
+    refusal,
+    strengthening_of,
+)
+from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, Unknown, sampled, simulate
+from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
+from stickslip.fitting.tables import DRAWS, SLIPS, Observation, table
 from stickslip.measure.arrays import Array
 from stickslip.progress import reporting
 from stickslip.words import engineering
@@ -47,7 +55,7 @@ class Standing(NamedTuple):
     """A statistic of the trace and the range of 95 % of the draws, from their median in a quarter of that range."""
 
     name: str
-    p: float
+    p: float  # two-sided
     fitted: bool
     low: float
     high: float
@@ -70,13 +78,18 @@ class Interval:
     #: parameter of the model.
     verdict: Verdict | None = None
 
-    width: float | None = None  #: of the interval over that of the prior, in decades where the prior is
+    parts: tuple[float, float, float] | None = None  #: where the three quantiles lie in the range of the prior, 0 to 1
 
     @classmethod
-    def of(cls, draws: Array, key: str, title: str, unit: str, **more: Any) -> Interval:
+    def of(cls, draws: Array, key: str, title: str, unit: str) -> Interval:
         """Take it from draws."""
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
-        return cls(key=key, title=title, unit=unit, low=low, median=median, high=high, **more)
+        return cls(key=key, title=title, unit=unit, low=low, median=median, high=high)
+
+    @property
+    def width(self) -> float | None:
+        """Of the interval over that of the prior, in decades where the prior is."""
+        return None if self.parts is None else (self.parts[2] - self.parts[0]) / 0.9
 
     def __str__(self) -> str:
         for digits in (2, 3, 4):  # as many as show that the ends differ
@@ -90,13 +103,16 @@ class Interval:
 
 def _parameter(unknown: Unknown, values: Array, parts: Array) -> Interval:
     """A parameter of the model, with what the trace says of it; parts lie between 0 and 1."""
-    width = float(np.subtract(*np.quantile(parts, (0.95, 0.05)))) / 0.9
-    found = Interval.of(values, unknown.key, unknown.title, "1", width=width)
-    verdict: Verdict = "weak" if width < _WEAK else "not identified"
-    if width < _IDENTIFIED and not (unknown.decades and found.high > _WIDE * found.low):
-        verdict = "identified"
+    low, middle, high = np.quantile(parts, (0.05, 0.5, 0.95)).tolist()
+    found = replace(Interval.of(values, unknown.key, unknown.title, "1"), parts=(low, middle, high))
+    width = (high - low) / 0.9
+    verdict: Verdict = "not identified"
     if max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean())) > _AT_BOUND:
         verdict = "at a bound"
+    elif width < _IDENTIFIED and not (unknown.decades and found.high > _WIDE * found.low):
+        verdict = "identified"
+    elif width < _WEAK:
+        verdict = "weak"
     return replace(found, verdict=verdict)
 
 
@@ -119,8 +135,6 @@ class Fit(Answer):
     delays: Delays | None = None  #: what other speeds say of the delay
     strengthening: Strengthening | None = None  #: what holds say of ageing
 
-    # ----------------------------------------------------------------------------------------------------- parameters
-
     def __len__(self) -> int:
         return len(self.values)
 
@@ -134,8 +148,7 @@ class Fit(Answer):
         """A parameter of the model, or a quantity in SI units."""
         if key in KEYS:
             return self.parameters[KEYS.index(key)]
-        unit, title = ("s", "delay of re-attachment") if key == "delay" else QUANTITIES.get(key, ("", key))[:2]
-        return Interval.of(self.draws(key), key, title, unit)
+        return Interval.of(self.draws(key), key, *QUANTITIES[key][:2])
 
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.
@@ -147,20 +160,21 @@ class Fit(Answer):
         """
         if key in KEYS:
             return np.asarray(self.values[:, KEYS.index(key)])
-        if key == "delay" and self.delays is not None:
-            return self.delays.draws
-        found = in_si(self.values, self.strength, self.events, self.known)
-        if key not in found:
+        if key not in (found := self._in_si()):
             raise refusal(key, self.known)
         return found[key]
+
+    def _in_si(self) -> dict[str, Array]:
+        """Draws of all quantities that can be told."""
+        found = in_si(self.values, self.strength, self.events, self.known)
+        return found | ({"delay": self.delays.draws} if self.delays else {})
 
     @property
     def quantities(self) -> tuple[Interval, ...]:
         """All that what is known allows to tell in SI units."""
         if self.events.force_unit == "1" and "load" not in self.known:
             return ()
-        names = in_si(self.values, self.strength, self.events, self.known)
-        return tuple(self[name] for name in (*names, *(["delay"] if self.delays else [])))
+        return tuple(Interval.of(draws, key, *QUANTITIES[key][:2]) for key, draws in self._in_si().items())
 
     def series(self, row: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Peaks and troughs of a series of slips that one draw makes, in the unit of the force."""
@@ -175,32 +189,25 @@ class Fit(Answer):
         peaks, troughs = self.series(i, slips, rng)
         return sampled(peaks, troughs, events.loading_rate, events.step, events.noise, rng)
 
-    # ------------------------------------------------------------------------------------------------------- the test
-
     @property
     def p_values(self) -> dict[str, float]:
         """How likely each statistic is to lie further out than that of the trace, by series of the draws; two-sided."""
-        observed = self.events.statistics
-        above = (self.predicted >= observed).mean(axis=0)
-        below = (self.predicted <= observed).mean(axis=0)
-        least = 1.0 / len(self.predicted)
-        p = np.clip(2.0 * np.minimum(above, below), least, 1.0)
-        return dict(zip(NAMES, p.tolist(), strict=True))
+        return {one.name: one.p for one in self.test}
 
     @property
     def test(self) -> tuple[Standing, ...]:
         """Each statistic of the trace among those of series of the draws."""
-        low, middle, high = np.quantile(self.predicted, (0.025, 0.5, 0.975), axis=0)
-        scale = np.maximum(high - low, 1e-12) / 4.0
-        placed = ((each - middle) / scale for each in (low, high, self.events.statistics))
-        rows = zip(self.p_values.items(), *(each.tolist() for each in placed), strict=True)
-        return tuple(Standing(name, p, name in FITTED, *ends) for (name, p), *ends in rows)
+        made, here = self.predicted, self.events.statistics
+        least = np.minimum((made >= here).mean(axis=0), (made <= here).mean(axis=0))
+        p = np.clip(2.0 * least, 1.0 / len(made), 1.0)
+        low, middle, high = np.quantile(made, (0.025, 0.5, 0.975), axis=0)
+        ends = (np.array([low, high, here]) - middle) / (np.maximum(high - low, 1e-12) / 4.0)
+        rows = zip(NAMES, p.tolist(), ends.T.tolist(), strict=True)
+        return tuple(Standing(name, p, name in FITTED, *places) for name, p, places in rows)
 
     def surprises(self) -> tuple[str, ...]:
         """Statistics that the draws do not make: p below .02."""
-        return tuple(name for name, p in self.p_values.items() if p < LOW)
-
-    # --------------------------------------------------------------------------------------------------- what to do
+        return tuple(one.name for one in self.test if one.p < LOW)
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
@@ -240,7 +247,6 @@ class Fit(Answer):
         def intervals(found: tuple[Interval, ...]) -> dict[str, Any]:
             return {one.key: {k: value for k in kept if (value := getattr(one, k)) is not None} for one in found}
 
-        as_they_are = ("edge", "adjusted", "invalid", "simulations", "p_values", "notes")
         found: dict[str, Any] = plain(
             {
                 "slips": len(self.events),
@@ -252,32 +258,34 @@ class Fit(Answer):
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
                 "delay": self.delays and self.delays.to_dict(),
                 "ageing": self.strengthening,
+                "edge": self.edge,
+                "adjusted": self.adjusted,
+                "invalid": self.invalid,
+                "simulations": self.simulations,
+                "p_values": self.p_values,
+                "notes": self.notes,
             }
-            | {name: getattr(self, name) for name in as_they_are}
         )
         return found
 
     def __str__(self) -> str:
-        width = max(len(one.title) for one in (*self.parameters, *self.quantities))
-        wide = max(len(str(one)) for one in self.parameters)
-        lines = [str(self.events), "", "Parameters of the model, medians and 90 % intervals:"]
-        lines += [f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}" for one in self.parameters]
-        if self.quantities:
-            lines += ["In SI units:"]
-            lines += [f"  {one.title:{width}}  {one!s}" for one in self.quantities]
-        p = self.p_values
-        fitted = min(p[name] for name in FITTED)
-        rest = min(p[name] for name in NAMES[len(FITTED) :])
-        lines.append(
-            f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics {fitted:.2g}, of "
-            f"{len(NAMES) - len(FITTED)} others {rest:.2g}"
+        parameters, quantities, p = self.parameters, self.quantities, self.p_values
+        width = max(len(one.title) for one in (*parameters, *quantities))
+        wide = max(len(str(one)) for one in parameters)
+        in_si = ["In SI units:", *(f"  {one.title:{width}}  {one!s}" for one in quantities)]
+        return "\n".join(
+            [
+                f"{self.events}\n\nParameters of the model, medians and 90 % intervals:",
+                *(f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}" for one in parameters),
+                *(in_si if quantities else ()),
+                f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics "
+                f"{min(p[name] for name in FITTED):.2g}, of {len(HELD_OUT)} others "
+                f"{min(p[name] for name in HELD_OUT):.2g}",
+                *(str(more) for more in (self.delays, self.strengthening) if more),
+                *(f"note: {note}" for note in self.notes),
+                *(f"next: {what}" for what in self.next_experiments),
+            ]
         )
-        for more in (self.delays, self.strengthening):
-            if more is not None:
-                lines.append(str(more))
-        lines += [f"note: {note}" for note in self.notes]
-        lines += [f"next: {what}" for what in self.next_experiments]
-        return "\n".join(lines)
 
 
 def fit(
@@ -342,51 +350,44 @@ def fit(
     if len(events) > MOST_SLIPS:
         notes.append(f"only the first {MOST_SLIPS} of {len(events)} slips are fitted")
         events = events.part(0, MOST_SLIPS)
-    likelihood = likelihood_of(events, given)
-    observation = Observation.of(events)
+    likelihood, observation = likelihood_of(events, given), Observation.of(events)
     with reporting(progress, "simulating") as report:
         made = table(prior=prior, draws=draws, progress=report)
     sample = infer(made, observation, events.statistics, likelihood=likelihood, seed=seed)
-    parts = sample.resample(POSTERIOR, np.random.default_rng([seed, 4]))
-    again = see(prior, parts, observation, seed=seed + 1000)
-    valid = again.valid
+    even = np.random.default_rng([seed, 4]).choice(len(sample.parts), size=POSTERIOR, p=sample.weights)
+    parts = sample.parts[even]
+    predicted, mean_peak = observation.see_at(prior, parts, seed=seed + 1000)
+    valid = np.isfinite(mean_peak)
     if valid.sum() < POSTERIOR // 10:
         raise InputError(
             f"fit: only {valid.sum()} of {POSTERIOR} posterior draws reproduce this kind of trace: the model does not "
             "describe it"
         )
-    if not sample.adjusted:
-        notes.append(
-            f"the trace lies at the edge of what the model makes ({sample.edge:.3g} percentile, above {EDGE:g}): the "
-            "draws were not moved by a regression, and the intervals are wider than need be"
-        )
     found = Fit(
         events=events,
         prior=prior,
         values=prior.values(parts[valid]),
-        strength=events.mean_peak / again.mean_peak[valid],
-        predicted=again.statistics[valid],
+        strength=events.mean_peak / mean_peak[valid],
+        predicted=predicted[valid],
         known=given,
+        edge=sample.edge,
+        adjusted=sample.adjusted,
+        effective=float(1.0 / (sample.weights**2).sum()),
+        invalid=sample.invalid,
+        simulations=sample.simulations,
         notes=(),
         strengthening=strengthening_of(holds) if holds else None,
-        **{name: getattr(sample, name) for name in ("edge", "adjusted", "effective", "invalid", "simulations")},
     )
-    delays = delays_of(found, speeds) if speeds else None
-    return replace(found, notes=(*notes, *_notes(found)), delays=delays)
-
-
-def _notes(found: Fit) -> Iterator[str]:
-    """What a reader should know of what was found."""
-    for one in found.parameters:
-        if one.verdict == "at a bound":
-            yield f"{one.title}: at a bound of its prior"
-    if surprises := found.surprises():
-        yield (
-            f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
-            f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}"
-        )
-    if found["contacts"].high < 100:
-        yield (
-            "N is an effective number of independent strength units, inferred from the scatter; not a count of "
-            "asperities"
-        )
+    surprises = found.surprises()
+    worth_saying = {
+        f"the trace lies at the edge of what the model makes ({found.edge:.3g} percentile, above {EDGE:g}): the draws "
+        "were not moved by a regression, and the intervals are wider than need be": not found.adjusted,
+        **{f"{one.title}: at a bound of its prior": one.verdict == "at a bound" for one in found.parameters},
+        f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
+        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
+        "N is an effective number of independent strength units, inferred from the scatter; not a count of "
+        "asperities": found["contacts"].high < 100,
+    }
+    notes += [words for words, worth in worth_saying.items() if worth]
+    delays = delays_of(found.values, found.draws("breaking_displacement"), speeds) if speeds else None
+    return replace(found, notes=tuple(notes), delays=delays)

@@ -9,37 +9,31 @@ model makes, a regression would extrapolate: then simulations are added near it,
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from stickslip.errors import InputError
-from stickslip.fitting.arrest import KEYS, Prior
-from stickslip.fitting.observation import Observation, Seen
+from stickslip.fitting.model import KEYS, Prior
 from stickslip.fitting.summary import comparable
-from stickslip.fitting.tables import Table, joined, on_all_cores, simulated
+from stickslip.fitting.tables import Observation, Table
 from stickslip.measure.arrays import Array
 
 NEAREST = 300
 EDGE, BEYOND = 95.0, 99.9
 """Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
 _NEIGHBOUR, _COMPARED = 10, 1000
-_ROUND = 4_000
+_ROUND, _FEWEST_IN_A_ROUND = 4_000, 1_000
 _ROUND_COST, _PER_CONTACT = 15.0, 4e-7
 """Seconds that a round may take on one core, by estimate, and what a slip costs per contact."""
-_FEWEST_IN_A_ROUND = 1_000
-_SHARES = 8
-"""Parts in which simulations are drawn, each by its own numbers: on any number of cores the same."""
 _SMALL = 1e-4
 _LITTLE = 1e-3
 """Of the largest weight, which is 1 of a likelihood: draws with less do not count."""
-Likelihood = Callable[[Array], Array]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sample:
+class Sample(NamedTuple):
     """Weighted draws of the parameters, as parts of the ranges of the prior; other numbers as in `Fit`."""
 
     parts: Array
@@ -49,41 +43,32 @@ class Sample:
     invalid: float
     simulations: int
 
-    @property
-    def effective(self) -> float:
-        """Effective number of draws."""
-        return float(1.0 / (self.weights**2).sum())
-
-    def resample(self, count: int, rng: np.random.Generator) -> Array:
-        """Even draws from the weighted ones."""
-        return np.asarray(self.parts[rng.choice(len(self.parts), size=count, p=self.weights)])
-
 
 def infer(
     table: Table,
     observation: Observation,
     observed: Array,
     *,
-    likelihood: Likelihood | None = None,
+    likelihood: Callable[[Array], Array] = lambda values: np.ones(len(values)),
     rounds: int | None = None,
     nearest: int = NEAREST,
-    seen: Seen | None = None,
+    seen: Array | None = None,
     seed: int = 0,
 ) -> Sample:
     """Draw parameters that make the statistics that were observed; `InputError` if no draw is anywhere near.
 
     A likelihood of parameters, along the last axis, is at most 1. Unless `rounds` says so there are two rounds of more
-    simulations where the trace lies at the edge, else none. `seen` is what the table shows to this observation.
+    simulations where the trace lies at the edge, else none. `seen` are the statistics of the table by this observation.
     """
     if seen is None:
-        seen = observation.see(table.count, table.peaks, table.troughs, seed=seed)
-    likelihood, prior, valid = likelihood or _nothing_known, table.prior, seen.valid
+        seen = observation.see(table, seed=seed)[0]
+    prior, valid = table.prior, np.isfinite(seen[:, 0])
     if valid.sum() < nearest:
         raise InputError(
             f"fit: {valid.sum()} of {len(table)} draws from the prior stick-slip as the trace does, with "
             f"{observation.slips} slips above the smallest drop: at least {nearest} are needed; take more draws"
         )
-    parts, found, target = table.parts[valid], comparable(seen.statistics[valid]), comparable(observed)
+    parts, found, target = table.parts[valid], comparable(seen[valid]), comparable(observed)
     # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
     scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
@@ -106,8 +91,8 @@ def infer(
     for number in range((2 if far else 0) if rounds is None else rounds):
         rng = np.random.default_rng([seed, 2, number])
         more, density = _proposals(parts, weights, prior, observation, rng)
-        near = see(prior, more, observation, seed=seed + number + 1)
-        good = near.valid
+        near = observation.see_at(prior, more, seed=seed + number + 1)[0]
+        good = np.isfinite(near[:, 0])
         fresh = likelihood(prior.values(more[good])) / density[good]
         simulations += len(more)
         # At most a few per cent of the weight to one draw: the rest would count for nothing.
@@ -115,7 +100,7 @@ def infer(
             fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
         if _counting(fresh).sum() < nearest:
             break
-        parts, weights, found = _kept(more[good], fresh, comparable(near.statistics[good]), target, scale, nearest)
+        parts, weights, found = _kept(more[good], fresh, comparable(near[good]), target, scale, nearest)
     return Sample(
         parts=parts if far else _adjusted(parts, weights, found, target),
         weights=weights / weights.sum(),
@@ -124,21 +109,6 @@ def infer(
         invalid=1.0 - float(valid.mean()),
         simulations=simulations,
     )
-
-
-def _nothing_known(values: Array) -> Array:
-    return np.ones(len(values))
-
-
-def see(prior: Prior, parts: Array, observation: Observation, *, seed: int = 0) -> Seen:
-    """Simulate at given parts of the ranges of a prior, on all cores, and observe."""
-    blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
-
-    def one(block: int) -> Table:
-        return simulated(prior, blocks[block], observation.slips_needed, np.random.default_rng([seed, 3, block]))
-
-    made = joined(on_all_cores(one, range(len(blocks))))
-    return observation.see(made.count, made.peaks, made.troughs, seed=seed)
 
 
 def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:

@@ -1,17 +1,28 @@
-"""What is known of a bench besides its trace, and which quantities that allows to tell, in SI units."""
+"""What is known besides a trace: values of the bench, friction at several speeds and after holds; what they tell."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import curve_fit, nnls
+from scipy.special import stdtrit
 
-from stickslip.errors import InputError, instance
+from stickslip.answers import Answer
+from stickslip.errors import InputError, instance, sequence
 from stickslip.fitting.events import Events
+from stickslip.io import files
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
+from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
+from stickslip.words import engineering
 
 _UNITS = {
     "stiffness": ("N/m", "350 N/m"),
@@ -23,6 +34,9 @@ _USUAL_ERROR = 0.02
 """Relative error of a value that is given without one."""
 Known = Mapping[str, tuple[float, float]]
 """Values of a bench that were measured otherwise, with their standard errors, in SI units."""
+Pairs = tuple[tuple[object, object], ...]
+_FEWEST = {"speeds": 4, "holds": 3}
+"""One more than the unknowns of the curve: else nothing is left to tell an error by."""
 
 
 def read_known(given: Mapping[str, object] | None) -> Known:
@@ -67,10 +81,10 @@ def rate_error(events: Events) -> float:
     return abs(last - first) / 2.0 / events.loading_rate
 
 
-def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | None:
-    """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``; None if they say nothing."""
+def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
+    """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``: 1 if they are not known."""
     if not known.keys() >= {"stiffness", "speed"}:
-        return None
+        return lambda values: np.ones(len(values))
     (K, of_stiffness), (v, of_speed) = known["stiffness"], known["speed"]
     loading, product = events.loading_rate * newtons(events, known) / seconds(events), K * v
     error = math.hypot(of_stiffness / K, of_speed / v, rate_error(events))
@@ -88,16 +102,17 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | No
 
 
 QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
-    "contact_strength": ("N", "total contact strength N f_s", ()),
-    "static_friction": ("N", "mean force before a slip, as measured", ()),
-    "sliding_friction": ("N", "force of all contacts while they slide", ()),
-    "interface_stiffness": ("N/m", "stiffness of all contacts together, N k", ("stiffness",)),
-    "breaking_displacement": ("m", "breaking displacement x_s", ("stiffness",)),
-    "speed": ("m/s", "speed of the drive", ("stiffness",)),
-    "friction_coefficient": ("1", "mean force before a slip over the load, as measured", ("load",)),
-    "frequency": ("Hz", "natural frequency of the slider on its spring, as given", ("stiffness", "mass")),
+    "contact_strength": ("total contact strength N f_s", "N", ()),
+    "static_friction": ("mean force before a slip, as measured", "N", ()),
+    "sliding_friction": ("force of all contacts while they slide", "N", ()),
+    "interface_stiffness": ("stiffness of all contacts together, N k", "N/m", ("stiffness",)),
+    "breaking_displacement": ("breaking displacement x_s", "m", ("stiffness",)),
+    "speed": ("speed of the drive", "m/s", ("stiffness",)),
+    "friction_coefficient": ("mean force before a slip over the load, as measured", "1", ("load",)),
+    "frequency": ("natural frequency of the slider on its spring, as given", "Hz", ("stiffness", "mass")),
+    "delay": ("delay of re-attachment", "s", ("speeds",)),
 }
-"""Unit and title of each quantity, and what must be known for it."""
+"""Title and unit of each quantity, and what must be known for it."""
 
 
 def in_si(values: Array, strength: Array, events: Events, known: Known) -> dict[str, Array]:
@@ -133,9 +148,153 @@ def refusal(name: str, known: Known) -> InputError:
             "after several holds (holds=)"
         )
     if name not in QUANTITIES:
-        return InputError(f"fit: {name!r}: must be one of {', '.join(QUANTITIES)}")
+        return InputError(f"fit: {name!r}: must be one of {', '.join(list(QUANTITIES)[:-1])}")
     missing = [need for need in QUANTITIES[name][2] if need not in known]
     return InputError(
         f"fit: {name}: a force trace alone does not tell it; give {' and '.join(missing)}, as in "
         f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
     )
+
+
+# ------------------------------------------------------------------------------ friction at several speeds, after holds
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Delays(Answer):
+    """The delay of re-attachment that the friction at several speeds tells."""
+
+    draws: Array  #: in s, in the order of the draws of the fit
+    half_speed: float  #: in m/s: there the friction of the attached contacts has halved
+    misfit: float  #: root mean square of what is left of the forces, over their range
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain numbers."""
+        low, median, high = np.quantile(self.draws, (0.05, 0.5, 0.95)).tolist()
+        return {"low": low, "median": median, "high": high, "half_speed": self.half_speed, "misfit": self.misfit}
+
+    def __str__(self) -> str:
+        low, median, high = (engineering(each, "s", 2) for each in np.quantile(self.draws, (0.05, 0.5, 0.95)))
+        return (
+            f"From friction at several speeds: re-attachment delay {median} ({low} to {high}): the friction of "
+            f"attached contacts halves at {engineering(self.half_speed, 'm/s', 3)}; misfit {100 * self.misfit:.2g} % "
+            "of the range"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Strengthening(Answer):
+    """How static friction grows with the time of rest."""
+
+    per_decade: float  #: of the time, over the static friction at the shortest hold
+    error: float  #: its standard error
+    freedom: int  #: degrees of freedom of the error: holds less two
+
+    def __str__(self) -> str:
+        clear = self.per_decade > float(stdtrit(self.freedom, 0.975)) * self.error  # Student's t, 5 % two-sided
+        words = "contacts age" if clear else "no ageing is seen"
+        return (
+            f"From the holds: static friction changes by {100 * self.per_decade:.2g} ± {100 * self.error:.1g} % per "
+            f"decade of rest: {words}"
+        )
+
+
+def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, float]:
+    """Half-speed, its relative standard error, and rms misfit of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
+    v, F = np.asarray(speeds, dtype=float), np.asarray(forces, dtype=float)
+    _enough("speeds", v)
+
+    def force(v: Array, log_half: float, falls: float, stays: float) -> Array:
+        return np.asarray(stays + falls / (1.0 + v / math.exp(log_half)))
+
+    def levels(log_half: float) -> tuple[Array, float]:
+        return nnls(np.column_stack([force(v, log_half, 1.0, 0.0), np.ones_like(v)]), F)
+
+    low, high = math.log(v.min() / 30.0), math.log(v.max() * 30.0)
+    start = min(np.linspace(low, high, 60).tolist(), key=lambda at: levels(at)[1])
+    falls, stays = levels(start)[0]
+    if falls <= 0:
+        raise InputError(
+            f"speeds: the force does not fall with the speed, from {F[np.argmin(v)]:.4g} at the lowest to "
+            f"{F[np.argmax(v)]:.4g} at the highest: it tells no delay",
+            "speeds",
+        )
+    bounds = [low - 1.0, 0.0, 0.0], [high + 1.0, math.inf, math.inf]
+    found, covariance = curve_fit(force, v, F, [start, falls, stays], bounds=bounds)
+    if not low + 0.4 < found[0] < high - 0.4:
+        raise InputError(
+            f"speeds: the force does not show at which speed it halves within {v.min():.3g} to {v.max():.3g} m/s; "
+            "measure over a wider range",
+            "speeds",
+        )
+    misfit = math.sqrt(float(np.mean((F - force(v, *found)) ** 2)))
+    return math.exp(found[0]), math.sqrt(covariance[0, 0]), misfit
+
+
+def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Delays:
+    """The delay of each draw: mean rupture margin of a newborn contact over the half-speed.
+
+    A contact is attached while the slider goes its margin, and detached for the delay: the friction that attached
+    contacts add halves where the two take equal times. Breaking displacements are in m.
+    """
+    v, F = _pairs("speeds", speeds, "m/s", "0.1 mm/s")
+    half, error, misfit = half_speed_of(v, F)
+    margins = [Gaussian(mean=1.0 - residual, std=std).positive() for std, residual in values[:, 1:3].tolist()]
+    mean = np.array([margin.moment(1) for margin in margins])
+    scatter = np.random.default_rng([6, len(mean)]).standard_t(len(F) - 3, len(mean))
+    return Delays(
+        draws=np.asarray(mean * displacement / half * np.exp(error * scatter)),
+        half_speed=half,
+        misfit=misfit / max(float(np.ptp(F)), 1e-300),
+    )
+
+
+def strengthening_of(holds: Pairs) -> Strengthening:
+    """Straight line of static friction over the logarithm of the time of rest before."""
+    t, F = _pairs("holds", holds, "s", "10 s")
+    _enough("holds", t)
+    (slope, _), covariance = np.polyfit(np.log10(t), F, 1, cov=True)
+    size = float(F[np.argmin(t)])
+    return Strengthening(per_decade=float(slope) / size, error=math.sqrt(covariance[0, 0]) / size, freedom=len(F) - 2)
+
+
+def _enough(place: str, values: Array) -> None:
+    if (count := np.unique(values).size) < _FEWEST[place]:
+        raise InputError(f"{place}: {count} different ones: at least {_FEWEST[place]} are needed", place)
+
+
+def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, Array]:
+    """Pairs of numbers in SI units, or texts with units, of something and a force."""
+    pairs = f"({example!r}, '12 N')"
+    found = []
+    for i, pair in enumerate(sequence(place, given, f"pairs, such as [{pairs}]")):
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise InputError(f"{place}[{i}] = {pair!r}: must be a pair, such as {pairs}", place)
+        first, force = pair
+        found.append(
+            (read_value(f"{place}[{i}]", first, unit, example), read_value(f"{place}[{i}]", force, "N", "12 N"))
+        )
+    columns = np.array(found, dtype=float).reshape(-1, 2).T
+    return columns[0], columns[1]
+
+
+def read_pairs(path: Path | None) -> Pairs:
+    """Two columns of a text file: a speed in m/s or a time in s, and a force in N; names may stand above them."""
+    if path is None:
+        return ()
+    rows: list[tuple[object, object]] = []
+    text = files.read(path, "table of two columns", largest=1_000_000).decode("utf-8", "replace")
+    for at, line in enumerate(text.splitlines(), start=1):
+        cells = re.split(r"\s*[,;]\s*|\s+", line.split("#")[0].strip())
+        if cells == [""] or not (rows or any(re.match(r"[-+]?[.]?\d", cell) for cell in cells)):
+            continue
+        try:
+            first, second = map(float, cells)
+        except ValueError:
+            raise InputError(
+                f"{path}: line {at}: {line.strip()[:60]!r}: must be two numbers without units, with decimal points, "
+                "such as '0.001 12.5'"
+            ) from None
+        rows.append((first, second))
+    if not rows:
+        raise InputError(f"{path}: holds no rows of two numbers, such as '0.001 12.5'")
+    return tuple(rows)

@@ -1,6 +1,6 @@
-"""From a fit to a rig, and from a fitted rig to a verdict with its uncertainty.
+"""Rigs of a fit and of a few readings, and the verdict on a fitted rig with its uncertainty.
 
-The rig holds what was fitted: contacts that slide with a force and re-attach with it on arrest, on a track that
+A fitted rig holds what was fitted: contacts that slide with a force and re-attach with it on arrest, on a track that
 scatters. It is run before it is written, and read as the trace was: its drops and its period are those of the trace.
 """
 
@@ -17,15 +17,17 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.answers import Answer
-from stickslip.errors import InputError, UndecidedError, instance, whole
-from stickslip.fitting.events import Events, pick_events, with_unit
-from stickslip.fitting.gates import RESOLVED
+from stickslip.errors import InputError, UndecidedError, instance, number, whole
+from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.known import Known, drawn, in_si, newtons, rate_error, read_known, seconds
+from stickslip.io.friction import thresholds_of
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
-from stickslip.model import OnArrest, Output
-from stickslip.model.drive import constant
-from stickslip.model.rig import Rig
+from stickslip.model import Delay, Gaussian, Interface, OnArrest, Output, Slider
+from stickslip.model.drive import USUAL_DISTANCE, constant
+from stickslip.model.quantities import read_value
+from stickslip.model.rig import Assumption, Rig
+from stickslip.model.units import Scales
 from stickslip.simulation import simulate
 from stickslip.words import engineering
 
@@ -42,6 +44,13 @@ _ON_ARREST = (
     "contacts re-attach on arrest, so there is no smooth sliding for linear theory; friction at several speeds (fit "
     "--speeds) would tell the delay"
 )
+_NO_DELAY = (
+    "stands for any delay longer than a slip and shorter than the time between slips; friction at several speeds "
+    "(--speeds) tells it"
+)
+_INITIAL = Gaussian(mean=0.0, std=0.01)
+_LEAST_RATIO = 0.01
+"""How much faster the spring is wound up than the force rises, at least, for the difference to say anything."""
 
 _ASSUMED = "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
 KEYS: Mapping[str, tuple[str, str]] = {
@@ -58,6 +67,8 @@ KEYS: Mapping[str, tuple[str, str]] = {
     "drive.velocity": ("m/s", "stiffness_ratio"),
 }
 """Keys of a rig file that a fit fills in: the unit of their draws, and how they were found or which parameter tells."""
+_GIVEN = {"slider.stiffness": "stiffness", "slider.mass": "mass", "drive.velocity": "speed"}
+"""Keys whose values are not fitted where they are known."""
 
 
 def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) -> Rig:
@@ -73,7 +84,7 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
     order, nearest = _from_the_centre(exact)[:_TRIED].tolist(), ""
     delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
     for delay in (*delays, {}):
-        fitted = {path: values for path, values in (draws | delay).items() if path not in _given(known)}
+        fitted = {path: values for path, values in (draws | delay).items() if _GIVEN.get(path) not in known}
         document = _document(found, name, fitted)
         for i in order:
             document["simulation"] = {"contacts": max(round(float(found.values[i, 0])), 1)}
@@ -91,23 +102,13 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
     )
 
 
-def _given(known: Known) -> set[str]:
-    """Keys whose values are not fitted, but known."""
-    keys = {"stiffness": "slider.stiffness", "mass": "slider.mass", "speed": "drive.velocity"}
-    return {key for name, key in keys.items() if name in known}
-
-
 def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
     """The file of a fitted rig, but for the values of one draw: what was fitted, with its interval and draws."""
     says = {one.key: str(one.verdict) for one in found.parameters}
     if found.events.slip_samples >= RESOLVED:
         says[_ASSUMED] = "identified by the time of a slip"
-    assumed, entries = {}, {}
-    if "interface.delay" not in fitted:
-        assumed["interface.delay"] = (
-            "stands for any delay longer than a slip and shorter than the time between slips; friction at several "
-            "speeds (--speeds) tells it"
-        )
+    assumed = {} if "interface.delay" in fitted else {"interface.delay": _NO_DELAY}
+    entries = {}
     for path, draws in fitted.items():
         how = says.get(KEYS[path][1], KEYS[path][1])
         if how.startswith("assumed"):
@@ -115,14 +116,11 @@ def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, A
         low, high = (_written(path, value, 3) for value in np.quantile(draws, (0.05, 0.95)).tolist())
         kept = [float(f"{value:.8g}") for value in draws[:DRAWS_KEPT]]
         entries[path] = {"interval": f"{low} to {high}", "how": how, "draws": kept}
+    newborn = {"distribution": "gaussian", "std": 0.0}
     return {
         "name": name,
         "source": f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips",
-        "interface": {
-            "thresholds": {"distribution": "gaussian"},
-            "newborn": {"distribution": "gaussian", "std": 0.0},
-            "delay": "on arrest",
-        },
+        "interface": {"thresholds": {"distribution": "gaussian"}, "newborn": newborn, "delay": "on arrest"},
         "fitted": entries,
         "assumed": assumed,
     }
@@ -142,12 +140,11 @@ def _at(document: Mapping[str, Any], values: Mapping[str, float], place: str) ->
 
 def remade(rig: Rig, events: Events, known: Known) -> Events:
     """The slips of a rig's own run, recorded and picked as those of a trace were."""
-    force, second = newtons(events, known), seconds(events)
-    lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
+    lasts, second = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence, seconds(events)
     unit = rig.unit("time") / second
     drive, output = constant(rig.natural.velocity, lasts / unit), Output(interval=events.step / unit)
     run = simulate(replace(rig, drive=drive, output=output))
-    values = np.asarray(run["spring_force"].values) / force
+    values = np.asarray(run["spring_force"].values) / newtons(events, known)
     values = values + events.noise * np.random.default_rng(1).standard_normal(values.size)
     if events.resolution > 0:
         values = events.resolution * np.round(values / events.resolution)
@@ -160,19 +157,17 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
 
 def compared(made: Events, events: Events) -> tuple[str, bool]:
     """Slips that a rig makes beside those of a trace, in words; and whether mean drop and period agree within 90 %."""
-
-    def apart(one: Array, other: Array, more: float = 0.0) -> float:
+    series = [(each.drops, np.diff(each.time[each.peak_at])) for each in (made, events)]
+    agrees = True
+    for one, other, more in zip(*series, (0.0, rate_error(events)), strict=True):
         error = math.hypot(more, *(float(x.std()) / (float(x.mean()) * math.sqrt(x.size)) for x in (one, other)))
-        return abs(math.log(float(one.mean() / other.mean()))) / max(error, 1e-9)
-
-    one, other = (np.diff(each.time[each.peak_at]) for each in (made, events))
-    agrees = max(apart(made.drops, events.drops), apart(one, other, rate_error(events))) <= _NINETY
+        agrees &= abs(math.log(float(one.mean() / other.mean()))) <= _NINETY * max(error, 1e-9)
     return f"its own run drops {_said(made)}, the trace {_said(events)}", agrees
 
 
 def _said(events: Events) -> str:
-    drop, period = float(events.drops.mean()), events.recurrence
-    return f"{with_unit(drop, events.force_unit)} every {with_unit(period, events.time_unit)}"
+    drop = with_unit(float(events.drops.mean()), events.force_unit)
+    return f"{drop} every {with_unit(events.recurrence, events.time_unit)}"
 
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
@@ -215,6 +210,113 @@ def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
 def _written(path: str, value: float, digits: int) -> Any:
     unit = KEYS.get(path, ("", ""))[0]
     return engineering(value, unit, digits) if unit else float(f"{value:.{digits}g}")
+
+
+# ----------------------------------------------------------------------------------------------- of a few readings
+
+
+def quick_fit(
+    *,
+    static_friction: object,
+    kinetic_friction: object,
+    stiffness: object,
+    speed: object,
+    mass: object,
+    loading_rate: object | None = None,
+    breaking_displacement: object | None = None,
+    half_speed: object | None = None,
+    damping_ratio: float = 0.15,
+    name: str = "quick fit",
+) -> Rig:
+    """Make a rig of readings of a bench, by closed forms.
+
+    Static over kinetic friction gives the standard deviation of the thresholds, and their size the total contact
+    strength (slow rigid motion, Eqs. (1)-(4)). The loading rate ``R`` between slips gives the stiffness of the
+    interface, ``K v = R (1 + K/(N k))``, and so the breaking displacement; it is useful only where the driving spring
+    is stiff, else give the breaking displacement itself. The speed at which kinetic friction has halved gives the
+    delay. Sliding contacts are taken to carry no force: where slips are smaller than those of the rig, they do, and it
+    does not fit the bench; `fit` tells that force.
+
+    Parameters
+    ----------
+    static_friction, kinetic_friction : float or str
+        Largest force of a slow pull, and mean force of slow sliding: in N, or texts with a unit, as all that follow.
+    stiffness, speed, mass : float or str
+        Of the driving spring, of the drive, and of the slider.
+    loading_rate : float or str, optional
+        Rise of the force per time while the slider sticks, at this speed, in N/s.
+    breaking_displacement : float or str, optional
+        In place of the loading rate.
+    half_speed : float or str, optional
+        Speed at which kinetic friction has fallen to half; without it there is no delay, and the rig says so.
+    damping_ratio : float
+    name : str
+
+    Returns
+    -------
+    Rig
+        In SI units.
+
+    Raises
+    ------
+    InputError
+        If the readings contradict one another.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> rig = ss.quick_fit(static_friction="14 N", kinetic_friction="9 N", stiffness="8 kN/m", speed="1 mm/s",
+    ...                    mass="0.4 kg", loading_rate="7 N/s", half_speed="20 mm/s")
+    >>> rig.in_units(1.0, "force"), rig.in_units(1.0, "length"), round(rig.interface.thresholds.std, 2)
+    ('17.8 N', '317.8 um', 0.11)
+    """
+    static = read_value("static_friction", static_friction, "N", "14 N")
+    kinetic = read_value("kinetic_friction", kinetic_friction, "N", "9 N")
+    K = read_value("stiffness", stiffness, "N/m", "8 kN/m")
+    v = read_value("speed", speed, "m/s", "1 mm/s")
+    m = read_value("mass", mass, "kg", "0.4 kg")
+    try:
+        thresholds, strength = thresholds_of(static, kinetic, _INITIAL)
+    except InputError as error:
+        raise InputError(
+            str(error).replace("mu_s/mu_k", "static_friction/kinetic_friction"), "static_friction"
+        ) from None
+    if (loading_rate is None) == (breaking_displacement is None):
+        raise InputError("quick_fit: give either loading_rate or breaking_displacement", "loading_rate")
+    if breaking_displacement is not None:
+        x_s = read_value("breaking_displacement", breaking_displacement, "m", "0.2 mm")
+    else:
+        rate = read_value("loading_rate", loading_rate, "N/s", "7 N/s")
+        ratio = K * v / rate - 1.0
+        if ratio < _LEAST_RATIO:
+            raise InputError(
+                f"loading_rate = {rate:.4g} N/s: stiffness times speed is {K * v:.4g} N/s, {100 * ratio:.2g} % more: "
+                f"must be at least {100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; give "
+                "breaking_displacement",
+                "loading_rate",
+            )
+        x_s = strength * ratio / K
+    scales = Scales(force=strength, stretching=x_s, time=x_s / v)
+    assumed = {"slider.damping_ratio": Assumption(f"{damping_ratio:g}", "let the slider ring on its spring")}
+    delay = Delay(0.0)
+    if half_speed is None:
+        assumed["interface.delay"] = Assumption(
+            "0 s", "slide it at several speeds: the speed at which kinetic friction has halved tells the delay"
+        )
+    else:
+        half = scales.natural(read_value("half_speed", half_speed, "m/s", "20 mm/s"), "velocity")
+        delay = Delay(thresholds.positive().moment(1) / half)
+    free = Slider(stiffness=scales.natural(K, "stiffness"), mass=scales.natural(m, "mass"), damping=0.0)
+    ratio = number("damping_ratio", damping_ratio, at_least=0, hint="of the slider on the driving spring")
+    return Rig(
+        Interface(thresholds=thresholds, initial=_INITIAL, delay=delay),
+        replace(free, damping=2.0 * ratio * free.frequency),
+        constant(1.0, USUAL_DISTANCE),
+        scales=scales,
+        name=name,
+        assumed=assumed,
+        source=f"readings: static friction {engineering(static, 'N')}, kinetic friction {engineering(kinetic, 'N')}",
+    )
 
 
 # -------------------------------------------------------------------------------------- a verdict with its uncertainty

@@ -1,7 +1,7 @@
-"""The table of simulated series of slips that every fit starts from: made once, kept, and gone on with when cut short.
+"""The table of simulated series of slips that every fit starts from, and how a bench would have seen them.
 
-It holds the force before and after each slip, not statistics of them: how a trace was sampled and picked comes in when
-it is fitted, so that one table serves traces of every bench.
+Made once, kept, and gone on with when cut short. It holds the force before and after each slip: how a trace was sampled
+and picked comes in when it is fitted, so that one table serves traces of every bench, each biased as its trace is.
 """
 
 from __future__ import annotations
@@ -15,25 +15,28 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, whole
-from stickslip.fitting.arrest import FLOOR, KEYS, VERSION, Prior, simulate
+from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
+from stickslip.fitting.model import FLOOR, KEYS, VERSION, Prior, simulate
+from stickslip.fitting.summary import NAMES, statistics
 from stickslip.io import files
+from stickslip.kernels.turning_points import Sampling, larger, observe
 from stickslip.measure.arrays import Array
 
 DRAWS, SLIPS = 20_000, 384
 """Usual size: draws from the prior, and slips of each."""
 
-_BLOCK = 250
+_BLOCK, _SHARES, _AT_A_TIME = 250, 8, 500
+"""Draws of a block of the table; parts in which others are drawn, each by its own numbers; series seen at a time."""
 _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
 """Of a table, but for its prior: what is kept of each block."""
-Progress = Callable[[float], None]
 Series = NDArray[np.float32]
 Found = TypeVar("Found")
 
@@ -72,7 +75,7 @@ def table(
     slips: int = SLIPS,
     seed: int = 0,
     executor: Executor | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Table:
     """Return the table of a prior: from the cache as far as it is there, the rest simulated and kept.
 
@@ -134,19 +137,13 @@ def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
     return Table(prior=tables[0].prior, **made)
 
 
-def on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Found]:
-    """What a function of numbers returns, by threads: kernels let others run."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(function, of))
-
-
 def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> Table:
     """Simulate one block of the table; what it holds depends on its number and on the seed alone."""
     rng = np.random.default_rng([seed, block])
-    return simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
+    return _simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
 
 
-def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> Table:
+def _simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> Table:
     """Series of slips at given parts of the ranges of a prior."""
     count = np.zeros(len(parts), dtype=np.int64)
     peaks, troughs = np.zeros((2, len(parts), slips), np.float32)
@@ -165,3 +162,72 @@ def _read(path: Path, prior: Prior, slips: int) -> Table | None:
     except (InputError, OSError, ValueError, KeyError, EOFError, NotImplementedError, BadZipFile):
         return None
     return block if block.peaks.shape == (_BLOCK, slips) else None
+
+
+# -------------------------------------------------------------------------------------------------- as a bench sees it
+
+
+class Observation(NamedTuple):
+    """How many slips of a trace were seen, and how it was sampled and picked, in units of its mean peak."""
+
+    slips: int
+    sampling: Sampling
+
+    @classmethod
+    def of(cls, events: Events) -> Observation:
+        """Take it from a trace."""
+        rise = least_rise(events.smallest, events.noise)
+        forces = (events.loading_rate * events.step, events.noise, events.resolution, events.smallest, rise)
+        return cls(len(events), Sampling(*(force / events.mean_peak for force in forces)))
+
+    @property
+    def slips_needed(self) -> int:
+        """How many slips to simulate, as some are too small to be seen."""
+        return 2 * self.slips + 10
+
+    def see(self, table: Table, *, seed: int = 0) -> tuple[Array, Array]:
+        """Sample and pick many series, on all cores: statistics (draws, 20) and mean peaks of what is seen.
+
+        They are NaN where a trace of the series would be refused, of too few slips or on no plateau of n(h).
+        """
+
+        def look(begin: int) -> tuple[Array, Array]:
+            rng, some = np.random.default_rng([seed, begin]), range(begin, min(begin + _AT_A_TIME, len(table)))
+            seen = np.empty((len(some), 2, self.slips))
+            series = ((table.peaks[i, : table.count[i]], table.troughs[i, : table.count[i]]) for i in some)
+            whole = [self._shows(*each, rng, room) for each, room in zip(series, seen, strict=True)]
+            found, size = np.full((len(some), len(NAMES)), np.nan), np.full(len(some), np.nan)
+            if any(whole):
+                P, T = seen[whole, 0], seen[whole, 1]
+                found[whole], size[whole] = statistics(P, T), P.mean(axis=-1)
+            return found, size
+
+        looked = _on_all_cores(look, range(0, len(table), _AT_A_TIME))
+        found, size = (np.concatenate(each) for each in zip(*looked, strict=True))
+        return found, size
+
+    def see_at(self, prior: Prior, parts: Array, *, seed: int = 0) -> tuple[Array, Array]:
+        """Simulate at given parts of the ranges of a prior, on all cores, and see."""
+        blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
+
+        def one(block: int) -> Table:
+            return _simulated(prior, blocks[block], self.slips_needed, np.random.default_rng([seed, 3, block]))
+
+        return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
+
+    def _shows(self, peaks: Series, troughs: Series, rng: np.random.Generator, seen: Array) -> bool:
+        """Sample and pick one series, as `seen`: whether as many slips are as in the trace, on a plateau of n(h)."""
+        if peaks.size <= self.slips:  # the first begins the trace
+            return False
+        P, T = peaks.astype(float), troughs.astype(float)
+        sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
+        if observe(P, T, sampling, rng, seen) < self.slips:
+            return False
+        doubled = PLATEAU * sampling.drop
+        return larger(seen[0], seen[1], doubled, least_rise(doubled, sampling.noise)) >= (1.0 - LOST) * self.slips
+
+
+def _on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Found]:
+    """What a function of numbers returns, by threads: kernels let others run."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(function, of))

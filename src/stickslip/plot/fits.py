@@ -93,8 +93,8 @@ def _draw_test(ax: Axes, found: Fit) -> None:
 
 def _draw_intervals(ax: Axes, found: Fit) -> None:
     """Where the interval of each parameter lies within its prior."""
-    for row, (one, parts) in enumerate(zip(found.parameters, found.prior.parts(found.values).T, strict=True)):
-        low, middle, high = np.quantile(parts, (0.05, 0.5, 0.95))
+    for row, one in enumerate(found.parameters):
+        low, middle, high = one.parts
         for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), style.BLUE)):
             ax.plot(ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt")
         ax.plot(middle, -row, "|", color="white", markersize=7)
