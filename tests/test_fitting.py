@@ -15,8 +15,8 @@ import stickslip as ss
 from stickslip import fitting
 from stickslip.cli import main
 from stickslip.errors import InputError
+from stickslip.fitting.bench import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.inference import infer
-from stickslip.fitting.known import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
 from stickslip.fitting.summary import FITTED, NAMES, detrended, resampled, statistics

@@ -374,7 +374,7 @@ def fit(
     plot: Plot = None,
 ) -> None:
     """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes."""
-    from stickslip.fitting.known import read_pairs
+    from stickslip.fitting.bench import read_pairs
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=trace)

@@ -20,8 +20,8 @@ from stickslip import fitting, measure
 from stickslip.errors import InputError, instance, number, shown, whole
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
-from stickslip.fitting.known import newtons
-from stickslip.fitting.known import seconds as seconds_in
+from stickslip.fitting.bench import newtons
+from stickslip.fitting.bench import seconds as seconds_in
 from stickslip.fitting.model import sampled
 from stickslip.fitting.rigs import compared
 from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block

@@ -4,9 +4,9 @@
 a few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
 """
 
+from stickslip.fitting.bench import Delays, Strengthening
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.fits import Fit, Interval, fit
-from stickslip.fitting.known import Delays, Strengthening
 from stickslip.fitting.model import UNKNOWNS, Bench, Prior, synthetic_trace
 from stickslip.fitting.rigs import Uncertain, over_draws, quick_fit
 from stickslip.fitting.summary import FITTED, HELD_OUT, covariance, statistics

@@ -12,21 +12,9 @@ import xarray as xr
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, instance, whole
+from stickslip.fitting import bench
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.inference import EDGE, infer
-from stickslip.fitting.known import (
-    QUANTITIES,
-    Delays,
-    Known,
-    Pairs,
-    Strengthening,
-    delays_of,
-    in_si,
-    likelihood_of,
-    read_known,
-    refusal,
-    strengthening_of,
-)
 from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, Unknown, sampled, simulate
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
 from stickslip.fitting.tables import DRAWS, SLIPS, Observation, table
@@ -125,15 +113,15 @@ class Fit(Answer):
     values: Array  #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each simulated again
     strength: Array  #: total contact strength of each draw, in the unit of the force
     predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
-    known: Known  #: what was known besides
+    known: bench.Known  #: what was known besides
     edge: float  #: percentile of the trace's distance from the simulations among those of series drawn from the prior
     adjusted: bool  #: whether the draws were moved by a regression; not at the edge
     effective: float  #: number of draws before they were made equally likely
     invalid: float  #: fraction of the prior that does not stick-slip as the trace does
     simulations: int
     notes: tuple[str, ...]  #: what a reader should know
-    delays: Delays | None = None  #: what other speeds say of the delay
-    strengthening: Strengthening | None = None  #: what holds say of ageing
+    delays: bench.Delays | None = None  #: what other speeds say of the delay
+    strengthening: bench.Strengthening | None = None  #: what holds say of ageing
 
     def __len__(self) -> int:
         return len(self.values)
@@ -148,7 +136,7 @@ class Fit(Answer):
         """A parameter of the model, or a quantity in SI units."""
         if key in KEYS:
             return self.parameters[KEYS.index(key)]
-        return Interval.of(self.draws(key), key, *QUANTITIES[key][:2])
+        return Interval.of(self.draws(key), key, *bench.QUANTITIES[key][:2])
 
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.
@@ -161,12 +149,12 @@ class Fit(Answer):
         if key in KEYS:
             return np.asarray(self.values[:, KEYS.index(key)])
         if key not in (found := self._in_si()):
-            raise refusal(key, self.known)
+            raise bench.refusal(key, self.known)
         return found[key]
 
     def _in_si(self) -> dict[str, Array]:
         """Draws of all quantities that can be told."""
-        found = in_si(self.values, self.strength, self.events, self.known)
+        found = bench.in_si(self.values, self.strength, self.events, self.known)
         return found | ({"delay": self.delays.draws} if self.delays else {})
 
     @property
@@ -174,7 +162,7 @@ class Fit(Answer):
         """All that what is known allows to tell in SI units."""
         if self.events.force_unit == "1" and "load" not in self.known:
             return ()
-        return tuple(Interval.of(draws, key, *QUANTITIES[key][:2]) for key, draws in self._in_si().items())
+        return tuple(Interval.of(draws, key, *bench.QUANTITIES[key][:2]) for key, draws in self._in_si().items())
 
     def series(self, row: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Peaks and troughs of a series of slips that one draw makes, in the unit of the force."""
@@ -272,12 +260,12 @@ class Fit(Answer):
         parameters, quantities, p = self.parameters, self.quantities, self.p_values
         width = max(len(one.title) for one in (*parameters, *quantities))
         wide = max(len(str(one)) for one in parameters)
-        in_si = ["In SI units:", *(f"  {one.title:{width}}  {one!s}" for one in quantities)]
+        told = ["In SI units:", *(f"  {one.title:{width}}  {one!s}" for one in quantities)]
         return "\n".join(
             [
                 f"{self.events}\n\nParameters of the model, medians and 90 % intervals:",
                 *(f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}" for one in parameters),
-                *(in_si if quantities else ()),
+                *(told if quantities else ()),
                 f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics "
                 f"{min(p[name] for name in FITTED):.2g}, of {len(HELD_OUT)} others "
                 f"{min(p[name] for name in HELD_OUT):.2g}",
@@ -295,8 +283,8 @@ def fit(
     prior: Prior = Prior(),
     smallest: float | None = None,
     after: float | None = None,
-    speeds: Pairs = (),
-    holds: Pairs = (),
+    speeds: bench.Pairs = (),
+    holds: bench.Pairs = (),
     draws: int = DRAWS,
     seed: int = 0,
     progress: Callable[[float], None] | bool | None = None,
@@ -345,12 +333,12 @@ def fit(
     instance("fit: trace", trace, (xr.Dataset, Events), "a Dataset, such as read_trace() returns, or its Events")
     seed = whole("seed", seed, at_least=0)
     events = trace if isinstance(trace, Events) else pick_events(trace, smallest=smallest, after=after)
-    given = read_known(known)
+    given = bench.read_known(known)
     notes = list(check(events))
     if len(events) > MOST_SLIPS:
         notes.append(f"only the first {MOST_SLIPS} of {len(events)} slips are fitted")
         events = events.part(0, MOST_SLIPS)
-    likelihood, observation = likelihood_of(events, given), Observation.of(events)
+    likelihood, observation = bench.likelihood_of(events, given), Observation.of(events)
     with reporting(progress, "simulating") as report:
         made = table(prior=prior, draws=draws, progress=report)
     sample = infer(made, observation, events.statistics, likelihood=likelihood, seed=seed)
@@ -376,7 +364,7 @@ def fit(
         invalid=sample.invalid,
         simulations=sample.simulations,
         notes=(),
-        strengthening=strengthening_of(holds) if holds else None,
+        strengthening=bench.strengthening_of(holds) if holds else None,
     )
     surprises = found.surprises()
     worth_saying = {
@@ -389,5 +377,5 @@ def fit(
         "asperities": found["contacts"].high < 100,
     }
     notes += [words for words, worth in worth_saying.items() if worth]
-    delays = delays_of(found.values, found.draws("breaking_displacement"), speeds) if speeds else None
+    delays = bench.delays_of(found.values, found.draws("breaking_displacement"), speeds) if speeds else None
     return replace(found, notes=tuple(notes), delays=delays)

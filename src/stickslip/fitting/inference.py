@@ -86,7 +86,7 @@ def infer(
             f"fit: {agree} of {len(parts)} draws agree with what is known, at least {nearest} are needed; check the "
             "known values, give their errors as (value, error), or take more draws"
         )
-    parts, weights, found = _kept(parts, weights, found, target, scale, nearest)
+    parts, weights, away = _kept(parts, weights, found - target, scale, nearest)
     simulations, far = len(table), edge > EDGE
     for number in range((2 if far else 0) if rounds is None else rounds):
         rng = np.random.default_rng([seed, 2, number])
@@ -100,9 +100,9 @@ def infer(
             fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
         if _counting(fresh).sum() < nearest:
             break
-        parts, weights, found = _kept(more[good], fresh, comparable(near[good]), target, scale, nearest)
+        parts, weights, away = _kept(more[good], fresh, comparable(near[good]) - target, scale, nearest)
     return Sample(
-        parts=parts if far else _adjusted(parts, weights, found, target),
+        parts=parts if far else _adjusted(parts, weights, away),
         weights=weights / weights.sum(),
         edge=edge,
         adjusted=not far,
@@ -127,24 +127,21 @@ def _counting(weights: Array) -> NDArray[np.bool_]:
     return np.asarray(weights > _LITTLE * weights.max(initial=0.0))
 
 
-def _kept(
-    parts: Array, weights: Array, found: Array, target: Array, scale: Array, nearest: int
-) -> tuple[Array, Array, Array]:
-    """The draws nearest to the target, weighted by how near they are."""
-    distance = np.sqrt((((found - target) / scale) ** 2).sum(axis=1))
+def _kept(parts: Array, weights: Array, away: Array, scale: Array, nearest: int) -> tuple[Array, Array, Array]:
+    """The draws nearest to the target, from which they are so far away, weighted by how near they are."""
+    distance = np.sqrt(((away / scale) ** 2).sum(axis=1))
     distance[~_counting(weights)] = np.inf
     kept = np.argsort(distance)[:nearest]
     kernel = 1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2
-    return parts[kept], weights[kept] * kernel, found[kept]
+    return parts[kept], weights[kept] * kernel, away[kept]
 
 
 def _logit(parts: Array) -> Array:
     return np.asarray(logit(np.clip(parts, _SMALL, 1.0 - _SMALL)))
 
 
-def _adjusted(parts: Array, weights: Array, found: Array, target: Array) -> Array:
+def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
     """Parameters moved by a weighted linear regression, in logits, so that they stay within their ranges."""
-    away = found - target
     away = away / np.maximum(away.std(axis=0), 1e-9)
     design = np.column_stack([np.ones(len(away)), away])
     ridge = np.diag([0.0, *[1e-3 * float(weights.sum())] * away.shape[1]])

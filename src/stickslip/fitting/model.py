@@ -82,10 +82,9 @@ class Prior:
             if low >= high:
                 raise InputError(f"{place} = {given!r}: the first must be below the second", place)
 
-    def _ends(self) -> tuple[Array, Array]:
+    def _ends(self) -> Array:
         """Ends of the ranges, of some in decades."""
-        low, high = np.array([getattr(self, key) for key in KEYS], dtype=float).T
-        return _in_decades(low), _in_decades(high)
+        return _in_decades(np.array([getattr(self, key) for key in KEYS]).T)
 
     def values(self, part: Array) -> Array:
         """Parameters at parts of their ranges, 0 to 1, along the last axis."""

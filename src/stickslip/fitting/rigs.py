@@ -18,16 +18,13 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number, whole
+from stickslip.fitting.bench import Known, drawn, in_si, newtons, rate_error, read_known, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
-from stickslip.fitting.known import Known, drawn, in_si, newtons, rate_error, read_known, seconds
 from stickslip.io.friction import thresholds_of
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
-from stickslip.model import Delay, Gaussian, Interface, OnArrest, Output, Slider
-from stickslip.model.drive import USUAL_DISTANCE, constant
+from stickslip.model import Gaussian, OnArrest, Output, Rig, constant
 from stickslip.model.quantities import read_value
-from stickslip.model.rig import Assumption, Rig
-from stickslip.model.units import Scales
 from stickslip.simulation import simulate
 from stickslip.words import engineering
 
@@ -48,6 +45,7 @@ _NO_DELAY = (
     "stands for any delay longer than a slip and shorter than the time between slips; friction at several speeds "
     "(--speeds) tells it"
 )
+_HALVED = "slide it at several speeds: the speed at which kinetic friction has halved tells the delay"
 _INITIAL = Gaussian(mean=0.0, std=0.01)
 _LEAST_RATIO = 0.01
 """How much faster the spring is wound up than the force rises, at least, for the difference to say anything."""
@@ -278,9 +276,8 @@ def quick_fit(
     try:
         thresholds, strength = thresholds_of(static, kinetic, _INITIAL)
     except InputError as error:
-        raise InputError(
-            str(error).replace("mu_s/mu_k", "static_friction/kinetic_friction"), "static_friction"
-        ) from None
+        words = str(error).replace("mu_s/mu_k", "static_friction/kinetic_friction")
+        raise InputError(words, "static_friction") from None
     if (loading_rate is None) == (breaking_displacement is None):
         raise InputError("quick_fit: give either loading_rate or breaking_displacement", "loading_rate")
     if breaking_displacement is not None:
@@ -296,27 +293,33 @@ def quick_fit(
                 "loading_rate",
             )
         x_s = strength * ratio / K
-    scales = Scales(force=strength, stretching=x_s, time=x_s / v)
-    assumed = {"slider.damping_ratio": Assumption(f"{damping_ratio:g}", "let the slider ring on its spring")}
-    delay = Delay(0.0)
+    delay, assumed = 0.0, {"slider.damping_ratio": "let the slider ring on its spring"}
     if half_speed is None:
-        assumed["interface.delay"] = Assumption(
-            "0 s", "slide it at several speeds: the speed at which kinetic friction has halved tells the delay"
-        )
+        assumed["interface.delay"] = _HALVED
     else:
-        half = scales.natural(read_value("half_speed", half_speed, "m/s", "20 mm/s"), "velocity")
-        delay = Delay(thresholds.positive().moment(1) / half)
-    free = Slider(stiffness=scales.natural(K, "stiffness"), mass=scales.natural(m, "mass"), damping=0.0)
-    ratio = number("damping_ratio", damping_ratio, at_least=0, hint="of the slider on the driving spring")
-    return Rig(
-        Interface(thresholds=thresholds, initial=_INITIAL, delay=delay),
-        replace(free, damping=2.0 * ratio * free.frequency),
-        constant(1.0, USUAL_DISTANCE),
-        scales=scales,
-        name=name,
-        assumed=assumed,
-        source=f"readings: static friction {engineering(static, 'N')}, kinetic friction {engineering(kinetic, 'N')}",
-    )
+        half = read_value("half_speed", half_speed, "m/s", "20 mm/s")
+        delay = thresholds.positive().moment(1) * x_s / half
+    document = {
+        "name": name,
+        "source": f"readings: static friction {engineering(static, 'N')}, kinetic friction {engineering(kinetic, 'N')}",
+        "interface": {
+            "thresholds": {"distribution": "gaussian"},
+            "initial": {"distribution": "gaussian", "mean": _INITIAL.mean, "std": _INITIAL.std},
+        },
+        "simulation": {"method": "master equation"},
+        "assumed": assumed,
+    }
+    values = {
+        "slider.mass": m,
+        "slider.stiffness": K,
+        "slider.damping_ratio": number("damping_ratio", damping_ratio, at_least=0, hint="of the slider on its spring"),
+        "interface.contact_strength": strength,
+        "interface.breaking_displacement": x_s,
+        "interface.thresholds.std": thresholds.std,
+        "interface.delay": delay,
+        "drive.velocity": v,
+    }
+    return _at(document, values, "quick fit")
 
 
 # -------------------------------------------------------------------------------------- a verdict with its uncertainty
