@@ -1,7 +1,7 @@
 """Linear stability of smooth sliding: known numbers, limits, and counts by searches that know nothing of the code."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,10 +20,9 @@ from stickslip.model.distributions import (
     Uniform,
     Weibull,
 )
-from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG7, FIG8
 from stickslip.sliding import kinetic_friction, respond
-from stickslip.sliding.transforms import transforms
 from stickslip.stability import (
     AGEING,
     STIFFNESS,
@@ -182,22 +181,34 @@ def test_without_delay_smooth_sliding_is_neutral(distribution):
     assert boundary(held, between=((0.1, 10.0), (0.1, 10.0))).sizes["point"] == 0
 
 
-@every_distribution
-def test_shape_function_is_the_integral_it_stands_for(distribution):
-    # H = q Int x J_c(x) exp(-q x) dx, on both sides of the change from series to closed form
-    distribution = distribution.positive()
+MIXTURES = {
+    **{str(distribution): case(distribution) for distribution in DISTRIBUTIONS},
+    **{
+        f"newborns at {at}": replace(case(), sliding_force=0.25, newborn=Gaussian(mean=at, std=0.0))
+        for at in (0.0, 0.2, -0.3)
+    },
+    "random delays": replace(case(delay=DELAYS[2]), sliding_force=0.25),
+}
+
+
+@pytest.mark.parametrize("name", MIXTURES)
+def test_dynamic_stiffness_is_that_of_lives_of_contacts_one_by_one(name):
+    # Nothing in common with transforms. In threshold = y^5: distributions may rise steeply at zero.
+    interface, velocity, s = MIXTURES[name], 1.5, np.array([0.3 + 0.1j, 0.74j, 0.76j, 2j, 0.5 + 20j, 90j])
+    distribution = interface.threshold_distribution
     node, weight = np.polynomial.legendre.leggauss(20)
-    # in x = y^5: distributions may rise steeply at zero
+    born = 0.0 if interface.newborn is None else interface.newborn.moment(1)
     knots = [k**0.2 for k in distribution.knots if k > 0]
-    edges = np.unique(np.concatenate([np.linspace(0, distribution.support[1] ** 0.2, 300), knots]))
+    edges = np.unique([*np.linspace(abs(born) ** 0.2, distribution.support[1] ** 0.2, 300), *knots])
     y = (edges[:-1, None] + 0.5 * np.diff(edges)[:, None] * (1 + node)).ravel()
-    dx = (0.5 * np.diff(edges)[:, None] * weight).ravel() * 5 * y**4
-    x = y**5
-    survival = distribution.survival(x)
-    for q in np.array([1e-4, 0.01j, 0.1, 0.3 + 0.2j, 0.49j, 0.51j, 1.0, 2 + 3j, 12j, 40j]):
-        complement, shape = transforms(distribution, np.array([q]))
-        assert shape[0] == pytest.approx(q * np.sum(dx * x * survival * np.exp(-q * x)), rel=2e-7, abs=1e-13)
-        assert complement[0] == pytest.approx(q * np.sum(dx * survival * np.exp(-q * x)), rel=2e-7, abs=1e-13)
+    share = (0.5 * np.diff(edges)[:, None] * weight).ravel() * 5 * y**4 * distribution.density(y**5)
+    life, q = y**5 - born, s[:, None] / velocity
+    ended, again = np.exp(-q * life) @ share, interface.delay.laplace(s)
+    # Stretching over a life, and the force that a detached contact would have, weighted by exp(-q l).
+    held = (born * (1 - np.exp(-q * life)) / q + (1 - (1 + q * life) * np.exp(-q * life)) / q**2) @ share
+    births = -(1 - again) / ((share @ life + velocity * interface.delay.moment(1)) * (1 - again * ended))
+    expected = births * (s / velocity * held - interface.sliding_force * (1 - ended))
+    assert dynamic_stiffness(interface, velocity, s) == pytest.approx(expected, rel=1e-9)
 
 
 def test_dynamic_stiffness_is_real_on_the_real_axis_and_symmetric_about_it():
@@ -474,39 +485,6 @@ def test_boundary_over_any_two_parameters_separates_the_counts(over, within):
             sides = (np.exp([a[k], b[k]] + sign * across) for sign in (1, -1))
             counts = [count_unstable(second.set(first.set(rig(3.0), float(x)), float(y))) for x, y in sides]
             assert sorted(counts) == [0, 2]
-
-
-BOWL_RIM = critical_spring(rig())
-
-
-@dataclass(frozen=True)
-class Bowl:
-    """A rig that is unstable inside a circle of (log a, log b), to give the boundary a closed curve."""
-
-    a: float = 1.0
-    b: float = 1.0
-
-    def __call__(self, s):
-        spring = BOWL_RIM * math.exp(math.log(self.a) ** 2 + math.log(self.b) ** 2 - 1)
-        return spring + SLIDER.mass * s * (s + SLIDER.damping)
-
-
-def test_boundary_that_closes_upon_itself():
-    over = tuple(
-        Parameter(
-            name=name,
-            unit="1",
-            get=lambda setting, name=name: getattr(setting.slider, name),
-            set=lambda setting, value, name=name: replace(setting, slider=replace(setting.slider, **{name: value})),
-        )
-        for name in "ab"
-    )
-    window = (math.exp(-3), math.exp(3))
-    (outer,) = curves(boundary(rig(body=Bowl()), over=over, between=(window, window)))
-    a, b = np.log(outer.a.values), np.log(outer.b.values)
-    assert np.hypot(a, b) == pytest.approx(np.ones(a.size), rel=1e-9)
-    angles = np.unwrap(np.arctan2(b, a))
-    assert abs(angles[-1] - angles[0]) == pytest.approx(2 * math.pi, rel=1e-6)
 
 
 RANGES = {
