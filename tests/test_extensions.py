@@ -3,8 +3,10 @@
 import math
 import tomllib
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Annotated
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -161,21 +163,19 @@ ZETA = Parameter(
 @pytest.fixture(scope="module", autouse=True)
 def _registered() -> Iterator[None]:
     """As the decorators do it; other tests see only what comes with the package."""
-    tables: list[dict] = [distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES]
-    tables += [methods.METHODS, parameters.BY_NAME, ENGINES]
-    before = [dict(table) for table in tables]
-    distributions.register("triangle of a test")(Triangular)
-    delays.register("rate of a test")(ConstantRate)
-    parameters.register(ZETA)
-    methods.register("glued of a test")(Glued)
-    solves(Glued)(GluedContacts)
-    body.register("star of a test")(Star)
-    ageing.register("hardened of a test")(Hardened)
-    solves(ss.Contacts, Hardened)(HardenedContacts)
-    yield
-    for table, shipped in zip(tables, before, strict=True):
-        table.clear()
-        table.update(shipped)
+    tables = (distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES, methods.METHODS)
+    with ExitStack() as as_shipped:
+        for table in (*tables, parameters.BY_NAME, ENGINES):
+            as_shipped.enter_context(mock.patch.dict(table))
+        distributions.register("triangle of a test")(Triangular)
+        delays.register("rate of a test")(ConstantRate)
+        parameters.register(ZETA)
+        methods.register("glued of a test")(Glued)
+        solves(Glued)(GluedContacts)
+        body.register("star of a test")(Star)
+        ageing.register("hardened of a test")(Hardened)
+        solves(ss.Contacts, Hardened)(HardenedContacts)
+        yield
 
 
 THRESHOLDS = Triangular(mean=1.0, half_width=0.25)

@@ -1,11 +1,10 @@
 """Contacts that break by thermal activation: N of them, and infinitely many; velocity steps and holds."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import integrate, optimize
+from scipy import optimize
 
 import stickslip as ss
 from stickslip.simulation.engines import Beginning, engine_of
@@ -103,23 +102,6 @@ def test_cohorts_slide_with_the_slope_of_the_friction_law(name):
     interface, size = COHORTS[name][0], 0.2
     up, down = (slide(interface, math.exp(one), ss.MasterEquation(), 0.1).mean() for one in (size, -size))
     assert (up - down) / (2 * size) == pytest.approx(ss.stability.friction_slope(interface, 1.0), abs=3e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("interface", "s"), [(T, 3j), (LT, 1j), (replace(LT, delay=ss.Delay(0.05)), 2j)])
-def test_steps_of_cohorts_have_the_linear_response(interface, s):
-    """The transform of a small step, up and down, times the frequency squared."""
-    ratio, steps = 1.004, []
-    for after in (ratio, 1.0 / ratio):
-        run = ss.velocity_step(interface, before=1.0, after=after, distance=12.0, points=12_000)
-        later = run.time.to_numpy() >= 0
-        force = run.friction_force.to_numpy()[later]
-        steps.append((after * run.time.to_numpy()[later], (force - force[0]) / math.log(after)))
-    x, mean = steps[0][0], 0.5 * (steps[0][1] + np.interp(steps[0][0], *steps[1]))
-    end = mean[-200:].mean()
-    found = s * s * (integrate.simpson((mean - end) * np.exp(-s * x), x=x) + end / s)
-    kappa = complex(ss.stability.dynamic_stiffness(interface, 1.0, s))
-    assert abs(found - kappa) < 0.01 * abs(kappa)
 
 
 # ---------------- limits and accounts
