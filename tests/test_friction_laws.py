@@ -482,6 +482,8 @@ def test_the_time_of_a_step_is_fitted(at):
         assert abs(found - true) < 3.0 * found.error
     moved = FAST.assign(displacement=("time", np.where(SOON < 0, 10.0, 100.0) * SOON))
     assert velocity_step_in(moved, **GIVEN).measured
+    short = fit_rate_and_state(FAST, **GIVEN | {"at": at}, law="slip", span=(10.0, 20.0))  # more before than after
+    assert abs(short.at) < 3.0 * short.at.error
 
 
 DATA = Path(__file__).parent / "data"

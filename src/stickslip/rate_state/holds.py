@@ -28,12 +28,13 @@ class Healing(Answer):
 
     def __str__(self) -> str:
         F, t, x = self.force_unit, self.time_unit, self.length_unit
-        columns = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, (None, *self.per_decade), strict=True)
-        rows: list[tuple[str, ...]] = [("hold", "relaxation", "peak", "slip to peak", "per decade"), (t, F, F, x, F)]
-        for *values, slip, growth in columns:
-            last = "" if growth is None else f"{growth:.4g}"
-            rows.append((*(f"{value:.4g}" for value in values), f"{slip:.3g}", last))
-        lines = ["".join(f"{cell:>{w}}" for cell, w in zip(row, (12, 12, 12, 14, 14), strict=True)) for row in rows]
+        growth = ["", *(f"{one:.4g}" for one in self.per_decade)]
+        columns = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, growth, strict=True)
+        lines = [
+            f"{'hold':>12}{'relaxation':>12}{'peak':>12}{'slip to peak':>14}{'per decade':>14}",
+            f"{t:>12}{F:>12}{F:>12}{x:>14}{F:>14}",
+            *("{:>12.4g}{:>12.4g}{:>12.4g}{:>14.3g}{:>14}".format(*row) for row in columns),
+        ]
         expected = f"b ln 10 = {self.by_rate_and_state:.4g} {F}"
         if not self.per_decade:
             return "\n".join(
@@ -64,19 +65,13 @@ def healing(run: xr.Dataset, b: float) -> Healing:
     """
     instance("healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it")
     run = run.sortby("hold")
-    names = ("hold", "relaxation", "peak", "slip_to_peak")
-    hold, relaxation, peak, slip = (run[name].to_numpy() for name in names)
-    time, _, force, length = (str(run[name].attrs["units"]) for name in names)
-    if np.any(np.diff(hold) <= 0):
+    if np.any(np.diff(run["hold"]) <= 0):
         raise InputError("holds: two are the same; give each once")
     return Healing(
-        hold=tuple(hold.tolist()),
-        relaxation=tuple(relaxation.tolist()),
-        peak=tuple(peak.tolist()),
-        slip_to_peak=tuple(slip.tolist()),
-        per_decade=tuple((np.diff(peak) / np.diff(np.log10(hold))).tolist()),
+        **{name: tuple(run[name].values.tolist()) for name in ("hold", "relaxation", "peak", "slip_to_peak")},
+        per_decade=tuple((np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()),
         by_rate_and_state=b * math.log(10.0),
-        time_unit=time,
-        force_unit=force,
-        length_unit=length,
+        time_unit=run["hold"].attrs["units"],
+        force_unit=run["peak"].attrs["units"],
+        length_unit=run["slip_to_peak"].attrs["units"],
     )

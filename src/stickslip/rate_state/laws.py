@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, UndecidedError, number, numbers, shown
 from stickslip.measure.arrays import Array
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 
 Law = Literal["ageing", "slip"]
 LAWS: tuple[Law, ...] = ("ageing", "slip")
 
 
 @dataclass(frozen=True, kw_only=True)
-class RateAndState:
+class RateAndState(Record):
     """Friction by rate and state: ``F = F0 + a ln(V/V0) + b ln(V0 theta/D)``.
 
     Parameters
@@ -35,11 +35,6 @@ class RateAndState:
     a: Annotated[float, Number("f_s", above=0, hint="direct effect")]
     b: Annotated[float, Number("f_s", at_least=0, hint="evolution effect")]
     distance: Annotated[float, Number("x_s", above=0, hint="distance D over which the state evolves")]
-
-    def __post_init__(self) -> None:
-        if self.law not in LAWS:
-            raise InputError(f"RateAndState.law = {shown(self.law)}: must be 'ageing' or 'slip'")
-        check(self)
 
     def critical_stiffness(self, contact_stiffness: float = math.inf) -> float:
         """Stiffness below which steady sliding of a slider without mass is unstable; 0 if it never is.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,12 +23,6 @@ from stickslip.sliding import kinetic_friction
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Rise = Callable[[Array, Array], Array]
-"""What friction rises by after a step: of values that are fitted, and of the displacement since the step."""
-
-_COARSE = MasterEquation(rtol=1e-3)
-"""What a measured step is fitted with: its noise is larger."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -52,11 +46,11 @@ class FittedStep(WithErrors, ABC):
     def friction(self, displacement: ArrayLike) -> Array:
         """Friction of the fit over the displacement of the load point, 0 at the time that was given."""
         x = np.asarray(displacement, dtype=float)
-        return self.level + self.trend * x + self._rise(np.where(x < 0, self.stretch, 1.0) * x - self.late)
+        since = np.where(x < 0, self.stretch, 1.0) * x - self.late
+        return self.level + self.trend * x + self._rise(since, self.after / self.before)
 
     @abstractmethod
-    def _rise(self, x: Array) -> Array:
-        """Friction after the step over that before it, over the displacement since the step."""
+    def _rise(self, since: Array, ratio: float) -> Array: ...
 
     def _end(self) -> str:
         """Stiffness, time of the step and residuals, in words."""
@@ -89,8 +83,8 @@ class StepFit(FittedStep):
         """``(b - a)/D``: with a softer spring steady sliding is unstable; 0 if it never is."""
         return self.parameters.critical_stiffness()
 
-    def _rise(self, x: Array) -> Array:
-        return self.parameters.step(x, self.after / self.before, stiffness=self.stiffness)
+    def _rise(self, since: Array, ratio: float) -> Array:
+        return self.parameters.step(since, ratio, stiffness=self.stiffness)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
@@ -119,9 +113,9 @@ class ContactsFit(FittedStep):
         """The interface, in natural units with ``breaking_displacement/before`` as the unit of time."""
         return _contacts(self.thresholds, self.width, self.ageing)
 
-    def _rise(self, x: Array) -> Array:
-        values = np.array([self.width, self.ageing, self.breaking_displacement, self.stiffness])
-        return _rise_of(self.thresholds, self.level, self.after / self.before, linear=self.linear)(values, x)
+    def _rise(self, since: Array, ratio: float) -> Array:
+        x_s, k = self.breaking_displacement, self.stiffness
+        return _rise_of_contacts(self.interface, self.level, x_s, since, ratio, stiffness=k, linear=self.linear)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
@@ -133,6 +127,89 @@ class ContactsFit(FittedStep):
             f"contacts, thresholds with CV {cv:.2g}: A = {self.width.words()}, c = {self.ageing.words()}, breaking "
             f"displacement {self.breaking_displacement.words(self.length_unit)}, {self._end()}"
         )
+
+
+def _contacts(thresholds: Distribution, width: float, ageing: float) -> Interface:
+    """Attempts and time of ageing in units of ``x_s`` over the velocity: the force depends on their logarithms."""
+    return Interface(
+        thresholds=thresholds,
+        temperature=Bell(width=width, attempts=1e6),
+        ageing=LogarithmicGrowth(slope=ageing, time=1e-3),
+    )
+
+
+def _rise_of_contacts(
+    interface: Interface, level: float, x_s: float, since: Array, ratio: float, *, stiffness: float, linear: bool
+) -> Array:
+    """What friction rises by after a step; its level before the step says how large the unit of force is."""
+    unit, found = level / kinetic_friction(interface, 1.0), np.zeros_like(since)
+    x, spring = since[since > 0] / x_s, stiffness * x_s / unit
+    if linear:
+        force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
+    else:  # to 1e-3: the noise of what was measured is larger
+        reach = float(since.max()) / x_s + 1.0
+        rough = MasterEquation(rtol=1e-3)
+        force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=rough))
+    found[since > 0] = unit * force
+    return found
+
+
+def _fitted(
+    step: Step,
+    rise: Callable[[Array, Array], Array],
+    ranges: Mapping[str, tuple[float, float]],
+    starts: Sequence[Array],
+    *,
+    trend: bool,
+    **how: Any,
+) -> tuple[dict[str, Any], Array]:
+    """Fit a curve beside a line, and when the step came: the fields of a `FittedStep`, and their covariance.
+
+    `rise` is of the values whose `ranges` are given, and of the displacement since the step; how late it came follows
+    them in `starts`.
+    """
+    low, high = np.array([*ranges.values(), (-step.near, step.near)]).T
+    lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
+    of_line = np.linalg.pinv(lines)
+
+    def above(value: Array) -> Array:
+        return rise(value[:-1], step.since(float(value[-1])))
+
+    def beside_a_line(value: Array) -> Array:
+        up = above(value)
+        return up + lines @ (of_line @ (step.friction - up))
+
+    fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
+    # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not less than one for each parameter.
+    count, alike = step.friction.size, memory(step.friction - fit.curve)
+    inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
+    *found, late = fit.estimates(inflation)
+    doubts = [] if fit.converged else ["the fit did not converge; give a longer record, or less noise"]
+    for (name, (least, largest)), value in zip(ranges.items(), found, strict=True):
+        if name != "stiffness" and not value.error < value:
+            doubts.append(f"{name} = {value.words()}, an error as large as the value")
+        if name != "stiffness" and not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
+            doubts.append(f"{name} = {value.words()} is at the end of the range that was tried")
+    if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
+        doubts.append(f"no step as near the time {step.at:g} that was given as data is kept; correct the time")
+    if doubts:
+        raise UndecidedError(f"not identified: {doubts[0]} (or are the velocities, --from and --to, swapped?)")
+    level, *slope = (of_line @ (step.friction - above(fit.value))).tolist()
+    velocity = step.before if step.measured and late > 0 else step.after
+    kept = ("before", "after", "stretch", "length_unit", "time_unit", "friction_unit")
+    fields = {name: getattr(step, name) for name in kept} | dict(zip(ranges, found, strict=True))
+    fields |= {
+        "at": Estimate(step.at + late / velocity, late.error / velocity),
+        "level": level,
+        "trend": slope[0] if trend else 0.0,
+        "rms": fit.rms,
+        "misfit": fit.rms / float(np.ptp(step.friction)),
+        "late": float(late),
+    }
+    return fields, fit.covariance * inflation**2
+
+
+# --------------------------------------------------------------------------------------------------- as rate and state
 
 
 def fit_rate_and_state(
@@ -190,94 +267,17 @@ def fit_rate_and_state(
     >>> fit.law, round(fit.distance, 1)
     ('slip', 5.0)
     """
-    step = _the_step(data, at=at, before=before, after=after, span=span)
+    step = data if isinstance(data, Step) else velocity_step_in(data, at=at, before=before, after=after, span=span)
     spring = None if stiffness is None else number("stiffness", stiffness, above=0, hint="friction per displacement")
-
-    def fits(step: Step) -> tuple[list[StepFit], list[UndecidedError]]:
-        """Of all laws that fit, and why the others do not."""
-        found, failed = [], []
-        for one in laws_to_fit(law):
-            try:
-                found.append(_fit_law(step, one, spring, trend=trend))
-            except UndecidedError as error:
-                failed.append(error)
-        return found, failed
-
-    found, failed = fits(step)
-    if found:
-        return min(found, key=lambda one: one.rms)
-    if fits(step.swapped())[0]:
-        raise UndecidedError(
-            f"{failed[0]}; a step from {step.after:g} to {step.before:g} does fit: are the velocities before and "
-            "after it (--from and --to) swapped?"
-        )
-    raise failed[0]
-
-
-def _the_step(data: xr.Dataset | Step, **how: Any) -> Step:
-    return data if isinstance(data, Step) else velocity_step_in(data, **how)
-
-
-# --------------------------------------------------------------------------------------------------- a curve and a line
-
-
-def _fitted(
-    step: Step,
-    rise: Rise,
-    ranges: tuple[Array, Array],
-    needed: dict[str, str],
-    starts: Sequence[Array],
-    *,
-    trend: bool,
-    **how: Any,
-) -> tuple[list[Estimate], Array, dict[str, Any]]:
-    """Fit a curve beside a line, and when the step came: estimates, their covariance, and what `FittedStep` has.
-
-    How late the step came is the last of the values. The first ones, without which nothing is known, are `needed`: by
-    name, with their units.
-    """
-    low, high = np.append(ranges[0], -step.near), np.append(ranges[1], step.near)
-    lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
-    of_line = np.linalg.pinv(lines)
-
-    def beside_a_line(value: Array) -> Array:
-        up = rise(value[:-1], step.since(float(value[-1])))
-        return up + lines @ (of_line @ (step.friction - up))
-
-    fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
-    # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not less than one for each parameter.
-    count, alike = step.friction.size, memory(step.friction - fit.curve)
-    inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
-    found, why = fit.estimates(inflation), ""
-    late, level = found[-1], of_line @ (step.friction - rise(fit.value[:-1], step.since(found[-1])))
-    if not fit.converged:
-        why = "the fit did not converge; give a longer record, or less noise"
-    for (name, unit), value, least, largest in zip(needed.items(), found, low, high, strict=False):
-        if not value.error < value:
-            why = why or f"{name} = {value.words(unit)}, an error as large as the value"
-        if np.log(largest / value) < 1e-6 or np.log(value / least) < 1e-6:
-            why = why or f"{name} = {value.words(unit)} is at the end of the range that was tried"
-    if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
-        why = why or (
-            f"no step near the time {step.at:g} that was given; it would be at an end of what was kept before it; "
-            "correct the time of the step"
-        )
-    if why:
-        raise UndecidedError(f"not identified: {why}")
-    velocity = step.before if step.measured and late > 0 else step.after
-    kept = ("before", "after", "stretch", "length_unit", "time_unit", "friction_unit")
-    common = {name: getattr(step, name) for name in kept} | {
-        "at": Estimate(step.at + late / velocity, late.error / velocity),
-        "level": float(level[0]),
-        "trend": float(level[1]) if trend else 0.0,
-        "rms": fit.rms,
-        "misfit": fit.rms / float(np.ptp(step.friction)),
-        "late": float(late),
-    }
-    return found, fit.covariance * inflation**2, common
-
-
-# --------------------------------------------------------------------------------------------------- as rate and state
+    found, failed = [], []
+    for one in laws_to_fit(law):
+        try:
+            found.append(_fit_law(step, one, spring, trend=trend))
+        except UndecidedError as error:
+            failed.append(error)
+    if not found:
+        raise failed[0]
+    return min(found, key=lambda one: one.rms)
 
 
 def _guess(step: Step, late: float = 0.0) -> tuple[float, float, float]:
@@ -296,65 +296,30 @@ def _guess(step: Step, late: float = 0.0) -> tuple[float, float, float]:
 def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> StepFit:
     if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():  # means of bins round
         raise UndecidedError(f"the friction is {step.friction[0]:g} throughout: there is no step in it")
-    count = 4 if stiffness is None else 3  # of the values that are fitted, but for when the step came
+    a, reach, fine = _guess(step)[0], float(step.displacement.max()), float(np.median(np.diff(step.displacement)))
+    ranges = {"a": (1e-3 * a, 1e2 * a), "b": (1e-3 * a, 1e2 * a), "distance": (0.1 * fine, 10.0 * reach)}
+    given: dict[str, Any] = {}
+    if stiffness is None:
+        ranges["stiffness"] = (1e-3 * a / reach, 1e2 * a / fine)
+    else:
+        given["stiffness"] = Estimate(stiffness)
 
     def rise(value: Array, since: Array) -> Array:
-        one = RateAndState(law=law, a=value[0], b=value[1], distance=value[2])
-        return one.step(since, step.ratio, stiffness=float(value[3]) if stiffness is None else stiffness)
+        a, b, distance, spring = (*value, *given.values())
+        return RateAndState(law=law, a=a, b=b, distance=distance).step(since, step.ratio, stiffness=spring)
 
     def start(late: float, up: float = 1.0, wide: float = 1.0) -> Array:
-        a, b, distance = _guess(step, late)
-        return np.append([up * a, up * b, wide * distance, 2.0 * up * a / (wide * distance)][:count], late)
+        a, b, distance = np.array([up, up, wide]) * _guess(step, late)
+        return np.append([a, b, distance, 2.0 * a / distance][: len(ranges)], late)
 
-    a, reach, fine = start(0.0)[0], float(step.displacement.max()), float(np.median(np.diff(step.displacement)))
-    low = np.array([1e-3 * a, 1e-3 * a, 0.1 * fine, 1e-3 * a / reach])
-    high = np.array([1e2 * a, 1e2 * a, 10.0 * reach, 1e2 * a / fine])
-    needed = {"a": step.friction_unit, "b": step.friction_unit, "D": step.length_unit}
-    tried = [start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)]
     starts = [start(0.0), start(0.0, 1.5, 0.5), start(0.0, 1.2, 2.0)]
-    ranges = low[:count], high[:count]
-    found, covariance, common = _fitted(step, rise, ranges, needed, starts, trend=trend, tried=tried)
+    tried = [start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)]
+    found, covariance = _fitted(step, rise, ranges, starts, trend=trend, tried=tried)
     apart = math.sqrt(max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0))
-    return StepFit(
-        law=law,
-        a=found[0],
-        b=found[1],
-        distance=found[2],
-        a_minus_b=Estimate(found[0] - found[1], apart),
-        stiffness=found[3] if stiffness is None else Estimate(stiffness),
-        **common,
-    )
+    return StepFit(law=law, a_minus_b=Estimate(found["a"] - found["b"], apart), **given, **found)
 
 
 # --------------------------------------------------------------------------------------------------------- as contacts
-
-
-def _contacts(thresholds: Distribution, width: float, ageing: float) -> Interface:
-    """Attempts and time of ageing in units of ``x_s`` over the velocity: the force depends on their logarithms."""
-    return Interface(
-        thresholds=thresholds,
-        temperature=Bell(width=width, attempts=1e6),
-        ageing=LogarithmicGrowth(slope=ageing, time=1e-3),
-    )
-
-
-def _rise_of(thresholds: Distribution, level: float, ratio: float, *, linear: bool) -> Rise:
-    """Of width, ageing, breaking displacement and stiffness; friction before the step says how large its unit is."""
-
-    def rise(value: Array, since: Array) -> Array:
-        width, ageing, x_s, stiffness = value.tolist()
-        interface = _contacts(thresholds, width, ageing)
-        unit = level / kinetic_friction(interface, 1.0)
-        x, spring, found = since[since > 0] / x_s, stiffness * x_s / unit, np.zeros_like(since)
-        if linear:
-            force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
-        else:
-            reach = float(since.max()) / x_s + 1.0
-            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=_COARSE))
-        found[since > 0] = unit * force
-        return found
-
-    return rise
 
 
 def fit_contacts(
@@ -392,24 +357,26 @@ def fit_contacts(
     InputError
         If the data holds no such step, or the mean of the thresholds is not 1.
     """
-    step = _the_step(data, at=at, before=before, after=after, span=span)
+    step = data if isinstance(data, Step) else velocity_step_in(data, at=at, before=before, after=after, span=span)
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:
         raise InputError(f"thresholds = {thresholds}: must have a mean of 1; the breaking displacement is fitted")
     rough, level = _fit_law(step, "slip", None, trend=trend), step.level()
     a, D, spring = rough.a / level * 0.5, float(rough.distance), float(rough.stiffness)
-    ranges = np.array([0.1 * a, 1e-3 * a, 0.2 * D, 0.1 * spring]), np.array([10 * a, 30 * a, 20 * D, 10 * spring])
-    needed = {"A": "", "c": "", "the breaking displacement": step.length_unit}
+    ranges = {
+        "width": (0.1 * a, 10 * a),
+        "ageing": (1e-3 * a, 30 * a),
+        "breaking_displacement": (0.2 * D, 20 * D),
+        "stiffness": (0.1 * spring, 10 * spring),
+    }
+
+    def rise(value: Array, since: Array) -> Array:
+        width, ageing, x_s, k = value.tolist()
+        interface = _contacts(thresholds, width, ageing)
+        return _rise_of_contacts(interface, level, x_s, since, step.ratio, stiffness=k, linear=by_response)
+
     starts = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
-    for by_response, most in ((True, 50),) if linear else ((True, 50), (False, 20)):
-        rise = _rise_of(thresholds, level, step.ratio, linear=by_response)
-        found, _, common = _fitted(step, rise, ranges, needed, starts, trend=trend, tolerance=1e-4, most=most)
-        starts = [np.array(found)]
-    return ContactsFit(
-        thresholds=thresholds,
-        width=found[0],
-        ageing=found[1],
-        breaking_displacement=found[2],
-        stiffness=found[3],
-        linear=linear,
-        **common,
-    )
+    for by_response in (True,) if linear else (True, False):
+        most = 50 if by_response else 20
+        found, _ = _fitted(step, rise, ranges, starts, trend=trend, tolerance=1e-4, most=most)
+        starts = [np.array([*(found[name] for name in ranges), found["late"]])]
+    return ContactsFit(thresholds=thresholds, linear=linear, **found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -41,8 +41,9 @@ class Step:
 
     @property
     def near(self) -> float:
-        """How far off the given time the step is looked for, in displacement: as far as there is data before it."""
-        return max(-float(self.displacement.min()) * self.stretch, 1e-9 * float(self.displacement.max()))
+        """How far off the given time the step is looked for: as far as there is data before, and half of that after."""
+        end = float(self.displacement.max())
+        return float(np.clip(-self.displacement.min() * self.stretch, 1e-9 * end, 0.5 * end))
 
     def since(self, late: float) -> Array:
         """Displacement since the step, if that came so much displacement later than was said."""
@@ -52,11 +53,6 @@ class Step:
         """Friction before the step, if that came so much later."""
         before = self.friction[self.since(late) <= 0]
         return float(np.median(before) if before.size else self.friction[0])
-
-    def swapped(self) -> Step:
-        """The same friction, if the velocities were given in the wrong order."""
-        turned = np.where(self.displacement < 0, self.stretch, 1.0 / self.stretch) * self.displacement
-        return replace(self, displacement=turned, before=self.after, after=self.before)
 
 
 def velocity_step_in(

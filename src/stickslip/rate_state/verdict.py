@@ -46,7 +46,7 @@ class RateAndStateFit(WithErrors):
     distance: Annotated[Estimate, Number("x_s")]  #: ``D``, over which the state evolves
     misfit: float  #: of a small step: rms over the range of the force
     step_misfit: float | None  #: the same for the step that was asked for
-    drift: tuple[float, float, float]  #: relative change of a, b, D, of small steps, over the decade of velocity
+    drift: tuple[float, ...]  #: relative change of a, b, D, of small steps, over the decade of velocity
     asymmetry: float | None  #: ``D`` of the step up over that of the step down, for the law
 
     #: Growth of the peaks after holds per e-fold of the hold time, for long holds: the slope of ageing. None where
@@ -105,9 +105,6 @@ class RateAndStateFit(WithErrors):
         """Everything as plain values."""
         derived = {"healing_over_b": self.healing_over_b, "ratio": self.ratio, "danger": self.danger}
         return {**super().to_dict(), **plain(derived)}
-
-    def _unit(self, natural: str) -> str:
-        return "" if self.scales is None else si_unit(natural)
 
     def __str__(self) -> str:
         if not self.holds:
@@ -187,14 +184,15 @@ def rate_and_state(
             "delay there is nothing to fit; give one of them"
         )
     fit, misfit = _small(interface, speed)
-    drift, failing = np.full(3, math.nan), _failing(interface, speed, fit, misfit)
+    drift, failing = [math.nan] * 3, _failing(interface, speed, fit, misfit)
     if not failing:
         low, high = (_small(interface, v)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
-        drift = (high - low) / fit.value
-        for (name, most), change in zip(DRIFTS.items(), drift.tolist(), strict=True):
-            if abs(change) >= most and not failing:
-                failing = f"{name} changes by {100 * change:.3g} % over a decade of velocity"
-                failing += f"; must be below {100 * most:g} %"
+        drift = ((high - low) / fit.value).tolist()
+        told = "{} changes by {:.3g} % over a decade of velocity; must be below {:g} %"
+        changes = zip(DRIFTS.items(), drift, strict=True)
+        failing = next(
+            (told.format(name, 100 * now, 100 * most) for (name, most), now in changes if abs(now) >= most), ""
+        )
     chosen, step_misfit, asymmetry = laws[0], None, None
     if not failing and step is not None:
         chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, fit.value)
@@ -217,7 +215,7 @@ def rate_and_state(
         distance=distance,
         misfit=misfit,
         step_misfit=step_misfit,
-        drift=(float(drift[0]), float(drift[1]), float(drift[2])),
+        drift=tuple(drift),
         asymmetry=asymmetry,
         healing=ageing.slope if isinstance(ageing, LogarithmicGrowth) else None,
         velocity=speed,
@@ -263,18 +261,15 @@ def _of_a_step(
     interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
 ) -> tuple[Law, Fit, float, float]:
     """Fit laws to steps up and down: the law of which D changes less, its fit and misfit, and D up over D down."""
-    reach, runs = SLIP * interface.threshold_distribution.moment(1), []
-    for before, after in ((velocity, velocity * step), (velocity * step, velocity)):
+    reach = SLIP * interface.threshold_distribution.moment(1)
+
+    def fits(before: float, after: float) -> list[tuple[Fit, float]]:
         lead, force = (each[3::3] for each in finite_step(interface, before, after, reach))
-        runs.append((lead, force, after / before, contact_stiffness(interface, before)))
+        how = {"ratio": after / before, "stiffness": contact_stiffness(interface, before)}
+        return [_fit_abd(lambda one: one.step(lead, **how), lead, force, [near], law) for law in laws]
 
-    def fitted(law: Law, lead: Array, force: Array, ratio: float, spring: float) -> tuple[Fit, float]:
-        return _fit_abd(lambda one: one.step(lead, ratio, stiffness=spring), lead, force, [near], law)
-
-    found = []
-    for law in laws:
-        (up, misfit), (down, _) = (fitted(law, *run) for run in runs)
-        found.append((law, up, misfit, float(up.value[2] / down.value[2])))
+    both = zip(laws, fits(velocity, velocity * step), fits(velocity * step, velocity), strict=True)
+    found = [(law, up, misfit, float(up.value[2] / down.value[2])) for law, (up, misfit), (down, _) in both]
     return min(found, key=lambda one: abs(math.log(one[3])))
 
 
