@@ -61,15 +61,8 @@ fitted = lru_cache(ss.rate_and_state)
     ("interface", "velocity", "force", "slope"),
     [  # each with the error that it may have
         (contacts(0.1), 1.0, (0.45670, 1e-4), (0.004938, 2e-5)),
-        (contacts(0.1), 1e6, (0.50495, 1e-4), None),
-        (contacts(0.1, width=0.05), 0.01, (0.13126, 2e-4), None),
-        (THERMAL, 0.01, (0.48057, 2e-4), None),
         (THERMAL, 1.0, (0.50096, 2e-4), (0.004455, 3e-5)),
-        (THERMAL, 100.0, (0.52159, 2e-4), None),
         (contacts(0.1, temperature=parabolic(0.01)), 1.0, (0.45415, 1e-4), (0.005473, 3e-5)),
-        (contacts(0.1, temperature=parabolic(0.05)), 1.0, (0.15507, 2e-4), None),
-        (contacts(0.1, temperature=barrier(1.5, kramers=False)), 1.0, (0.39555, 1e-4), None),
-        (contacts(0.1, temperature=barrier(1.5, kramers=True)), 1.0, (0.40097, 1e-4), None),
         (AGEING, 1.0, (0.56522, 2e-4), (-0.00464, 3e-5)),
         (LOG_NORMAL, 0.01, (1.4254, 5e-4), None),
         (LOG_NORMAL, 1.0, (1.4017, 5e-4), (-0.0050, 1e-4)),
@@ -133,7 +126,8 @@ def by_quadrature(barrier, thresholds, velocity):
 @pytest.mark.parametrize(
     ("temperature", "velocity"),
     [
-        (ss.Bell(width=0.02, attempts=1e6), 3.0),
+        *((ss.Bell(width=0.01, attempts=1e6), velocity) for velocity in (0.01, 100.0, 1e6)),
+        (ss.Bell(width=0.05, attempts=1e6), 0.01),
         (parabolic(0.01), 1.0),
         (parabolic(0.05), 1.0),
         (barrier(1.0, kramers=False), 1.0),
@@ -171,19 +165,6 @@ def test_contacts_of_different_areas(areas, cold, warm):
     work = weight * 0.5 * x**3
     expected = work.sum() / (weight @ x + 1.0) if areas == "fresh" else np.sum(work / (x + 1.0))
     assert ss.kinetic_friction(replace(interface, delay=ss.Delay(1.0)), 1.0) == pytest.approx(expected, abs=1e-6)
-
-
-@pytest.mark.parametrize("interface", SLIDING)
-def test_detached_contacts_carry_their_force(interface):
-    # Contacts and those that wait, apart: the force of the ones with no sliding force, and the fraction of the others.
-    bare, full = (replace(interface, sliding_force=force) for force in (0.0, 1.0))
-    waiting = ss.kinetic_friction(full, 1.0) - ss.kinetic_friction(bare, 1.0)
-    assert 0.0 < waiting < 1.0
-    expected = ss.kinetic_friction(bare, 1.0) + interface.sliding_force * waiting
-    assert ss.kinetic_friction(interface, 1.0) == pytest.approx(expected, rel=1e-12)
-    # While contacts wait, the slider goes v tau; while they hold, the mean stretching at which they break.
-    slower = ss.kinetic_friction(replace(bare, delay=ss.Delay(0.0)), 1.0)
-    assert ss.kinetic_friction(bare, 1.0) == pytest.approx(slower * (1.0 - waiting), rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -347,14 +328,6 @@ def test_small_steps_of_both_laws_are_the_linear_one(law):
     x, one = np.array([0.05, 0.3, 1.0, 4.0]), RateAndState(law=law, a=0.0106, b=0.0154, distance=0.31)
     found = one.step(x, 1.0005, stiffness=1.0) / math.log(1.0005)
     assert found == pytest.approx(one.small_step(x, stiffness=1.0), abs=1e-5)
-
-
-def test_steps_whose_poles_meet_or_go_are_those_of_their_neighbours():
-    slip, one = np.linspace(0.0, 5.0, 40), RateAndState(law="slip", a=1.0, b=1.0, distance=1.0)
-    meeting, *beside = (one.small_step(slip, stiffness=k) for k in (4.0, 4.004, 3.996))
-    np.testing.assert_allclose(meeting, 0.5 * sum(beside), atol=1e-6)
-    gone = replace(one, a=1e-12, b=0.3, distance=0.5).small_step(slip[1:], stiffness=2.0)
-    assert gone[-1] == pytest.approx(-0.3, rel=1e-6)
 
 
 # ---------------------------------------------------------------- the verdict
@@ -540,7 +513,6 @@ REFUSED = [
     (lambda: ss.growth_rate(bench(AREAS)), NOT_WITH_AREAS),
     (lambda: ss.rate_and_state(AREAS), NOT_WITH_AREAS),
     (lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0), NOT_WITH_AREAS),
-    (lambda: replace(AREAS, ageing=ss.Langevin(rate=1.0)), "leave one of them out"),
     (lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)), "use Barrier"),
     (lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j), "never re-attach"),
     (lambda: ss.rate_and_state(contacts(width=None)), "does not change with the velocity"),

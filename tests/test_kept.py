@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from drawn import assert_kept
-from test_laws import BARRIER, BELL, CHAIN, DELAY, DRIVE, LOGARITHMIC, MECHANISMS, PAIRS, SLIDER, TENTH, run_of
+from test_laws import BARRIER, CHAIN, DELAY, DRIVE, MECHANISMS, PAIRS, SLIDER, TENTH, run_of
 
 import stickslip as ss
 
@@ -27,8 +27,6 @@ KINDS = {
     "Kramers": ss.Interface(thresholds=TENTH, temperature=replace(BARRIER, kramers=True)),
     "wide at the beginning": ss.Interface(thresholds=TENTH, initial=ss.Uniform(low=-0.6, high=0.7)),
 }
-WARM = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=BELL)
-WARMS = {"Bell": WARM, "Bell, logarithmic growth": replace(WARM, ageing=LOGARITHMIC)}
 
 
 def row(name: str, numbers: Mapping[str, object]) -> str:
@@ -156,7 +154,7 @@ def test_bars_are_kept():
     assert_kept(table(found), "bars", rtol=ROUNDING, atol=1e-12)
 
 
-# ---------------------------------------------------------------- what is measured, fitted and followed
+# ---------------------------------------------------------------- what is measured
 
 
 def _made_up_forces() -> dict[str, np.ndarray]:
@@ -192,48 +190,13 @@ def test_what_is_measured_is_kept():
     for name, force in _made_up_forces().items():
         time = ("time", 0.1 * np.arange(force.size), {"units": "s"})
         rows[name] = _measured(xr.Dataset({"spring_force": ("time", force, {"units": "N"})}, coords={"time": time}))
+    sliders = {
+        "heavy": ss.Slider(stiffness=0.5, mass=0.05, damping=1.0),
+        "light": ss.Slider(stiffness=0.2, mass=1e-4, damping=5.0),
+    }
     for delay in (0.0, 0.2):
-        for name, slider in _SLIDERS.items():
+        for name, slider in sliders.items():
             rig = ss.Rig(ss.Interface(thresholds=TENTH, delay=ss.Delay(delay)), slider, ss.constant(0.5, 30.0))
             run = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.01))
             rows[f"a run, delay {delay}, {name}"] = _measured(run)
     assert_kept(table(rows), "measured", rtol=ROUNDING, atol=1e-12)
-
-
-_SLIDERS = {
-    "heavy": ss.Slider(stiffness=0.5, mass=0.05, damping=1.0),
-    "light": ss.Slider(stiffness=0.2, mass=1e-4, damping=5.0),
-}
-
-
-def test_cycles_are_kept():
-    rows: dict[str, dict[str, object]] = {}
-    for delay in (0.0, 0.2):
-        for name, slider in _SLIDERS.items():
-            rig = ss.Rig(ss.Interface(thresholds=TENTH, delay=ss.Delay(delay)), slider, ss.constant(1.0))
-            found = ss.cycles.is_sustained(rig)
-            numbers = {"height": found.peak_to_peak, "period": found.period} if found.sustained else {}
-            rows[f"delay {delay}, {name}"] = {"regime": found.kind, **numbers}
-    assert_kept(table(rows), "cycles", rtol=5e-3)
-
-
-def test_friction_laws_are_kept():
-    rows: dict[str, dict[str, object]] = {}
-    for name, interface in WARMS.items():
-        read = ss.rate_and_state(interface, 1.0)
-        rows[name] = {"a": read.a, "b": read.b, "distance": read.distance}
-        for method in (ss.Contacts(500, seed=1), ss.MasterEquation(rtol=1e-4)):
-            who = type(method).__name__
-            step = ss.velocity_step(interface, before=1.0, after=5.0, distance=4.0, points=300, method=method)
-            force = step["friction_force"]
-            rows[f"step, {name}, {who}"] = {"largest": float(force.max()), "last": float(force[-1])}
-            held = ss.slide_hold_slide(interface, velocity=1.0, holds=(0.1, 10.0), stiffness=20.0, method=method)
-            rows[f"holds, {name}, {who}"] = {each: held[each].to_numpy() for each in ("relaxation", "peak")}
-    assert_kept(table(rows), "friction_laws", rtol=1e-4, atol=1e-9)
-
-
-def test_a_quick_fit_is_kept():
-    known = {"static_friction": 30.0, "kinetic_friction": 25.0, "stiffness": 5e5, "speed": 1e-3, "mass": "0.1 kg"}
-    rig = ss.quick_fit(**known, loading_rate=350.0, half_speed=2e-4)
-    found = {"f_s": rig.unit("f_s"), "x_s": rig.unit("x_s"), "scatter": rig.natural.interface.thresholds.std}
-    assert_kept(row("quick fit", found), "quick_fit", rtol=ROUNDING)

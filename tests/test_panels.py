@@ -38,9 +38,8 @@ def tables(distribution):
     return survival.tabulate(distribution.survival, top, knots)
 
 
-def after(*times, weights=None):
-    weights = np.ones(len(times)) / max(len(times), 1) if weights is None else weights
-    times, weights = np.array(times, float), np.array(weights, float)
+def after(*times):
+    times, weights = np.array(times, float), np.full(len(times), 1.0 / max(len(times), 1))
     return Delays(times, weights, survival.EMPTY, 0.0, 1.0, float(times @ weights), False, False)
 
 
@@ -48,9 +47,9 @@ NO_DELAY = after(0.0)
 NEVER_BACK = after()
 
 
-def narrow(std=0.01, count=32):
+def narrow(std=0.01):
     """Relaxed contacts: nodes of Gauss on panels of a bell."""
-    edges = np.linspace(-7 * std, 7 * std, count + 1)
+    edges = np.linspace(-7 * std, 7 * std, 33)
     x = edges[:-1, None] + np.diff(edges)[:, None] * GAUSS
     weight = np.exp(-0.5 * (x / std) ** 2) * WEIGHT
     return x, weight / weight.sum()
@@ -73,7 +72,6 @@ def run(
     velocity=1.0,
     start=None,
     pull=None,
-    until=None,
     times=None,
     tolerance=1e-5,
     **options,
@@ -84,8 +82,8 @@ def run(
     spring = 0.0 if is_rigid(slider) else motion.drive_force / slider.stiffness
     drive = pull or Quadratic(motion.time, motion.position + spring, velocity, 0.0)
     case = Case(tables(distribution), delays, slider, accuracy(distribution, tolerance), drive)
-    until, passed = until or motion.time + duration, motion.time + np.arange(0.0, duration + 1e-9, 0.01)
-    return Run(*panels.advance(state, case, until, passed if times is None else times, **options))
+    passed = motion.time + np.arange(0.0, duration + 1e-9, 0.01) if times is None else times
+    return Run(*panels.advance(state, case, motion.time + duration, passed, **options))
 
 
 class Run(NamedTuple):

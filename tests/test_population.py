@@ -191,14 +191,6 @@ def test_cycles_are_those_of_contacts(count):
 # ---------------------------------------------------------------- drives, files, refusals
 
 
-def test_a_sweep_keeps_the_method_and_changes_its_count():
-    rig = ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=1.0), method=ss.Population(10**6, seed=3))
-    table = ss.sweep(rig, {"contacts": [100, 10**6], "seed": [1, 2]})
-    force = table["mean_force"].to_numpy()
-    assert force.shape == (2, 2)
-    assert abs(force[0, 0] - force[0, 1]) > abs(force[1, 0] - force[1, 1]) > 0.0
-
-
 def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.35), newborn=ss.Gaussian(mean=0.2, std=0.0)
