@@ -10,46 +10,27 @@ from scipy.optimize import least_squares
 
 import stickslip as ss
 from stickslip import cycles
-from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained
-from stickslip.errors import InputError, UndecidedError
-from stickslip.measure import regime
-from stickslip.model import (
-    Contacts,
-    Delay,
-    FromSliding,
-    Interface,
-    MasterEquation,
-    Output,
-    RandomDelay,
-    Rig,
-    Scales,
-    Slider,
-)
-from stickslip.model.distributions import Gaussian
-from stickslip.model.drive import constant
-from stickslip.paper.cases import FIG4, FIG6, FIG7, FIG8
-from stickslip.simulation import simulate
-from stickslip.stability import (
-    DAMPING,
-    DELAY,
-    MASS,
-    STD,
-    STIFFNESS,
-    VELOCITY,
-    growth_rate,
-)
+from stickslip.cycles import cycle_branch, is_sustained
+from stickslip.model import Scales
+from stickslip.paper.cases import FIG4, FIG6, FIG8
+from stickslip.stability import DAMPING, DELAY, MASS, STD, STIFFNESS, VELOCITY
 
 STIFF = replace(FIG4.slider, stiffness=5.0)
 
 
 def delayed(delay, std=None, negative="clip"):
-    distribution = Delay(delay) if std is None else RandomDelay(mean=delay, std=std, negative=negative)
+    distribution = ss.Delay(delay) if std is None else ss.RandomDelay(mean=delay, std=std, negative=negative)
     return replace(FIG6.interface, delay=distribution)
 
 
 def scaled(mass, stiffness=2.0, ratio=0.3):
     """A slider with a given ratio of damping to its own frequency."""
-    return Slider(stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass))
+    return ss.Slider(stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass))
+
+
+def pulled(delay, *random, slider=FIG6.slider, velocity=1.0):
+    """The rig of Fig. 6, or with another slider, pulled for as long as it takes."""
+    return ss.Rig(delayed(delay, *random), slider, ss.constant(velocity))
 
 
 # ---------------------------------------------------------------- does it persist?
@@ -73,7 +54,7 @@ def scaled(mass, stiffness=2.0, ratio=0.3):
     ],
 )
 def test_the_table_of_fig_4(slider, delay, kind, numbers):
-    verdict = is_sustained(Rig(delayed(delay), slider, constant(1.0)))
+    verdict = is_sustained(pulled(delay, slider=slider))
     assert verdict.kind == kind
     assert verdict.sustained is (kind != "smooth sliding")
     for name, (value, error) in numbers.items():
@@ -81,24 +62,21 @@ def test_the_table_of_fig_4(slider, delay, kind, numbers):
 
 
 def test_smooth_sliding_and_stick_slip_both_persist_in_the_bistable_band():
-    perturbed = is_sustained(Rig(FIG7.interface, FIG7.slider, constant(1.0)), start=FromSliding(perturbation=0.01))
+    perturbed = is_sustained(pulled(0.1), start=ss.FromSliding(perturbation=0.01))
     assert perturbed.sustained is False
-    assert is_sustained(Rig(FIG7.interface, FIG7.slider, constant(1.0))).sustained is True
+    assert is_sustained(pulled(0.1)).sustained is True
 
 
 def test_where_smooth_sliding_is_unstable_a_small_perturbation_grows_into_the_cycle():
-    perturbed = is_sustained(Rig(delayed(0.2), FIG6.slider, constant(1.0)), start=FromSliding(perturbation=0.01))
-    relaxed = is_sustained(Rig(delayed(0.2), FIG6.slider, constant(1.0)))
+    perturbed = is_sustained(pulled(0.2), start=ss.FromSliding(perturbation=0.01))
+    relaxed = is_sustained(pulled(0.2))
     assert perturbed.kind == relaxed.kind == "stick-slip"
     assert perturbed.peak_to_peak == pytest.approx(relaxed.peak_to_peak, rel=0.01)
     assert perturbed.period == pytest.approx(relaxed.period, rel=0.01)
 
 
 def test_the_tolerance_of_cycles_is_fine_enough():
-    rough, fine = (
-        is_sustained(Rig(delayed(0.1), FIG6.slider, constant(1.0)), method=MasterEquation(rtol=rtol))
-        for rtol in (1e-4, 1e-6)
-    )
+    rough, fine = (is_sustained(pulled(0.1), method=ss.MasterEquation(rtol=rtol)) for rtol in (1e-4, 1e-6))
     assert rough.peak_to_peak == pytest.approx(fine.peak_to_peak, rel=2e-3)
     assert rough.period == pytest.approx(fine.period, rel=2e-3)
 
@@ -107,10 +85,12 @@ def test_the_tolerance_of_cycles_is_fine_enough():
 @pytest.mark.parametrize("delay", [0.06, 0.1])
 def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
     interface = delayed(delay)
-    run = simulate(
-        Rig(interface, FIG6.slider, constant(1.0, 120)), method=Contacts(10_000, seed=3), output=Output(interval=0.01)
+    run = ss.simulate(
+        ss.Rig(interface, FIG6.slider, ss.constant(1.0, 120)),
+        method=ss.Contacts(10_000, seed=3),
+        output=ss.Output(interval=0.01),
     )
-    assert is_sustained(Rig(interface, FIG6.slider, constant(1.0))).kind == regime(run).kind
+    assert is_sustained(ss.Rig(interface, FIG6.slider, ss.constant(1.0))).kind == ss.regime(run).kind
 
 
 @pytest.mark.slow
@@ -119,36 +99,36 @@ def test_verdicts_of_random_rigs_agree_with_long_runs():
     for _ in range(20):
         stiffness, velocity, delay = (float(np.exp(rng.uniform(*np.log(r)))) for r in ((0.2, 6), (0.3, 3), (0.01, 0.5)))
         mass, ratio = (float(10 ** rng.uniform(*r)) for r in ((-5, -2), (-1.3, 0.3)))
-        interface = Interface(thresholds=Gaussian(mean=1.0, std=rng.uniform(0.05, 0.35)), delay=Delay(delay))
+        interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=rng.uniform(0.05, 0.35)), delay=ss.Delay(delay))
         slider = scaled(mass, stiffness, ratio)
         duration = 200 * (1 + 1 / stiffness) / velocity
-        late = simulate(Rig(interface, slider, constant(velocity, duration)), method=cycles.METHOD).sel(
+        late = ss.simulate(ss.Rig(interface, slider, ss.constant(velocity, duration)), method=cycles.METHOD).sel(
             time=slice(0.9 * duration, None)
         )
         still = np.ptp(late.spring_force.values) > 0.02 * late.spring_force.values.mean()
-        assert is_sustained(Rig(interface, slider, constant(velocity))).sustained == still
+        assert is_sustained(ss.Rig(interface, slider, ss.constant(velocity))).sustained == still
 
 
 @pytest.mark.parametrize(("stiffness", "mass"), [(0.01, 1e-2), (0.05, 1e-3)])
 def test_soft_springs_have_long_cycles(stiffness, mass):
-    verdict = is_sustained(Rig(delayed(0.2), scaled(mass, stiffness), constant(1.0)), method=MasterEquation(rtol=1e-3))
+    verdict = is_sustained(pulled(0.2, slider=scaled(mass, stiffness)), method=ss.MasterEquation(rtol=1e-3))
     assert verdict.kind == "stick-slip"
     assert verdict.period > 0.5 / stiffness
 
 
 def test_contacts_that_never_come_back_leave_nothing_to_oscillate():
-    verdict = is_sustained(Rig(delayed(math.inf), FIG4.slider, constant(1.0)))
+    verdict = is_sustained(pulled(math.inf, slider=FIG4.slider))
     assert verdict.sustained is False
     assert verdict.linearly_unstable is None
 
 
 def test_an_oscillation_that_has_not_settled_is_undecided():
     # A slow passage: just below tau* the oscillation lingers at .55 before it decays.
-    hurried = is_sustained(Rig(delayed(0.0757), FIG6.slider, constant(1.0)), patience=4)
+    hurried = is_sustained(pulled(0.0757), patience=4)
     assert hurried.sustained is None
     assert hurried.kind == "undecided"
     assert "still changes" in hurried.reason
-    assert is_sustained(Rig(delayed(0.0757), FIG6.slider, constant(1.0))).sustained is False
+    assert is_sustained(pulled(0.0757)).sustained is False
 
 
 # ---------------------------------------------------------------- growth
@@ -166,15 +146,17 @@ def test_an_oscillation_that_has_not_settled_is_undecided():
     ],
 )
 def test_small_perturbations_grow_or_decay_at_the_linear_rate(interface, slider, velocity, duration):
-    method = MasterEquation(rtol=1e-10)  # the slow mode starts at 1e-7
-    run = simulate(
-        Rig(interface, slider, constant(velocity, duration)), method=method, start=FromSliding(perturbation=1e-3)
+    method = ss.MasterEquation(rtol=1e-10)  # the slow mode starts at 1e-7
+    run = ss.simulate(
+        ss.Rig(interface, slider, ss.constant(velocity, duration)),
+        method=method,
+        start=ss.FromSliding(perturbation=1e-3),
     )
     late = run.sel(time=slice(0.6 * duration, None))
     t = late.time.values - late.time.values[0]
     speed = late.velocity.values / velocity - 1.0
     assert np.abs(speed).max() < 0.02
-    linear = growth_rate(Rig(interface, slider, constant(velocity)))
+    linear = ss.growth_rate(ss.Rig(interface, slider, ss.constant(velocity)))
 
     def misfit(guess):
         rate, omega = guess
@@ -191,8 +173,8 @@ def test_small_perturbations_grow_or_decay_at_the_linear_rate(interface, slider,
 
 
 def test_tau_star_of_fig_6():
-    rig = Rig(FIG6.interface, FIG6.slider, constant(1.0))
-    (window,) = sustained(rig, "delay", between=(0.04, 0.14), tolerance=2e-3)
+    rig = pulled(0.2)
+    (window,) = ss.sustained(rig, "delay", between=(0.04, 0.14), tolerance=2e-3)
     edge = window.low
     assert edge.value == pytest.approx(0.0755, abs=0.003)
     assert edge.value == pytest.approx(0.07575, abs=2e-4)  # ours, from runs of 600 x_s and an error of 1e-4
@@ -203,7 +185,7 @@ def test_tau_star_of_fig_6():
 
 
 def test_the_branch_ends_in_a_fold_at_v1_prime():
-    branch = cycle_branch(Rig(FIG7.interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, 2.0))
+    branch = cycle_branch(pulled(0.1), "velocity", between=(0.3, 2.0))
     assert branch.attrs["low_end"] == "fold"
     assert branch.attrs["high_end"] == "end of range"
     assert 0.5 * (branch.attrs["low_decays_at"] + branch.attrs["low_persists_at"]) == pytest.approx(0.71, abs=0.02)
@@ -233,7 +215,7 @@ def test_the_branch_ends_in_a_fold_at_v1_prime():
 )
 def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sampled):
     """Whatever is varied under way, forces do not jump, and contacts are neither lost nor made."""
-    rig = Rig(delayed(0.1), FIG6.slider, constant(1.0))
+    rig = pulled(0.1)
     own = rig.value(parameter)
     branch = cycle_branch(rig, parameter, step=0.1, begin=own, between=tuple(sorted((own, value))))
     fresh = is_sustained(parameter.set(rig, value))
@@ -246,8 +228,8 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sa
 
 
 def test_a_branch_that_is_not_there():
-    with pytest.raises(UndecidedError, match="no cycle to follow"):
-        cycle_branch(Rig(delayed(0.01), FIG6.slider, constant(1.0)), "velocity", begin=1.0, between=(0.5, 2.0))
+    with pytest.raises(ss.UndecidedError, match="no cycle to follow"):
+        cycle_branch(pulled(0.01), "velocity", begin=1.0, between=(0.5, 2.0))
 
 
 # ---------------------------------------------------------------- samples
@@ -255,7 +237,7 @@ def test_a_branch_that_is_not_there():
 
 def test_slips_that_differ_again_and_again_settle_as_one_cycle():
     """Three of them, each with much ringing after it."""
-    ringing = Rig(delayed(0.4), Slider(stiffness=0.1674, mass=7.88e-6, damping=10.9), constant(0.0388))
+    ringing = ss.Rig(delayed(0.4), ss.Slider(stiffness=0.1674, mass=7.88e-6, damping=10.9), ss.constant(0.0388))
     assert "settles at" in is_sustained(ringing).reason
 
 
@@ -263,15 +245,15 @@ def test_slips_that_differ_again_and_again_settle_as_one_cycle():
 
 
 @pytest.mark.parametrize(
-    ("rig", "parameter", "between", "low", "high"),
+    ("delay", "parameter", "between", "low", "high"),
     [
-        (FIG7, VELOCITY, (0.3, 3.0), ("fold", 0.71, 0.02), ("linear", 1.388221, 1e-6)),
-        (FIG6, DELAY, (0.05, 0.2), ("fold", 0.0757, 4e-4), ("linear", 0.138218, 1e-6)),
-        (FIG7, VELOCITY, (0.95, 1.5), ("end of range", 0.95, 0.0), ("linear", 1.388221, 1e-6)),
+        (0.1, VELOCITY, (0.3, 3.0), ("fold", 0.71, 0.02), ("linear", 1.388221, 1e-6)),
+        (0.2, DELAY, (0.05, 0.2), ("fold", 0.0757, 4e-4), ("linear", 0.138218, 1e-6)),
+        (0.1, VELOCITY, (0.95, 1.5), ("end of range", 0.95, 0.0), ("linear", 1.388221, 1e-6)),
     ],
 )
-def test_a_band_ends_at_a_fold_the_boundary_or_the_range(rig, parameter, between, low, high):
-    answer = bistable_range(Rig(rig.interface, rig.slider, constant(1.0)), parameter, between=between)
+def test_a_band_ends_at_a_fold_the_boundary_or_the_range(delay, parameter, between, low, high):
+    answer = ss.bistable_range(pulled(delay), parameter, between=between)
     (band,) = answer
     for edge, (kind, value, error) in ((band.low, low), (band.high, high)):
         assert (edge.kind, edge.value) == (kind, pytest.approx(value, abs=error))
@@ -281,8 +263,11 @@ def test_a_band_ends_at_a_fold_the_boundary_or_the_range(rig, parameter, between
 
 
 def test_a_band_apart_from_any_linear_boundary():
-    answer = bistable_range(
-        Rig(delayed(0.2, 0.12, "redraw"), FIG7.slider, constant(1.0)), "velocity", between=(0.5, 1.2), tolerance=0.01
+    answer = ss.bistable_range(
+        pulled(0.2, 0.12, "redraw"),
+        "velocity",
+        between=(0.5, 1.2),
+        tolerance=0.01,
     )
     (band,) = answer
     assert band.low.kind == band.high.kind == "fold"
@@ -291,10 +276,10 @@ def test_a_band_apart_from_any_linear_boundary():
 
 
 def test_no_band_is_an_answer_with_the_range_searched():
-    answer = bistable_range(Rig(delayed(0.2, 0.12), FIG7.slider, constant(1.0)), "velocity", between=(0.2, 5.0))
+    answer = ss.bistable_range(pulled(0.2, 0.12), "velocity", between=(0.2, 5.0))
     assert not answer
     assert str(answer).startswith("no bistable band found for velocity from 0.2 to 5")
-    answer = bistable_range(Rig(delayed(0.2), FIG6.slider, constant(1.0)), "velocity", between=(1.0, 1.5))
+    answer = ss.bistable_range(pulled(0.2), "velocity", between=(1.0, 1.5))
     assert not answer
     assert "unstable all the way" in str(answer)
 
@@ -305,27 +290,29 @@ def test_no_band_is_an_answer_with_the_range_searched():
 @pytest.mark.parametrize(
     ("rig", "options", "words"),
     [
-        (Rig(FIG6.interface, FIG6.slider, constant(-1.0)), {}, "velocity = -1"),
-        (Rig(FIG6.interface, replace(FIG6.slider, mass=0.0), constant(1.0)), {}, "mass above 0"),
-        (Rig(FIG8.interface, FIG8.slider, constant(1.0)), {}, "ageing"),
-        (FIG6.rig, {"method": MasterEquation(memoryless=True)}, "memoryless"),
-        (Rig(delayed(math.inf), FIG6.slider, constant(1.0)), {"start": FromSliding()}, "start FromRest"),
+        (pulled(0.2, velocity=-1.0), {}, "velocity = -1"),
+        (pulled(0.2, slider=replace(FIG6.slider, mass=0.0)), {}, "mass above 0"),
+        (ss.Rig(FIG8.interface, FIG8.slider, ss.constant(1.0)), {}, "ageing"),
+        (FIG6.rig, {"method": ss.MasterEquation(memoryless=True)}, "memoryless"),
+        (pulled(math.inf), {"start": ss.FromSliding()}, "start FromRest"),
     ],
 )
 def test_what_cannot_be_used_is_refused(rig, options, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ss.InputError, match=words):
         is_sustained(rig, **options)
 
 
 def test_a_cycle_that_no_run_resolves_is_refused_at_once():
-    with pytest.raises(InputError, match=r"velocity = 1e-25 x_s/time: the slider could oscillate .* give at least"):
-        is_sustained(Rig(FIG6.interface, FIG6.slider, constant(1e-25)))
-    assert is_sustained(Rig(FIG6.interface, FIG6.slider, constant(1e-6))).sustained is False
+    with pytest.raises(ss.InputError, match=r"velocity = 1e-25 x_s/time: the slider could oscillate .* give at least"):
+        is_sustained(pulled(0.2, velocity=1e-25))
+    assert is_sustained(pulled(0.2, velocity=1e-6)).sustained is False
 
 
 def test_any_distribution_and_any_parameter():
-    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.1), delay=Delay(0.1))
-    answer = sustained(Rig(interface, FIG6.slider, constant(1.0)), STD, between=(0.05, 0.3), points=6, tolerance=0.01)
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    answer = ss.sustained(
+        ss.Rig(interface, FIG6.slider, ss.constant(1.0)), STD, between=(0.05, 0.3), points=6, tolerance=0.01
+    )
     (window,) = answer
     assert window.low.kind == "end of range"
     assert 0.1 < window.high.value < 0.15
@@ -333,15 +320,15 @@ def test_any_distribution_and_any_parameter():
 
 
 def test_what_is_found_is_in_the_units_of_the_rig():
-    plain = Rig(delayed(0.1), Slider(stiffness=2.0, mass=1e-4, damping=42.4), constant(1.0))
+    plain = ss.Rig(delayed(0.1), ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(1.0))
     scaled = replace(plain, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))
 
     def found(rig):
         unit = rig.unit("x_s/time")
         given = {"between": (0.6 * unit, 1.45 * unit), "tolerance": 0.01}
         branch = cycle_branch(rig, "velocity", step=0.2, begin=1.0 * unit, **given)
-        (band,) = bistable_range(rig, "velocity", step=0.2, **given)
-        (window,) = sustained(rig, "velocity", points=6, **given)
+        (band,) = ss.bistable_range(rig, "velocity", step=0.2, **given)
+        (window,) = ss.sustained(rig, "velocity", points=6, **given)
         ends = [branch.attrs[f"{end}_at"] for end in ("low_decays", "low_persists", "high_decays", "high_persists")]
         ends += [branch.velocity[0], band.low.persists_at, band.high.value]
         return np.array([*ends, window.low.decays_at, window.high.value]) / unit
@@ -354,7 +341,7 @@ def test_reasons_are_in_the_units_of_the_rig():
     rig = ss.read_rig("precision_stage")
     assert re.search(r"\d N\b", ss.cycles.is_sustained(rig).reason)
     assert re.search(r"stability at 0\.00086\d* m/s \(38\.\d+ Hz\)", str(ss.critical(rig, "velocity")))
-    with pytest.raises(InputError, match=r"begin = 1: .* at most 0\.003 \(m/s\)"):
+    with pytest.raises(ss.InputError, match=r"begin = 1: .* at most 0\.003 \(m/s\)"):
         ss.cycles.cycle_branch(rig, "velocity", between=(2e-4, 3e-3), begin=1.0)
     found = ss.bistable_range(rig, "velocity", between=(7e-4, 1e-3))
     assert not found

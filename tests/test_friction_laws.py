@@ -253,14 +253,6 @@ def test_a_finite_step_of_contacts():
     assert np.interp(x, lead, force) / math.log(1.01) == pytest.approx(small_step(AGEING, 1.0, x), abs=1.5e-4)
 
 
-@pytest.mark.parametrize("delay", [0.1, 1.0, 3.0])
-def test_small_steps_of_contacts_nearly_alike_have_the_error_that_is_promised(delay):
-    """They break together, life after life: a resonance that is narrower the longer they wait."""
-    interface, x = contacts(0.1, width=None, delay=delay), np.linspace(0.01, 6.0, 300)
-    rise, finer = (small_step(interface, 1.0, x, coarse=coarse) for coarse in (1.0, 0.2))
-    assert rise == pytest.approx(finer, abs=1e-4)
-
-
 def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
     """It lags behind by the force over the stiffness."""
     rigid, force = finite_step(AGEING, 1.0, 10.0, 2.0)

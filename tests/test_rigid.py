@@ -6,38 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stickslip.errors import InputError
-from stickslip.model import (
-    Contacts,
-    Delay,
-    Interface,
-    Langevin,
-    MasterEquation,
-    RandomDelay,
-)
-from stickslip.model.distributions import Exponential, Gaussian, SteadyState, Uniform
-from stickslip.rigid import (
-    Renewal,
-    critical_stiffness,
-    effective_stiffness,
-    rigid_slide,
-    static_friction,
-    steepest_fall,
-)
+import stickslip as ss
+from stickslip.model.distributions import SteadyState
+from stickslip.rigid import Renewal, effective_stiffness, steepest_fall
 
-AT_REST = Gaussian(mean=0.0, std=0.0)
+AT_REST = ss.Gaussian(mean=0.0, std=0.0)
 
 
 def gaussian(initial, thresholds, delay=0.0):
-    return Interface(
-        thresholds=Gaussian(mean=1.0, std=thresholds),
-        initial=Gaussian(mean=0.0, std=initial),
-        delay=Delay(delay),
+    return ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=thresholds),
+        initial=ss.Gaussian(mean=0.0, std=initial),
+        delay=ss.Delay(delay),
     )
 
 
 def test_static_friction_is_the_largest_force():
-    force, place = static_friction(gaussian(0.01, 0.1, delay=0.5))
+    force, place = ss.static_friction(gaussian(0.01, 0.1, delay=0.5))
     assert force == pytest.approx(0.79560, abs=1e-4)
     assert place == pytest.approx(0.8435, abs=2e-3)
 
@@ -45,14 +30,14 @@ def test_static_friction_is_the_largest_force():
 @pytest.mark.eq(1, 4)
 def test_started_in_the_steady_state_the_force_is_constant(distribution):
     """Claim 3, and K* = 0 (claim 5)."""
-    rig = Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
-    run = rigid_slide(rig, 5.0)
+    rig = ss.Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
+    run = ss.rigid_slide(rig, 5.0)
     # The start is a sum over some nodes. Where the survival starts with an infinite slope no polynomial follows it;
     # where the distribution jumps each node breaks with a kink in the force, and a jump in its slope.
     jumps = any(knot > 0 for knot in distribution.knots)
     slack = 2e-4 if jumps or float(distribution.density(1e-9)) > 5 else 5e-5
     np.testing.assert_allclose(run["friction_force"], distribution.moment(2) / (2 * distribution.moment(1)), rtol=slack)
-    assert critical_stiffness(rig) == 0.0
+    assert ss.critical_stiffness(rig) == 0.0
     assert np.max(effective_stiffness(rig, np.linspace(0, 3, 301))) <= (0.05 if jumps else 100 * slack)
 
 
@@ -62,19 +47,19 @@ def test_started_in_the_steady_state_the_force_is_constant(distribution):
 @pytest.mark.eq(8)
 def test_critical_stiffness_without_reattachment():
     """In closed form from a delta start: max of X P_c(X) - J_c(X); whether contacts come back late does not enter."""
-    distribution = Gaussian(mean=1.0, std=0.1)
+    distribution = ss.Gaussian(mean=1.0, std=0.1)
     X = np.linspace(0.9, 1.2, 30_001)
     expected = np.max(X * distribution.density(X) - distribution.survival(X))
-    rig = Interface(thresholds=distribution, initial=AT_REST)
-    assert critical_stiffness(rig, reattachment=False) == pytest.approx(expected, abs=1e-5)
-    assert critical_stiffness(replace(rig, delay=Delay(0.7))) == critical_stiffness(rig) < expected
+    rig = ss.Interface(thresholds=distribution, initial=AT_REST)
+    assert ss.critical_stiffness(rig, reattachment=False) == pytest.approx(expected, abs=1e-5)
+    assert ss.critical_stiffness(replace(rig, delay=ss.Delay(0.7))) == ss.critical_stiffness(rig) < expected
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.6, 1.1), (0.8, 1.2), (0.9, 1.0), (0.55, 1.0), (1.5, 1.7)])
 @pytest.mark.eq(8)
 def test_critical_stiffness_of_rectangular_thresholds(low, high):
     """x2/(x2-x1) - 1 from a delta start, as long as no contact breaks twice before X = x2: x2 < 2 x1."""
-    rig = Interface(thresholds=Uniform(low=low, high=high), initial=AT_REST)
+    rig = ss.Interface(thresholds=ss.Uniform(low=low, high=high), initial=AT_REST)
     value, place = steepest_fall(rig)
     assert value == pytest.approx(high / (high - low) - 1, abs=1e-3)
     assert place == pytest.approx(high, abs=1e-6)
@@ -83,21 +68,21 @@ def test_critical_stiffness_of_rectangular_thresholds(low, high):
 @pytest.mark.eq(8)
 def test_a_second_generation_raises_the_critical_stiffness():
     """x2 > 2 x1: contacts re-attached at x1 break before X = x2 and add to the fall."""
-    assert critical_stiffness(Interface(thresholds=Uniform(low=0.4, high=1.4), initial=AT_REST)) > 0.4 + 0.1
+    assert ss.critical_stiffness(ss.Interface(thresholds=ss.Uniform(low=0.4, high=1.4), initial=AT_REST)) > 0.4 + 0.1
 
 
 @pytest.mark.eq(7, 8)
 def test_exponential_thresholds_never_let_the_force_fall():
-    distribution = Exponential(mean=0.8)
-    rig = Interface(thresholds=distribution, initial=AT_REST)
-    assert critical_stiffness(rig) == 0.0
+    distribution = ss.Exponential(mean=0.8)
+    rig = ss.Interface(thresholds=distribution, initial=AT_REST)
+    assert ss.critical_stiffness(rig) == 0.0
     assert np.all(effective_stiffness(rig, np.linspace(0, 10, 50)) <= 1e-9)
     steady = replace(rig, initial=SteadyState(thresholds=distribution))
-    np.testing.assert_allclose(rigid_slide(steady, 5.0)["friction_force"], 0.8, rtol=1e-9)
+    np.testing.assert_allclose(ss.rigid_slide(steady, 5.0)["friction_force"], 0.8, rtol=1e-9)
 
 
 def test_the_critical_stiffness_is_the_largest_effective_one(distribution):
-    rig = Interface(thresholds=distribution, initial=Gaussian(mean=0.0, std=0.02))
+    rig = ss.Interface(thresholds=distribution, initial=ss.Gaussian(mean=0.0, std=0.02))
     value, place = steepest_fall(rig)
     X = np.linspace(0, min(2 * distribution.support[1], 4.0), 401)
     K = effective_stiffness(rig, X)
@@ -109,8 +94,10 @@ def test_the_critical_stiffness_is_the_largest_effective_one(distribution):
 @pytest.mark.parametrize("velocity_delay", [0.0, 0.3])
 @pytest.mark.eq(7)
 def test_effective_stiffness_is_minus_the_slope_of_the_force(distribution, velocity_delay):
-    rig = Interface(thresholds=distribution, initial=Gaussian(mean=0.05, std=0.05), delay=Delay(velocity_delay))
-    run = rigid_slide(rig, 2.0, method=Renewal(1_024))
+    rig = ss.Interface(
+        thresholds=distribution, initial=ss.Gaussian(mean=0.05, std=0.05), delay=ss.Delay(velocity_delay)
+    )
+    run = ss.rigid_slide(rig, 2.0, method=Renewal(1_024))
     X, F, slope = (run[name].to_numpy() for name in ("displacement", "friction_force", "stiffness"))
     h = X[1]
     scale = max(1.0, float(np.max(np.abs(slope))))
@@ -127,12 +114,14 @@ def test_effective_stiffness_is_minus_the_slope_of_the_force(distribution, veloc
 # ------------------------------------------------------------------------------------------------ three solvers
 
 
-@pytest.mark.parametrize("delay", [Delay(0.0), Delay(0.3), Delay(math.inf), RandomDelay(mean=0.2, std=0.12)], ids=str)
+@pytest.mark.parametrize(
+    "delay", [ss.Delay(0.0), ss.Delay(0.3), ss.Delay(math.inf), ss.RandomDelay(mean=0.2, std=0.12)], ids=str
+)
 @pytest.mark.eq(1, 2, 3, 4)
 def test_cohorts_agree_with_the_renewal(delay):
     rig = replace(gaussian(0.05, 0.1), delay=delay)
-    exact = rigid_slide(rig, 4.0, velocity=1.5, method=Renewal(4_000))
-    run = rigid_slide(rig, 4.0, velocity=1.5, method=MasterEquation(rtol=1e-4))
+    exact = ss.rigid_slide(rig, 4.0, velocity=1.5, method=Renewal(4_000))
+    run = ss.rigid_slide(rig, 4.0, velocity=1.5, method=ss.MasterEquation(rtol=1e-4))
     for name in ("friction_force", "attached"):
         # Second order in the step of 1/400 of x_s, times curvatures of some (1/.1)^2.
         np.testing.assert_allclose(run[name], exact[name], atol=3e-4, err_msg=name)
@@ -140,17 +129,17 @@ def test_cohorts_agree_with_the_renewal(delay):
 
 def test_the_error_of_the_master_equation_follows_its_tolerance():
     rig = gaussian(0.05, 0.2, delay=0.2)
-    exact = rigid_slide(rig, 3.0, method=Renewal(12_000))["friction_force"].to_numpy()[::4]
+    exact = ss.rigid_slide(rig, 3.0, method=Renewal(12_000))["friction_force"].to_numpy()[::4]
     for rtol in (1e-3, 1e-5, 1e-7):
-        force = rigid_slide(rig, 3.0, method=MasterEquation(rtol=rtol))["friction_force"].to_numpy()
+        force = ss.rigid_slide(rig, 3.0, method=ss.MasterEquation(rtol=rtol))["friction_force"].to_numpy()
         assert np.max(np.abs(force - exact)) < 10 * rtol
 
 
-@pytest.mark.parametrize("method", [MasterEquation(rtol=1e-4), Contacts(4_000, seed=1)], ids=["m", "c"])
+@pytest.mark.parametrize("method", [ss.MasterEquation(rtol=1e-4), ss.Contacts(4_000, seed=1)], ids=["m", "c"])
 def test_other_methods_agree_with_the_renewal_for_every_distribution(distribution, method):
-    rig = Interface(thresholds=distribution, initial=Uniform(low=0.0, high=0.04), delay=Delay(0.2))
-    exact, run = (rigid_slide(rig, 3.0, method=each) for each in (Renewal(3_000), method))
-    if isinstance(method, Contacts):  # the force of one contact lies between 0 and its threshold
+    rig = ss.Interface(thresholds=distribution, initial=ss.Uniform(low=0.0, high=0.04), delay=ss.Delay(0.2))
+    exact, run = (ss.rigid_slide(rig, 3.0, method=each) for each in (Renewal(3_000), method))
+    if isinstance(method, ss.Contacts):  # the force of one contact lies between 0 and its threshold
         slack = 6 * np.array([math.sqrt(distribution.moment(2)), 0.5]) / math.sqrt(4_000)
     else:  # a distribution with a singular start breaks a finite fraction of the newborn within one step of 1/400
         slack = np.full(2, 1e-3 + float(1 - distribution.survival(1 / 400)) * distribution.moment(1))
@@ -158,25 +147,29 @@ def test_other_methods_agree_with_the_renewal_for_every_distribution(distributio
     assert np.max(np.abs(run["attached"] - exact["attached"])) < slack[1]
 
 
-@pytest.mark.parametrize("method", [Renewal(3_000), MasterEquation(), Contacts(3_000, seed=2)], ids=["r", "m", "c"])
+@pytest.mark.parametrize(
+    "method", [Renewal(3_000), ss.MasterEquation(), ss.Contacts(3_000, seed=2)], ids=["r", "m", "c"]
+)
 @pytest.mark.eq(10)
 def test_only_velocity_times_delay_counts(method):
-    slow = rigid_slide(gaussian(0.05, 0.2, delay=0.4), 3.0, velocity=0.5, method=method)
-    fast = rigid_slide(gaussian(0.05, 0.2, delay=0.1), 3.0, velocity=2.0, method=method)
+    slow = ss.rigid_slide(gaussian(0.05, 0.2, delay=0.4), 3.0, velocity=0.5, method=method)
+    fast = ss.rigid_slide(gaussian(0.05, 0.2, delay=0.1), 3.0, velocity=2.0, method=method)
     np.testing.assert_allclose(slow["friction_force"], fast["friction_force"], atol=1e-9)
     # Long after the start, Eq. (10) counts the attached contacts.
-    late = rigid_slide(gaussian(0.05, 0.2, delay=0.4), 60.0, velocity=0.5, method=method)["attached"].to_numpy()[-50:]
-    noise = 6 * 0.5 / math.sqrt(3_000) if isinstance(method, Contacts) else 1e-6
+    late = ss.rigid_slide(gaussian(0.05, 0.2, delay=0.4), 60.0, velocity=0.5, method=method)["attached"].to_numpy()[
+        -50:
+    ]
+    noise = 6 * 0.5 / math.sqrt(3_000) if isinstance(method, ss.Contacts) else 1e-6
     assert np.max(np.abs(late - 1 / 1.2)) < noise
 
 
 def test_equal_thresholds_make_a_sawtooth():
-    same = Interface(thresholds=Gaussian(mean=1.0, std=0.0), initial=AT_REST)
-    run = rigid_slide(same, 7.5, method=Contacts(9))
+    same = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), initial=AT_REST)
+    run = ss.rigid_slide(same, 7.5, method=ss.Contacts(9))
     X = run["displacement"].to_numpy()
     away = np.abs(X - np.round(X)) > 1e-6
     np.testing.assert_allclose(run["friction_force"].to_numpy()[away], (X % 1.0)[away], atol=1e-12)
-    delayed = rigid_slide(replace(same, delay=Delay(0.25)), 7.4, velocity=2.0, method=Contacts(9))
+    delayed = ss.rigid_slide(replace(same, delay=ss.Delay(0.25)), 7.4, velocity=2.0, method=ss.Contacts(9))
     X = delayed["displacement"].to_numpy()
     phase = X % 1.5  # a period of the threshold and the way travelled in the delay
     away = (np.abs(phase - 1.0) > 1e-6) & (phase > 1e-6) & (phase < 1.5 - 1e-6)
@@ -188,9 +181,9 @@ def test_equal_thresholds_make_a_sawtooth():
 # ------------------------------------------------------------------------------------------------ the result
 
 
-@pytest.mark.parametrize("method", [Renewal(100), MasterEquation(rtol=1e-3), Contacts(20)], ids=["r", "m", "c"])
+@pytest.mark.parametrize("method", [Renewal(100), ss.MasterEquation(rtol=1e-3), ss.Contacts(20)], ids=["r", "m", "c"])
 def test_the_result_is_labelled(method):
-    run = rigid_slide(gaussian(0.01, 0.1), 2.0, method=method)
+    run = ss.rigid_slide(gaussian(0.01, 0.1), 2.0, method=method)
     assert {"friction_force", "attached"} <= set(run.data_vars)
     assert float(run["displacement"][0]) == 0
     assert float(run["displacement"][-1]) == pytest.approx(2.0, rel=1e-12)
@@ -209,18 +202,21 @@ GOOD = gaussian(0.01, 0.1)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rigid_slide(GOOD, -1), r"^slide: distance = -1: must be .* above 0 \(in x_s\)"),
-        (lambda: rigid_slide(GOOD, 1, velocity=0), r"^slide: velocity = 0: must be .* above 0 \(in x_s per time\)"),
-        (lambda: rigid_slide(GOOD, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),
-        (lambda: rigid_slide(GOOD.thresholds, 1), r"^slide: interface = .*: must be an Interface"),
+        (lambda: ss.rigid_slide(GOOD, -1), r"^slide: distance = -1: must be .* above 0 \(in x_s\)"),
+        (lambda: ss.rigid_slide(GOOD, 1, velocity=0), r"^slide: velocity = 0: must be .* above 0 \(in x_s per time\)"),
+        (lambda: ss.rigid_slide(GOOD, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),
+        (lambda: ss.rigid_slide(GOOD.thresholds, 1), r"^slide: interface = .*: must be an Interface"),
         (lambda: Renewal(2), r"^Renewal\.points = 2: must be .* at least 8"),
         (
-            lambda: rigid_slide(replace(GOOD, ageing=Langevin(rate=1)), 1),
+            lambda: ss.rigid_slide(replace(GOOD, ageing=ss.Langevin(rate=1)), 1),
             r"^Interface\.ageing = .*: not available with",
         ),
-        (lambda: critical_stiffness(replace(GOOD, ageing=Langevin(rate=1))), r"^Interface\.ageing = .*: not available"),
         (
-            lambda: static_friction(replace(GOOD, ageing=Langevin(rate=1))),
+            lambda: ss.critical_stiffness(replace(GOOD, ageing=ss.Langevin(rate=1))),
+            r"^Interface\.ageing = .*: not available",
+        ),
+        (
+            lambda: ss.static_friction(replace(GOOD, ageing=ss.Langevin(rate=1))),
             r"Interface\.ageing = .* depends on the speed",
         ),
         (
@@ -228,11 +224,11 @@ GOOD = gaussian(0.01, 0.1)
             r"^effective_stiffness: X must be finite displacements of",
         ),
         (
-            lambda: critical_stiffness(replace(GOOD, thresholds=Gaussian(mean=1, std=0))),
+            lambda: ss.critical_stiffness(replace(GOOD, thresholds=ss.Gaussian(mean=1, std=0))),
             r"^Gaussian\.std = 0: a distri",
         ),
     ],
 )
 def test_bad_input(call, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ss.InputError, match=message):
         call()

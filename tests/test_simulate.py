@@ -2,40 +2,26 @@
 
 import json
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.errors import InputError
+import stickslip as ss
 from stickslip.io import datasets as store
-from stickslip.model import (
-    Bell,
-    Contacts,
-    Delay,
-    FromSliding,
-    Interface,
-    MasterEquation,
-    Output,
-    Parabolic,
-    RandomDelay,
-    Rig,
-    Slider,
-)
-from stickslip.model.distributions import Gaussian, SteadyState
-from stickslip.model.drive import constant, ramp
-from stickslip.simulation import LABELS, rerun, simulate
+from stickslip.model import Parabolic
+from stickslip.model.distributions import SteadyState
+from stickslip.simulation import LABELS
 
-NARROW = Gaussian(mean=0.0, std=0.01)
-TENTH = Gaussian(mean=1.0, std=0.1)
-ONE = Gaussian(mean=1.0, std=0.0)
-FIG4_SLIDER = Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+NARROW = ss.Gaussian(mean=0.0, std=0.01)
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+ONE = ss.Gaussian(mean=1.0, std=0.0)
+FIG4_SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
 
 
 def interface(delay=0.2, thresholds=TENTH, initial=NARROW):
-    return Interface(
-        thresholds=thresholds, initial=initial, delay=Delay(delay) if isinstance(delay, (int, float)) else delay
+    return ss.Interface(
+        thresholds=thresholds, initial=initial, delay=ss.Delay(delay) if isinstance(delay, (int, float)) else delay
     )
 
 
@@ -47,51 +33,35 @@ def imbalance(run: xr.Dataset) -> float:
     return float(np.abs(defect - defect[0]).max()) / through
 
 
-@dataclass(frozen=True)
-class Case:
-    """A rig and what pulls it."""
-
-    interface: Interface
-    slider: Slider
-    drive: object
-    count: int = 1_000
-
-
-FIG4 = Case(interface(), FIG4_SLIDER, constant(1.0, duration=6))
+FIG4 = ss.Rig(interface(), FIG4_SLIDER, ss.constant(1.0, duration=6), method=ss.Contacts(1_000, seed=1))
+FEW = FIG4.replace(method=ss.Contacts(100, seed=1))
+TO_AND_FRO = ss.constant(1, 2).then(ss.constant(-2, 2)).then(ss.constant(0, 0.5)).then(ss.constant(3, 1))
 MOTIONS = {
     "stick-slip": FIG4,
-    "no delay": replace(FIG4, interface=interface(0.0)),
-    "never back": replace(FIG4, interface=interface(math.inf)),
-    "one contact": replace(FIG4, count=1, drive=constant(1.0, duration=30)),
-    "soft": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=0.01), drive=constant(1.0, duration=100)),
-    "stiff": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=1e4)),
-    "undamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=0.0)),
-    "heavy and undamped": replace(FIG4, slider=Slider(stiffness=2.0, mass=1.0, damping=0.0), drive=constant(1.0, 40)),
-    "overdamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=1e5), drive=constant(1.0, duration=20)),
-    "light": replace(FIG4, slider=Slider(stiffness=2.0, mass=1e-8, damping=1e4), count=100, drive=constant(1.0, 3)),
-    "slow": replace(FIG4, drive=constant(1e-3, duration=3_000), count=100),
-    "fast": replace(FIG4, drive=constant(100.0, duration=1)),
-    "ramp": replace(FIG4, drive=ramp(0.1, 3.0, duration=6)),
-    "to and fro": replace(FIG4, drive=constant(1, 2).then(constant(-2, 2)).then(constant(0, 0.5)).then(constant(3, 1))),
-    "released": replace(
-        FIG4, interface=interface(initial=Gaussian(mean=0.6, std=0.05)), drive=constant(0.0, duration=2)
-    ),
-    "wide start": replace(FIG4, interface=interface(initial=Gaussian(mean=0.0, std=0.25))),
-    "random delay": replace(FIG4, interface=interface(RandomDelay(mean=0.2, std=0.12, negative="redraw"))),
+    "no delay": FIG4.replace(interface=interface(0.0)),
+    "never back": FIG4.replace(interface=interface(math.inf)),
+    "one contact": FIG4.replace(method=ss.Contacts(1, seed=1), drive=ss.constant(1.0, duration=30)),
+    "soft": FIG4.replace(stiffness=0.01, drive=ss.constant(1.0, duration=100)),
+    "stiff": FIG4.replace(stiffness=1e4),
+    "undamped": FIG4.replace(damping=0.0),
+    "heavy and undamped": FIG4.replace(mass=1.0, damping=0.0, drive=ss.constant(1.0, 40)),
+    "overdamped": FIG4.replace(damping=1e5, drive=ss.constant(1.0, duration=20)),
+    "light": FEW.replace(mass=1e-8, damping=1e4, drive=ss.constant(1.0, 3)),
+    "slow": FEW.replace(drive=ss.constant(1e-3, duration=3_000)),
+    "fast": FIG4.replace(drive=ss.constant(100.0, duration=1)),
+    "ramp": FIG4.replace(drive=ss.ramp(0.1, 3.0, duration=6)),
+    "to and fro": FIG4.replace(drive=TO_AND_FRO),
+    "released": FIG4.replace(interface=interface(initial=ss.Gaussian(0.6, 0.05)), drive=ss.constant(0.0, duration=2)),
+    "wide start": FIG4.replace(interface=interface(initial=ss.Gaussian(mean=0.0, std=0.25))),
+    "random delay": FIG4.replace(interface=interface(ss.RandomDelay(mean=0.2, std=0.12, negative="redraw"))),
 }
-
-
-def run_of(case: Case, method=None, **options) -> xr.Dataset:
-    return simulate(
-        Rig(case.interface, case.slider, case.drive), method=method or Contacts(case.count, seed=1), **options
-    )
 
 
 # ------------------------------------------------------------------------------------------------ the result
 
 
 def test_the_result_is_labelled():
-    run = run_of(FIG4, output=Output(interval=0.01, snapshots=(1.0, 2.0), bins=50))
+    run = ss.simulate(FIG4, output=ss.Output(interval=0.01, snapshots=(1.0, 2.0), bins=50))
     energies = {"work", "kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy"}
     of_motion = {"displacement", "velocity", "spring_force", "friction_force", "attached", "drive_velocity"}
     assert set(run.data_vars) == of_motion | energies | {"stretching_density"} < set(LABELS)
@@ -107,7 +77,7 @@ def test_the_result_is_labelled():
 
 
 def test_sums_and_forces_hang_together():
-    run = run_of(MOTIONS["ramp"])
+    run = ss.simulate(MOTIONS["ramp"])
     slider = FIG4_SLIDER
     t = run["time"].to_numpy()
     position = 0.1 * t + 0.5 * (2.9 / 6) * t**2
@@ -121,7 +91,7 @@ def test_sums_and_forces_hang_together():
 
 @pytest.mark.parametrize(("duration", "interval"), [(0.3, 0.1), (0.7, 0.1), (2.0, 0.3), (1 / 3, 1 / 300), (1e-3, 1e-4)])
 def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interval):
-    run = run_of(replace(FIG4, drive=constant(1.0, duration), count=10), output=Output(interval=interval))
+    run = ss.simulate(FEW.replace(drive=ss.constant(1.0, duration)), output=ss.Output(interval=interval))
     count = math.floor(duration / interval + 1e-9)
     assert run.sizes["time"] == count + 1
     np.testing.assert_allclose(run["time"], interval * np.arange(count + 1), rtol=1e-15)
@@ -136,12 +106,13 @@ def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interva
 @pytest.mark.eq(11)
 def test_books_balance_and_what_is_recorded_changes_no_bit(name):
     """Work of the drive = kinetic + spring + stored in contacts + damped + lost by the contacts, in every regime."""
-    case = MOTIONS[name]
+    rig = MOTIONS[name]
+    count = rig.method.count
     # Powers of two divide exactly, so that sample times agree to the last bit.
-    coarse = 2.0 ** math.floor(math.log2(case.drive.duration / 20))
-    times = tuple(case.drive.duration * share for share in (0.0, 0.123, 0.5, 0.777))
-    few = run_of(case, output=Output(interval=coarse))
-    many = run_of(case, output=Output(interval=coarse / 256, snapshots=times))
+    coarse = 2.0 ** math.floor(math.log2(rig.drive.duration / 20))
+    times = tuple(rig.drive.duration * share for share in (0.0, 0.123, 0.5, 0.777))
+    few = ss.simulate(rig, output=ss.Output(interval=coarse))
+    many = ss.simulate(rig, output=ss.Output(interval=coarse / 256, snapshots=times))
     common = many.isel(time=slice(None, None, 256))
     np.testing.assert_array_equal(common["time"], few["time"])
     for variable in few.data_vars:
@@ -150,13 +121,13 @@ def test_books_balance_and_what_is_recorded_changes_no_bit(name):
     assert imbalance(many) < 1e-9
     assert np.all(np.diff(many["broken_energy"]) >= 0)
     assert np.all(np.diff(many["damped_energy"]) >= -1e-15 * float(many["damped_energy"][-1]))
-    assert float(many["damped_energy"][-1]) > 0 or case.slider.damping == 0
+    assert float(many["damped_energy"][-1]) > 0 or rig.slider.damping == 0
 
-    attached = many["attached"].to_numpy() * case.count
+    attached = many["attached"].to_numpy() * count
     np.testing.assert_allclose(attached, np.round(attached), atol=1e-9)
-    assert 0 <= attached.min() <= attached.max() <= case.count
+    assert 0 <= attached.min() <= attached.max() <= count
     if name == "no delay":
-        assert np.all(attached == case.count)
+        assert np.all(attached == count)
     if name == "never back":
         assert np.all(np.diff(attached) <= 0)
         assert attached[-1] == 0
@@ -168,8 +139,8 @@ def test_books_balance_and_what_is_recorded_changes_no_bit(name):
 @pytest.mark.parametrize("count", [1, 17])
 def test_equal_contacts_break_together(count):
     """All thresholds 1, all born at 0, none comes back: the force is X up to X = 1 and 0 beyond."""
-    same = Interface(thresholds=ONE, initial=Gaussian(mean=0, std=0), delay=Delay(math.inf))
-    run = simulate(Rig(same, FIG4_SLIDER, constant(1.0, 3.0)), method=Contacts(count))
+    same = ss.Interface(thresholds=ONE, initial=ss.Gaussian(mean=0, std=0), delay=ss.Delay(math.inf))
+    run = ss.simulate(ss.Rig(same, FIG4_SLIDER, ss.constant(1.0, 3.0)), method=ss.Contacts(count))
     X, F = run["displacement"].to_numpy(), run["friction_force"].to_numpy()
     np.testing.assert_allclose(F, np.where(X < 1, X, 0.0), atol=1e-14)
     np.testing.assert_array_equal(run["attached"], np.where(X < 1, 1.0, 0.0))
@@ -182,14 +153,16 @@ def test_equal_contacts_break_together(count):
 
 
 @pytest.mark.parametrize(
-    "temperature", [None, Bell(width=0.01, attempts=1e6), Parabolic(temperature=0.01, attempts=1e6)], ids=str
+    "temperature", [None, ss.Bell(width=0.01, attempts=1e6), Parabolic(temperature=0.01, attempts=1e6)], ids=str
 )
 def test_snapshots_of_few_contacts_are_of_their_moment(temperature):
     """Of six contacts, each that breaks or attaches between the moment and the look would show."""
-    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.3), temperature=temperature, delay=Delay(0.3))
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=temperature, delay=ss.Delay(0.3))
     times = tuple((0.1 * np.arange(3, 40)).tolist())
-    output = Output(interval=0.1, snapshots=times, bins=400)
-    run = simulate(Rig(interface, FIG4.slider, constant(1.0, 4.0)), method=Contacts(6, seed=2), output=output)
+    output = ss.Output(interval=0.1, snapshots=times, bins=400)
+    run = ss.simulate(
+        ss.Rig(interface, FIG4.slider, ss.constant(1.0, 4.0)), method=ss.Contacts(6, seed=2), output=output
+    )
     width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
     assert len(np.unique(seen["attached"])) > 3
     np.testing.assert_allclose(run["stretching_density"].sum("x") * width, seen["attached"])
@@ -197,18 +170,19 @@ def test_snapshots_of_few_contacts_are_of_their_moment(temperature):
     np.testing.assert_allclose(mean, seen["friction_force"], atol=0.5001 * width)  # each in the middle of its bin
 
 
-@pytest.mark.parametrize("method", [Contacts(40_000, seed=7), MasterEquation()], ids=["contacts", "cohorts"])
+@pytest.mark.parametrize("method", [ss.Contacts(40_000, seed=7), ss.MasterEquation()], ids=["contacts", "cohorts"])
 @pytest.mark.eq(1, 4)
 def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
-    case = Case(interface(0.05), replace(FIG4_SLIDER, stiffness=5.0), constant(1.0, 2.0))
-    run = run_of(case, method, output=Output(interval=0.01, snapshots=(1.0, 2.0), bins=40), start=FromSliding())
+    rig = FIG4.replace(interface=interface(0.05), stiffness=5.0, drive=ss.constant(1.0, 2.0), method=method)
+    output = ss.Output(interval=0.01, snapshots=(1.0, 2.0), bins=40)
+    run = ss.simulate(rig, output=output, start=ss.FromSliding())
     attached = 1 / 1.05
     edges = np.append(run["x"] - 0.5 * (run["x"][1] - run["x"][0]), run["x"][-1] + 0.5 * (run["x"][1] - run["x"][0]))
     distribution = SteadyState(thresholds=TENTH)
     expected = attached * -np.diff(distribution.survival(edges))
     got = run["stretching_density"].to_numpy() * np.diff(edges)
     # Counts in a bin scatter as a binomial number's; the master equation has no scatter.
-    n = method.count if isinstance(method, Contacts) else np.inf
+    n = method.count if isinstance(method, ss.Contacts) else np.inf
     slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * distribution.density(0.0) / 400
     assert np.all(np.abs(got - expected) <= slack + 1e-4)
 
@@ -217,15 +191,15 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
 
 
 def test_every_distribution_balances_and_can_be_repeated(distribution, tmp_path):
-    case = replace(FIG4, interface=interface(0.1, distribution), drive=constant(1, 4).then(constant(-1, 2)), count=100)
-    run = run_of(case)
+    back = ss.constant(1, 4).then(ss.constant(-1, 2))
+    run = ss.simulate(FEW.replace(interface=interface(0.1, distribution), drive=back))
     assert imbalance(run) < 1e-9
-    xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
+    xr.testing.assert_identical(ss.rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
 
 
 # ------------------------------------------------------------------------------------------------ bad input
 
-GOOD = Rig(interface(), FIG4_SLIDER, constant(1.0, 1.0), method=Contacts(10))
+GOOD = FEW.replace(drive=ss.constant(1.0, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -237,28 +211,31 @@ GOOD = Rig(interface(), FIG4_SLIDER, constant(1.0, 1.0), method=Contacts(10))
         (lambda: GOOD.replace(method="contacts"), r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or Master"),
         (lambda: GOOD.replace(output=0.1), r"^Rig\.output = 0\.1: must be an Output"),
         (lambda: GOOD.replace(start="sliding"), r"^Rig\.start = 'sliding': must be FromRest\(\), FromSliding\(\) or P"),
-        (lambda: simulate(GOOD.replace(mass=0.0)), r"^Slider\.mass = 0: a simulation needs a mass above 0"),
-        (lambda: simulate(GOOD, output=Output(snapshots=(2.0,))), r"^Output\.snapshots: 2 lies beyond the end of the"),
+        (lambda: ss.simulate(GOOD.replace(mass=0.0)), r"^Slider\.mass = 0: a simulation needs a mass above 0"),
         (
-            lambda: simulate(GOOD.replace(drive=constant(0.0, 1.0)), start=FromSliding()),
+            lambda: ss.simulate(GOOD, output=ss.Output(snapshots=(2.0,))),
+            r"^Output\.snapshots: 2 lies beyond the end of the",
+        ),
+        (
+            lambda: ss.simulate(GOOD.replace(drive=ss.constant(0.0, 1.0)), start=ss.FromSliding()),
             r"^FromSliding: the drive starts at velocity 0: .* above 0",
         ),
         (
-            lambda: simulate(GOOD.replace(interface=interface(math.inf)), start=FromSliding()),
+            lambda: ss.simulate(GOOD.replace(interface=interface(math.inf)), start=ss.FromSliding()),
             r"^FromSliding: contacts that never re-attach",
         ),
         (
-            lambda: simulate(GOOD.replace(interface=interface(thresholds=ONE)), method=MasterEquation()),
+            lambda: ss.simulate(GOOD.replace(interface=interface(thresholds=ONE)), method=ss.MasterEquation()),
             r"^Gaussian\.std = 0: .* or use the method Contacts",
         ),
         (
-            lambda: simulate(GOOD, output=Output(interval=1e-9), long=True),
+            lambda: ss.simulate(GOOD, output=ss.Output(interval=1e-9), long=True),
             r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08",
         ),
-        (lambda: rerun(xr.Dataset()), "no provenance"),
-        (lambda: rerun(xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})), "made by 'sweep', not by"),
+        (lambda: ss.rerun(xr.Dataset()), "no provenance"),
+        (lambda: ss.rerun(xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})), "made by 'sweep', not by"),
     ],
 )
 def test_bad_arguments(ask, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ss.InputError, match=message):
         ask()
