@@ -105,47 +105,37 @@ def test_data_of_another_figure_are_refused(quick):
 # ---------------------------------------------------------------- a claim that fails shows it
 
 
-def test_a_wrong_number_fails_its_claim(quick):
-    data = quick("fig3").copy(deep=True)
-    data["critical_stiffness"][0, 1, 2] = reference.CRITICAL_STIFFNESS_PRINTED
-    claims = {claim.number: claim for claim in FIGURES["fig3"].check(data)}
-    assert claims[6].verdict == PRINTED
-    assert not claims[6].ok
-    assert "expected: not reproduced" in str(claims[6])
-    assert "NOT MET" in str(claims[6])
-    assert claims[18].ok
+PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
 
 
 @pytest.mark.parametrize(
     ("figure", "number", "name", "where", "value", "verdict"),
     [
-        ("fig3", 5, "critical_stiffness", {"reattachment": 0, "initial_std": 0, "threshold_std": -1}, 99.0, NOT),
-        ("fig3", 5, "critical_stiffness", {"reattachment": 0, "initial_std": 0, "threshold_std": 0}, 40.0, NOT),
+        ("fig3", 5, "critical_stiffness", PAIR | {"initial_std": 0.0, "threshold_std": 0.3}, 99.0, NOT),
+        ("fig3", 5, "critical_stiffness", PAIR | {"initial_std": 0.0, "threshold_std": 0.02}, 40.0, NOT),
+        ("fig3", 6, "critical_stiffness", PAIR, reference.CRITICAL_STIFFNESS_PRINTED, PRINTED),
+        *(
+            ("fig4", 7, "kind", {"solver": "contacts", "stiffness": stiffness, "delay": delay}, kind, NOT)
+            for stiffness, delay, kind in (
+                (5.0, 0.1, "stick-slip"),
+                (2.0, 0.085, "stick-slip"),
+                (2.0, 0.1, "smooth sliding"),
+                (2.0, 0.2, "undecided"),
+            )
+        ),
         # Of the linear critical delay, too, as the paper has it.
         ("fig6", 9, "linear_by_mass", {}, "sustained_by_mass", PRINTED),
-        ("fig7", 12, "sustained", {"case": 1}, [0.5, 2.0], PRINTED),  # smooth again with the delays of the paper
-        pytest.param("fig10", 16, "v2", {"rate": 0}, math.nan, NOT, marks=pytest.mark.slow),
+        ("fig7", 12, "sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED),  # smooth again, delays as in the paper
+        pytest.param("fig10", 16, "v2", {"rate": 0.8}, math.nan, NOT, marks=pytest.mark.slow),
     ],
 )
 def test_data_that_say_otherwise_fail_their_claim(quick, figure, number, name, where, value, verdict):
     data = quick(figure).copy(deep=True)
-    data[name][where] = data[value].to_numpy() if isinstance(value, str) else value
+    data[name].loc[where] = data.get(value) if isinstance(value, str) and value in data else value
     (claim,) = (claim for claim in FIGURES[figure].check(data) if claim.number == number)
     assert claim.verdict == verdict
     assert not claim.ok
-
-
-@pytest.mark.parametrize(
-    ("stiffness", "delay", "kind"),
-    [(5.0, 0.1, "stick-slip"), (2.0, 0.085, "stick-slip"), (2.0, 0.1, "smooth sliding"), (2.0, 0.2, "undecided")],
-)
-def test_a_wrong_regime_fails_its_claim(quick, stiffness, delay, kind):
-    data = quick("fig4").copy(deep=True)
-    data["kind"].loc[{"solver": "contacts", "stiffness": stiffness, "delay": delay}] = kind
-    claims = {claim.number: claim for claim in FIGURES["fig4"].check(data)}
-    assert claims[7].verdict == "not reproduced"
-    assert not claims[7].ok
-    assert claims[11].ok
+    assert f"expected: {claim.settled}" in str(claim)
 
 
 # ---------------------------------------------------------------- the physics that the figures bring along
@@ -168,8 +158,8 @@ def test_fig_2_slope_of_the_potential_is_the_force(quick):
 )
 def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(interface, expected):
     found = first_instability(interface, 2.0)
-    assert (found.X, found.drive) == pytest.approx(expected, abs=1e-4)
-    assert effective_stiffness(interface, [found.X]) == pytest.approx(2.0, abs=1e-6)
+    assert found == pytest.approx(expected, abs=1e-4)
+    assert effective_stiffness(interface, [found[0]]) == pytest.approx(2.0, abs=1e-6)
 
 
 def test_a_stiff_spring_has_no_instability():

@@ -16,12 +16,12 @@ from stickslip.errors import InputError
 from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from stickslip.paper.figure import Claim as Claim
 from stickslip.paper.figure import Figure as Figure
+from stickslip.paper.figure import Format as Format
 from stickslip.paper.figure import Measured as Measured
+from stickslip.paper.figure import Reproduction as Reproduction
 from stickslip.paper.figure import Verdict as Verdict
-from stickslip.paper.reproduce import Format as Format
-from stickslip.paper.reproduce import Reproduction as Reproduction
-from stickslip.paper.reproduce import places as places
-from stickslip.paper.reproduce import reproduce as reproduce
+from stickslip.paper.figure import places as places
+from stickslip.paper.figure import reproduce as reproduce
 
 _MODULES = (fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11)
 FIGURES: dict[str, Figure] = {module.FIGURE.name: module.FIGURE for module in _MODULES}

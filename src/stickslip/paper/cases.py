@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from stickslip.model import Delay, Gaussian, Interface, Langevin, Rig, Slider, constant
+from stickslip.model import Delay, Gaussian, Interface, Langevin, Rig, Slider, SteadyState, constant
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PaperCase:
     """Parameters of one figure of the paper."""
 
     interface: Interface
     slider: Slider
-    velocity: float
     contacts: int
+    velocity: float = 1.0
 
     @property
     def rig(self) -> Rig:
@@ -32,23 +32,29 @@ V1, V1_FREQUENCY = 1.388221, 7.265139
 """Fig. 7a: where smooth sliding loses stability, and the angular frequency of its mode there."""
 
 
-def _case(slider: Slider, contacts: int, **mechanisms: Any) -> PaperCase:
-    thresholds, initial = Gaussian(mean=1.0, std=0.1), Gaussian(mean=0.0, std=0.01)
-    interface = Interface(thresholds=thresholds, initial=initial, **mechanisms)
-    return PaperCase(interface=interface, slider=slider, velocity=1.0, contacts=contacts)
+def interface(initial: float | None = 0.01, threshold: float = 0.1, **mechanisms: Any) -> Interface:
+    """By the standard deviations of initial forces (None: the steady state of sliding) and of thresholds."""
+    thresholds = Gaussian(mean=1.0, std=threshold)
+    start = SteadyState(thresholds=thresholds) if initial is None else Gaussian(mean=0.0, std=initial)
+    return Interface(thresholds=thresholds, initial=start, **mechanisms)
 
 
-def _slider(stiffness: float, ratio: float) -> Slider:
+def slider(stiffness: float, ratio: float, mass: float = 1e-4) -> Slider:
     """A slider whose damping is a ratio of its Omega."""
-    return Slider(stiffness=stiffness, mass=1e-4, damping=ratio * math.sqrt(stiffness / 1e-4))
+    return Slider(stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass))
 
 
 _DAMPED = Slider(stiffness=2.0, mass=1e-4, damping=200.0)
 
-FIG1 = FIG2 = FIG3 = _case(_DAMPED, 1_000)
-FIG4 = _case(_DAMPED, 10_000, delay=Delay(0.2))
-FIG5 = _case(_DAMPED, 10_000, delay=Delay(math.inf))
-FIG6 = _case(_slider(2.0, 0.3), 10_000, delay=Delay(0.2))
-FIG7 = _case(_slider(2.0, 0.3), 10_000, delay=Delay(0.1))
-FIG8 = FIG9 = FIG10 = _case(_slider(1.0, 0.1), 2_000, ageing=Langevin(rate=1.5))
-FIG11 = _case(_slider(1.0, 0.1), 2_000, ageing=Langevin(rate=1.0))
+FIG1 = FIG2 = FIG3 = PaperCase(interface(), _DAMPED, 1_000)
+FIG4 = PaperCase(interface(delay=Delay(0.2)), _DAMPED, 10_000)
+FIG5 = PaperCase(interface(delay=Delay(math.inf)), _DAMPED, 10_000)
+FIG6 = PaperCase(interface(delay=Delay(0.2)), slider(2.0, 0.3), 10_000)
+FIG7 = PaperCase(interface(delay=Delay(0.1)), slider(2.0, 0.3), 10_000)
+FIG8 = FIG9 = FIG10 = PaperCase(interface(ageing=Langevin(rate=1.5)), slider(1.0, 0.1), 2_000)
+FIG11 = PaperCase(interface(ageing=Langevin(rate=1.0)), slider(1.0, 0.1), 2_000)
+
+
+def aged(case: PaperCase, rate: float) -> Rig:
+    """The rig of a figure with another rate of ageing."""
+    return case.rig.replace(interface=replace(case.interface, ageing=Langevin(rate=rate)))

@@ -3,12 +3,11 @@
 Friction force on a rigid slider against its displacement, for three widths of the initial forces and two of the
 thresholds: the master equation (lines) and contacts (dots). From a narrow start the force rises, overshoots and
 decreases; it tends to the kinetic friction.
-
-Eqs. (1)-(4), solved as a renewal equation, beside a thousand contacts followed one by one.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,9 +19,9 @@ from scipy.signal import argrelmax, argrelmin
 import stickslip as ss
 from stickslip import plot
 from stickslip.model.distributions import Distribution
-from stickslip.paper.cases import FIG1
-from stickslip.paper.figure import Claim, Progress, at_least, at_most, figure, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, grid, panel
+from stickslip.paper.cases import FIG1, interface
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
+from stickslip.paper.kit import Array, Picture, dataset, grid, panel, power
 
 INITIAL_STDS = (0.01, 0.3)
 THRESHOLD_STDS = (0.1, 0.3)
@@ -55,26 +54,17 @@ _SETTLED = {
 }
 
 
-def _interface(initial: float | None, threshold: float) -> ss.Interface:
-    """Interface by the standard deviations of start and thresholds; from the steady state of sliding for None."""
-    thresholds = ss.Gaussian(mean=1.0, std=threshold)
-    steady = ss.model.SteadyState(thresholds=thresholds)
-    return ss.Interface(
-        thresholds=thresholds, initial=steady if initial is None else ss.Gaussian(mean=0.0, std=initial)
-    )
-
-
-def _force(interface: ss.Interface, method: Any = ss.model.Renewal(_POINTS)) -> Array:
+def _force(initial: float | None, threshold: float, method: Any = ss.model.Renewal(_POINTS)) -> Array:
     """Force on the same positions by any method; by all but `Renewal` contacts remember that they have not broken."""
-    force = ss.rigid_slide(interface, DISTANCE, method=method)["friction_force"].to_numpy()
+    force = ss.rigid_slide(interface(initial, threshold), DISTANCE, method=method)["friction_force"].to_numpy()
     return force[:: (force.size - 1) // _POINTS]
 
 
 def _late_deviation(distribution: Distribution) -> tuple[float, float]:
     """Largest distance of the force from the kinetic friction within 1 x_s about half way, and at the end."""
-    interface = ss.Interface(thresholds=distribution, initial=ss.Gaussian(mean=0.0, std=0.01))
-    run = ss.rigid_slide(interface, _LATE, method=ss.model.Renewal(12_000))
-    far = abs(run["friction_force"] / ss.kinetic_friction(interface) - 1.0)
+    narrow = replace(FIG1.interface, thresholds=distribution)
+    run = ss.rigid_slide(narrow, _LATE, method=ss.model.Renewal(12_000))
+    far = abs(run["friction_force"] / ss.kinetic_friction(narrow) - 1.0)
     middle, end = slice(0.5 * _LATE - 0.5, 0.5 * _LATE + 0.5), slice(_LATE - 1.0, None)
     return float(far.sel(displacement=middle).max()), float(far.sel(displacement=end).max())
 
@@ -85,17 +75,15 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
     def contacts(count: int, seed: int, initial: float, threshold: float, _: Progress) -> dict[str, Array]:
         stream = 1000 * list(_SETTLED).index((initial, threshold)) + seed  # of random numbers, for every run
-        return {"force": _force(_interface(initial, threshold), ss.Contacts(count, seed=stream))}
+        return {"force": _force(initial, threshold, ss.Contacts(count, seed=stream))}
 
-    master, remembering = (
-        np.array([[_force(_interface(i, t), method) for t in THRESHOLD_STDS] for i in INITIAL_STDS])
-        for method in (ss.model.Renewal(_POINTS), ss.MasterEquation())
-    )
-    starts = [[_force(_interface(start, threshold)) for threshold in THRESHOLD_STDS] for start in _STARTS.values()]
+    starts = np.array([[_force(start, threshold) for threshold in THRESHOLD_STDS] for start in _STARTS.values()])
+    master = starts[[list(_STARTS.values()).index(std) for std in INITIAL_STDS]]
+    remembering = [[_force(i, t, ss.MasterEquation()) for t in THRESHOLD_STDS] for i in INITIAL_STDS]
     deviation = [_late_deviation(distribution) for distribution in _DISTRIBUTIONS.values()]
     force = grid(progress, contacts, counts, seeds, INITIAL_STDS, THRESHOLD_STDS)["force"]
-    scatter = np.sqrt(np.mean((force - remembering) ** 2, axis=-1))
-    kinetic = [ss.kinetic_friction(_interface(0.01, s)) for s in THRESHOLD_STDS]
+    scatter = np.sqrt(np.mean((force - np.array(remembering)) ** 2, axis=-1))
+    kinetic = [ss.kinetic_friction(interface(0.01, s)) for s in THRESHOLD_STDS]
     shown, of_force = force[counts.index(FIG1.contacts), 0], "initial_std threshold_std displacement"
     of_all = "contacts seed initial_std threshold_std"
     remember = "force of contacts that remember how far they were stretched, per contact [f_s]"
@@ -133,12 +121,11 @@ def _turning_points(force: Array) -> Array:
 def _scatter(data: xr.Dataset) -> Claim:
     count = data["contacts"].to_numpy()
     scaled = data["scatter"] * np.sqrt(data["contacts"])
-    runs = np.log(data["scatter"].to_numpy()).reshape(count.size, -1)
-    power = np.polyfit(np.log(count), runs.mean(axis=1), 1)[0]
+    runs = data["scatter"].to_numpy().reshape(count.size, -1)
     return weighed(
         1,
         "N contacts scatter about the master equation as N^(-1/2)",
-        near("power of N", power, -0.5, 0.1),
+        near("power of N", power(count, np.exp(np.log(runs).mean(axis=1))), -0.5, 0.1),
         at_least("smallest rms distance times sqrt(N)", scaled.min(), 0.15, "f_s"),
         at_most("largest rms distance times sqrt(N)", scaled.max(), 0.55, "f_s"),
         evidence=f"rms over 0 to {DISTANCE:g} x_s in {runs.size} runs of {count.min()} to {count.max()} contacts",
@@ -242,4 +229,4 @@ def _spring(ax: Axes, start: complex, end: complex, colour: str) -> None:
     ax.plot(places.real, places.imag, color=colour, linewidth=0.8)
 
 
-FIGURE = figure(__name__, __doc__, 3.6, _data, _drawing, _scatter, _limit, _steady_start, _delta_start)
+FIGURE = Figure(__name__, __doc__, 3.6, _data, _drawing, _scatter, _limit, _steady_start, _delta_start)

@@ -11,25 +11,15 @@ oscillation fades to nothing, and ``v2`` is where it falls below a level.
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import xarray as xr
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.paper.cases import FIG10
-from stickslip.paper.figure import Claim, Progress, between, extremes, figure, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, grid, panel
-from stickslip.paper.ramps import loses_stability, ramped
-
-_LEVEL = 0.6
-"""Peak to peak of the spring force that counts as stick-slip, in f_s."""
-
-
-def _rig(rate: float) -> ss.Rig:
-    return FIG10.rig.replace(interface=replace(FIG10.interface, ageing=ss.Langevin(rate=rate)))
+from stickslip.paper.cases import FIG10, aged
+from stickslip.paper.figure import Claim, Figure, Progress, between, extremes, near, weighed
+from stickslip.paper.kit import Picture, dataset, grid, panel, power
+from stickslip.paper.ramps import LEVEL, V1_SCALED, V2_SCALED, ramped
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -37,31 +27,23 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     seeds = (1, 2)  # of one ramp v2 scatters by .02 beta^2
 
     def ends(rate: float, seed: int, progress: Progress) -> dict[str, float]:
-        """Velocities of onset and end on the way up, in units of ``beta^2``."""
         unit = rate**2
         time = (0.6 if quick else 1.0) / unit
         drive = ss.ramp(0.25 * unit, 0.6 * unit, 500.0 * time).then(ss.ramp(0.6 * unit, 1.7 * unit, 250.0 * time))
         method = ss.Contacts(FIG10.contacts, seed=seed)
-        _, seen = ramped(_rig(rate).replace(drive=drive), method, progress, interval=0.02 / unit, level=_LEVEL)
-        return {name: float(seen[name]) / unit for name in ("v1", "v2")}
+        _, seen = ramped(aged(FIG10, rate).replace(drive=drive), method, progress, interval=0.02 / unit, level=LEVEL)
+        return {name: float(seen[name]) for name in ("v1", "v2")}
 
     seen = grid(progress, ends, rates.tolist(), seeds)
-    linear = [loses_stability(_rig(r), 0.25 * r**2, 0.6 * r**2) for r in rates.tolist()]
-    square = (rates**2)[:, None]
+    linear = [ss.stability.onset(aged(FIG10, r), "velocity", between=(0.25 * r**2, 0.6 * r**2)) for r in rates.tolist()]
     return dataset(
         {
-            "v1": ("rate seed", seen["v1"] * square, "v1, onset on the way up [x_s/time]"),
-            "v2": ("rate seed", seen["v2"] * square, "v2, end on the way up [x_s/time]"),
+            "v1": ("rate seed", seen["v1"], "v1, onset on the way up [x_s/time]"),
+            "v2": ("rate seed", seen["v2"], "v2, end on the way up [x_s/time]"),
             "v1_linear": ("rate", linear, "v1: smooth sliding loses stability (linear) [x_s/time]"),
         },
         {"rate": (rates, "rate of ageing β [1/sqrt(time)]"), "seed": (seeds, "seed [1]")},
     )
-
-
-def _slope(rates: Array, velocity: Array) -> float:
-    if not np.all(np.isfinite(velocity)):  # of a rate at which it was not seen
-        return math.nan
-    return float(np.polyfit(np.log(rates), np.log(velocity), 1)[0])
 
 
 def _squares(data: xr.Dataset) -> Claim:
@@ -69,24 +51,23 @@ def _squares(data: xr.Dataset) -> Claim:
     square = data["rate"] ** 2
     ramps = f"mean of {data.sizes['seed']} ramps"
     measured = []
-    for name, low, high in (("v1", 0.34, 0.50), ("v2", 1.05, 1.25)):
+    for name, band in (("v1", V1_SCALED), ("v2", V2_SCALED)):
         velocity = data[name].mean("seed", skipna=False)
-        slope = _slope(rates, velocity.to_numpy())
         measured += [
-            *extremes(f"{name}/beta^2, {ramps}", (velocity / square).to_numpy(), low, high),
-            between(f"slope of log {name} against log beta", slope, 1.9, 2.15),
+            *extremes(f"{name}/beta^2, {ramps}", (velocity / square).to_numpy(), *band),
+            between(f"slope of log {name} against log beta", power(rates, velocity), 1.9, 2.15),
         ]
     linear = data["v1_linear"]
     measured += [
-        *extremes("v1/beta^2, smooth sliding loses stability (linear)", (linear / square).to_numpy(), 0.34, 0.50),
-        near("slope of log v1 (linear) against log beta", _slope(rates, linear.to_numpy()), 2.0, 0.02),
+        *extremes("v1/beta^2, smooth sliding loses stability (linear)", (linear / square).to_numpy(), *V1_SCALED),
+        near("slope of log v1 (linear) against log beta", power(rates, linear), 2.0, 0.02),
     ]
     return weighed(
         16,
         "v1 and v2 grow as beta^2",
         *measured,
         evidence=f"ramps of {FIG10.contacts} contacts from smooth sliding at {rates.size} rates; stick-slip where "
-        f"F_d varies by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
+        f"F_d varies by more than {LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
         "makes v2 grow a little faster",
     )
 
@@ -96,12 +77,11 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     rates = data["rate"].to_numpy()
     fine = np.linspace(0.6, 2.15, 100)
     for name, colour, mark in (("v1", plot.BLUE, "o"), ("v2", plot.VERMILLION, "s")):
-        values = data[name].mean("seed")
-        factor = float((values / data["rate"] ** 2).mean())
+        values, each = data[name].mean("seed"), (data[name] / data["rate"] ** 2).transpose("rate", "seed")
+        factor = float(each.mean("seed").mean())
         direct.plot(rates, values, mark, color=colour, markersize=5, label=f"$v_{name[1]}$")
         direct.plot(fine, factor * fine**2, color=colour, linewidth=0.9)
-        for ramp in data[name].transpose("seed", "rate").to_numpy():
-            scaled.plot(rates, ramp / rates**2, mark, color=colour, markersize=4)
+        scaled.plot(rates, each, mark, color=colour, markersize=4)
         scaled.axhline(factor, color=colour, linewidth=0.9)
     direct.plot([], [], color=plot.GREY, linewidth=0.9, label=r"$\propto \beta^2$")
     linear = data["v1_linear"]
@@ -113,4 +93,4 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     panel(scaled, r"(b) in units of $\beta^2$", data["rate"], words, xlim=(0.6, 2.15), ylim=(0.0, 1.5))
 
 
-FIGURE = figure(__name__, __doc__, 3.0, _data, _drawing, _squares)
+FIGURE = Figure(__name__, __doc__, 3.0, _data, _drawing, _squares)

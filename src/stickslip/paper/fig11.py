@@ -13,6 +13,8 @@ taken over a finite distance is smaller, by its square: over .065 x_s the values
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from scipy import optimize
@@ -20,9 +22,9 @@ from scipy import optimize
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.paper.cases import FIG11
-from stickslip.paper.figure import Claim, Progress, at_most, between, figure, near, weighed
+from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel, portions
-from stickslip.paper.ramps import ramped
+from stickslip.paper.ramps import LEVEL, TRACES, V1_SCALED, V2_SCALED, ramped
 
 _CONVERGED = {0.1: 3.309, 0.3: 2.260, 0.5: 0.9205, 0.8: 0.1122}
 """Velocities, and the slopes there, converged in the grid of gaps, of ages and of the way."""
@@ -32,20 +34,11 @@ _WAY = 0.065
 _DISTANCE, _SPACING = 1.6, 0.0025
 _FAST = 20.0  # of sliding in which contacts hold a thousandth of what they hold at rest
 _EACH_WAY = 200.0
-_LEVEL = 0.6
-"""Peak to peak of the spring force that counts as stick-slip, in f_s."""
 
 
 def _pulled(velocity: float) -> tuple[Array, Array]:
     """Positions of a slider of constant velocity, and the force of contacts that were all newborn at its start."""
     return theory.newborn_pull(FIG11.interface, velocity, _DISTANCE, round(_DISTANCE / _SPACING))
-
-
-def _pulled_contacts(velocity: float, count: int, positions: Array) -> dict[str, Array]:
-    """Return the same from so many contacts."""
-    method = ss.Contacts(count, seed=11)
-    run = ss.velocity_step(FIG11.interface, before=_FAST, after=velocity, distance=_DISTANCE, points=64, method=method)
-    return {"force": np.interp(positions, run["displacement"], run["friction_force"])}
 
 
 def _steepest(X: Array, force: Array, way: float) -> float:
@@ -64,17 +57,21 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     X = curves[0][0]
     coarse = X[19::20]
 
-    checked = grid(first, lambda v, _: _pulled_contacts(v, count, coarse), _KNOWN)["force"]
+    def checked(v: float, _: Progress) -> dict[str, Array]:
+        step: dict[str, Any] = {"before": _FAST, "after": v, "distance": _DISTANCE, "points": 64}
+        run = ss.velocity_step(FIG11.interface, method=ss.Contacts(count, seed=11), **step)
+        return {"F_contacts": np.interp(coarse, run["displacement"], run["friction_force"])}
+
+    newborns = grid(first, checked, _KNOWN)["F_contacts"]
     rig = FIG11.rig.replace(drive=ss.ramp(0.05, 1.8, _EACH_WAY))
-    run, seen = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=_LEVEL)
+    run, seen = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=LEVEL)
     unstable = [edge.value for edge in ss.critical(FIG11.rig, "velocity", between=(0.25, 2.0)).edges[:2]]
     of_newborns = "force of newborn contacts, per contact [f_s]"
     return dataset(
-        {
-            "spring_force": ("time", run["spring_force"]),
-            "drive_velocity": ("time", run["drive_velocity"]),
+        {name: ("time", run[name]) for name in TRACES}
+        | {
             "friction_force": ("velocity displacement", [force for _, force in curves], of_newborns),
-            "F_contacts": ("checked X_checked", checked, of_newborns),
+            "F_contacts": ("checked X_checked", newborns, of_newborns),
             "K_eff": ("velocity", stiffness, "effective stiffness per contact [k]"),
             "K_eff_smoothed": ("velocity", smoothed, f"effective stiffness per contact, over {_WAY:g} x_s [k]"),
             "crossing": ("", crossing, "velocity at which K_eff = K [x_s/time]"),
@@ -98,31 +95,24 @@ def _crossing(data: xr.Dataset) -> Claim:
     crossing, v1, v2 = (float(data[name]) for name in ("crossing", "v1_ramp", "v2_ramp"))
     low, high = data["unstable"].to_numpy().tolist()
     there = data.sel(velocity=list(_KNOWN))
-    falls = float(np.max(np.diff(data["K_eff"].to_numpy())))
-    exact, smoothed = there["K_eff"], there["K_eff_smoothed"]
+    falls = float(data["K_eff"].diff("velocity").max())
+    exact, smoothed, over = there["K_eff"], there["K_eff_smoothed"], f"K_eff over {_WAY:g} x_s at v ="
     slopes = [near(f"K_eff at v = {v:g}", exact.sel(velocity=v), k, 0.005 * k, "k") for v, k in _CONVERGED.items()]
-    slopes += [
-        near(f"K_eff over {_WAY:g} x_s at v = {v:g}", smoothed.sel(velocity=v), known, 0.01, "k")
-        for v, known in _SMOOTHED.items()
-    ]
+    slopes += [near(f"{over} {v:g}", smoothed.sel(velocity=v), k, 0.01, "k") for v, k in _SMOOTHED.items()]
     renewal = there["friction_force"].interp(displacement=data["X_checked"]).to_numpy()
     # A contact's stretching scatters by less than .5; the solvers differ by .002.
+    of_newborns = "force of newborn contacts, largest difference of N contacts from the renewal equation"
     noise = 4.0 * 0.5 / float(np.sqrt(data.attrs["count"])) + 0.002
     return weighed(
         17,
         "K_eff falls with the velocity and crosses K at the second transition, to smooth sliding",
         *slopes,
         at_most("K_eff, largest change from one velocity to the next", falls, 0.0, "k"),
-        at_most(
-            "force of newborn contacts, largest difference of N contacts from the renewal equation",
-            abs(renewal - data["F_contacts"]).max(),
-            noise,
-            "f_s",
-        ),
+        at_most(of_newborns, abs(renewal - data["F_contacts"]).max(), noise, "f_s"),
         near("velocity at which K_eff = K", crossing, 0.48, 0.01, "x_s/time"),
-        between("first transition, v1 of the ramp", v1, 0.34, 0.50, "x_s/time"),
-        between("second transition, v2 of the ramp", v2, 1.05, 1.25, "x_s/time"),
-        between("smooth sliding unstable from (linear)", low, 0.34, 0.50, "x_s/time"),
+        between("first transition, v1 of the ramp", v1, *V1_SCALED, "x_s/time"),
+        between("second transition, v2 of the ramp", v2, *V2_SCALED, "x_s/time"),
+        between("smooth sliding unstable from (linear)", low, *V1_SCALED, "x_s/time"),
         # Where Fig. 8 has its lower edge: beta = .80 at v = 1.
         near("smooth sliding unstable up to (linear)", high, 0.80**-2, 0.08, "x_s/time"),
         printed=falls < 0 and abs(crossing - v2) < 0.2 * v2,
@@ -130,15 +120,14 @@ def _crossing(data: xr.Dataset) -> Claim:
         f"begins; it ends at v = {v2:.2f}",
         evidence="renewal equation of newborn contacts pulled at constant velocity, K_eff = max(-dF/dX), checked "
         f"with {data.attrs['count']} contacts; a ramp of {_EACH_WAY:g} time units with {FIG11.contacts} contacts, "
-        f"stick-slip where F_d varies by more than {_LEVEL:g}; linear stability. Slopes over {_WAY:g} x_s are "
+        f"stick-slip where F_d varies by more than {LEVEL:g}; linear stability. Slopes over {_WAY:g} x_s are "
         "the smaller numbers that a numerical derivative of scattered data gives",
     )
 
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
-    places = picture.add_gridspec(2, 2)
-    friction, curves, stiffness = (picture.add_subplot(places[at]) for at in ((0, slice(None)), (1, 0), (1, 1)))
-    low, high = data["unstable"].to_numpy().tolist()
+    friction, curves, stiffness = picture.subplot_mosaic("aa;bc").values()
+    low, high = data["unstable"].to_numpy()
     K, crossing, v2 = FIG11.slider.stiffness, float(data["crossing"]), float(data["v2_ramp"])
 
     friction.plot(data["drive_velocity"], data["spring_force"], color=plot.BLUE, linewidth=0.4)
@@ -165,4 +154,4 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     panel(stiffness, "(c) steepest fall in (b)", data["velocity"], data["K_eff"], **limits)
 
 
-FIGURE = figure(__name__, __doc__, 5.2, _data, _drawing, _crossing)
+FIGURE = Figure(__name__, __doc__, 5.2, _data, _drawing, _crossing)

@@ -2,26 +2,21 @@
 
 A slider on a spring, quasi-statically: forces, effective potential, Eq. (5), and effective stiffness, Eq. (7). The
 slider jumps where the friction force decreases more steeply than the spring can follow.
-
-Forces, effective potential of Eq. (5), condition of Eq. (6), and effective stiffness of Eq. (7).
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from typing import NamedTuple
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
 import stickslip as ss
 from stickslip import plot, theory
-from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2
-from stickslip.paper.figure import Claim, Progress, at_least, at_most, figure, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, panel
+from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2, FIG5
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
+from stickslip.paper.kit import Picture, dataset, panel
 from stickslip.rigid import effective_stiffness
 
 STIFF = 5.0
@@ -32,33 +27,16 @@ _ONSET = 0.01
 """Fraction of contacts that have broken where, to the eye, the force leaves the straight line."""
 
 
-class Instability(NamedTuple):
-    """Where a slider pulled quasi-statically becomes unstable: its position, and that of the drive, in ``x_s``."""
-
-    X: float
-    drive: float
-
-
-def first_instability(interface: ss.Interface, stiffness: float) -> Instability:
-    """Return the first point where ``K_eff(X) = K``: equality in Eq. (6).
-
-    Raises
-    ------
-    UndecidedError
-        If the effective stiffness stays below that of the spring.
-    """
+def first_instability(interface: ss.Interface, stiffness: float) -> tuple[float, float]:
+    """Return positions of slider and drive, in ``x_s``, where first ``K_eff(X) = K``: equality in Eq. (6)."""
     X = np.linspace(0.0, _DISTANCE, 2001)
     above = np.flatnonzero(effective_stiffness(interface, X) > stiffness)
     if above.size == 0:
         raise ss.UndecidedError(f"K_eff stays below K = {stiffness:g} up to X = {_DISTANCE:g}: no elastic instability")
-    i = int(above[0])
-
-    def surplus(x: float) -> float:
-        return float(effective_stiffness(interface, [x])[0]) - stiffness
-
-    X_star = float(brentq(surplus, X[i - 1], X[i], xtol=1e-12)) if i else 0.0
-    force = ss.rigid_slide(interface, max(X_star, 1e-6), method=ss.model.Renewal(2048))["friction_force"].to_numpy()[-1]
-    return Instability(X=X_star, drive=X_star + float(force) / stiffness)
+    around = X[above[0] - 1], X[above[0]]
+    X_star = float(brentq(lambda x: effective_stiffness(interface, [x])[0] - stiffness, *around, xtol=1e-12))
+    run = ss.rigid_slide(interface, X_star, method=ss.model.Renewal(2048))
+    return X_star, X_star + float(run["friction_force"][-1]) / stiffness
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -66,22 +44,22 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     run = ss.rigid_slide(interface, _DISTANCE, method=ss.model.Renewal(1000 if quick else 4000))
     progress(0.5)
     X, force, rate = (run[name].to_numpy() for name in ("displacement", "friction_force", "breaking_rate"))
-    found = first_instability(interface, slider.stiffness)
-    forever = first_instability(replace(interface, delay=ss.Delay(math.inf)), slider.stiffness)
-    broken = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(X))])
-    onset = float(np.interp(_ONSET, broken, X))
-    begin = float(np.interp(onset, X, force)) / slider.stiffness
-    drives = np.array([onset + begin, found.drive, 2.0 * found.drive - onset - begin])
+    X_star, drive = first_instability(interface, slider.stiffness)
+    forever = first_instability(FIG5.interface, slider.stiffness)
+    onset = np.interp(_ONSET, cumulative_trapezoid(rate, X, initial=0), X)
+    begin = onset + np.interp(onset, X, force) / slider.stiffness
+    drives = np.array([begin, drive, 2.0 * drive - begin])
+    # The slider lands where the line of the spring meets the force again, inertia aside.
+    landing = X[(X_star + 1e-3 < X) & (slider.stiffness * (drive - X) < force)][0]
     potential = [theory.effective_potential(slider, X, force, d) for d in drives]
     instability = "slider and drive at the elastic instability"
-    points = [onset, found.X, _landing(X, force, found, slider)]
     return dataset(
         {
             "friction_force": ("displacement", force),
             "K_eff": ("displacement", -run["stiffness"], "effective stiffness, per contact [k]"),
             "V_eff": ("drive displacement", potential, "effective potential, per contact [f_s x_s]"),
-            "point": ("which", points, "displacement at the points of the figure [x_s]"),
-            "instability": ("reattachment quantity", [found, forever], f"{instability} [x_s]"),
+            "point": ("which", [onset, X_star, landing], "displacement at the points of the figure [x_s]"),
+            "instability": ("reattachment quantity", [(X_star, drive), forever], f"{instability} [x_s]"),
             "K_critical": ("", ss.critical_stiffness(interface), "critical stiffness, per contact [k]"),
         },
         {
@@ -93,13 +71,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         },
         stiffness=slider.stiffness,
     )
-
-
-def _landing(X: Array, force: Array, found: Instability, slider: ss.Slider) -> float:
-    """Where the line of the spring through the instability meets the force again, inertia aside."""
-    surplus = slider.stiffness * (found.drive - X) - force
-    beyond = np.flatnonzero((found.X + 1e-3 < X) & (surplus < 0))
-    return float(X[beyond[0]]) if beyond.size else math.nan
 
 
 def _unstable_from_X_star_on(data: xr.Dataset) -> Claim:
@@ -137,12 +108,24 @@ def _rests_in_a_well(data: xr.Dataset) -> Claim:
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
     K, critical = float(data.attrs["stiffness"]), float(data["K_critical"])
     left, right = picture.subplots(1, 2, width_ratios=(1.3, 1.0))
-    _draw_forces(left, data.sel(displacement=slice(0.0, 1.6)), K)
     _draw_potential(left.inset_axes((0.66, 0.64, 0.34, 0.36)), data)
+    data = data.sel(displacement=slice(0.0, 1.6))
+    X, force, K_eff = data["displacement"], data["friction_force"], data["K_eff"]
+    (begin, at, landing), drives = data["point"].to_numpy(), data["drive"].to_numpy()
+    left.plot(X, force, color=plot.BLUE)
+    left.text(0.33, 0.41, r"$F_\mathrm{c}(X)$", color=plot.BLUE, ha="right")
+    for name, point, end, drive, colour, style, offset in (
+        ("1", begin, (-0.22, 0.16), drives[0], plot.GREY, "--", (-12, 1)),
+        ("2", at, (-0.16, min(0.42, drives[1] - at)), drives[1], plot.VERMILLION, "-", (6, 3)),
+    ):
+        line = point + np.array(end)
+        left.plot(line, K * (drive - line), color=colour, linestyle=style, linewidth=1.0)
+        _draw_point(left, name, (point, float(np.interp(point, X, force))), offset, colour)
+    left.plot(landing, np.interp(landing, X, force), "o", markerfacecolor="white", color=plot.VERMILLION, markersize=5)
+    left.text(1.09, 0.43, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
+    panel(left, rf"(a) $K$ = {K:g} $k$", X, force, xlim=(0, 1.6), ylim=(0, 1.1))
 
-    X, K_eff, at = data["displacement"], data["K_eff"], float(data["point"][1])
-    shown = X <= 1.6
-    right.plot(X[shown], K_eff[shown], color=plot.BLUE)
+    right.plot(X, K_eff, color=plot.BLUE)
     for value, text, colour in (
         (STIFF, rf"$K$ = {STIFF:g} $k$: stiff", plot.GREEN),
         (critical, rf"$K^*$ = {critical:.3f} $k$", plot.BLACK),
@@ -150,34 +133,15 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     ):
         right.axhline(value, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
         right.text(0.02, value + 0.08, text, color=colour, fontsize=8)
-    right.fill_between(X, K, K_eff, where=shown & (K_eff > K), color=plot.VERMILLION, alpha=0.25, linewidth=0)
+    right.fill_between(X, K, K_eff, where=K_eff > K, color=plot.VERMILLION, alpha=0.25, linewidth=0)
     _draw_point(right, "2", (at, K), (-9, 3), plot.VERMILLION)
-    panel(
-        right, r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$", X, K_eff, xlim=(0, 1.6), ylim=(-1.2, 5.6)
-    )
+    title = r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$"
+    panel(right, title, X, K_eff, xlim=(0, 1.6), ylim=(-1.2, 5.6))
 
 
 def _draw_point(ax: Axes, name: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
     ax.plot(*at, "o", color=colour, markersize=5, zorder=3)
     ax.annotate(name, at, xytext=offset, textcoords="offset points", color=colour, fontweight="bold")
-
-
-def _draw_forces(ax: Axes, data: xr.Dataset, K: float) -> None:
-    """The force and the lines of the spring where contacts start to break, and at the instability."""
-    X, force = data["displacement"], data["friction_force"]
-    (begin, at, landing), drives = data["point"].to_numpy(), data["drive"].to_numpy()
-    ax.plot(X, force, color=plot.BLUE)
-    ax.text(0.33, 0.41, r"$F_\mathrm{c}(X)$", color=plot.BLUE, ha="right")
-    for name, point, end, drive, colour, style, offset in (
-        ("1", begin, (-0.22, 0.16), drives[0], plot.GREY, "--", (-12, 1)),
-        ("2", at, (-0.16, min(0.42, drives[1] - at)), drives[1], plot.VERMILLION, "-", (6, 3)),
-    ):
-        line = point + np.array(end)
-        ax.plot(line, K * (drive - line), color=colour, linestyle=style, linewidth=1.0)
-        _draw_point(ax, name, (point, float(np.interp(point, X, force))), offset, colour)
-    ax.plot(landing, np.interp(landing, X, force), "o", markerfacecolor="white", color=plot.VERMILLION, markersize=5)
-    ax.text(1.09, 0.43, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
-    panel(ax, rf"(a) $K$ = {K:g} $k$", X, force, xlim=(0, 1.6), ylim=(0, 1.1))
 
 
 def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
@@ -199,4 +163,4 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
     ax.set_ylabel(r"$V_\mathrm{eff}$", fontsize=7, labelpad=1)
 
 
-FIGURE = figure(__name__, __doc__, 3.3, _data, _drawing, _unstable_from_X_star_on, _rests_in_a_well)
+FIGURE = Figure(__name__, __doc__, 3.3, _data, _drawing, _unstable_from_X_star_on, _rests_in_a_well)

@@ -3,14 +3,11 @@
 Critical stiffness, Eq. (8), against the standard deviation of the thresholds, for several of the initial forces: (a)
 broken contacts re-attach at once, (b) they never do. Dotted: the estimate of Eq. (9). Cross: the value that the paper
 prints.
-
-Eq. (8), with broken contacts that re-attach at once and with contacts that never do, beside the estimate of Eq. (9).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,8 +16,8 @@ import xarray as xr
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.model import Start
-from stickslip.paper.cases import CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER, FIG3, FIG4
-from stickslip.paper.figure import Claim, Progress, at_least, at_most, between, figure, near, weighed
+from stickslip.paper.cases import CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER, FIG4, interface
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, near, weighed
 from stickslip.paper.kit import Picture, dataset, grid, panel, portions
 
 _PRINTED = 3.59
@@ -38,53 +35,45 @@ _RUNS: dict[str, tuple[float, float, Start, float]] = {
 _EVALUATED = 60.0  # the last so many time units
 
 
-def _interface(initial: float, threshold: float, delay: float = 0.0) -> ss.Interface:
-    thresholds = ss.Gaussian(mean=1.0, std=threshold)
-    start = ss.Gaussian(mean=0.0, std=initial)
-    return replace(FIG3.interface, thresholds=thresholds, initial=start, delay=ss.Delay(delay))
-
-
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     stds = [0.02, 0.025, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, *np.arange(0.1, 0.51, 0.025).round(4).tolist()]
     stds = [0.02, 0.05, 0.1, 0.2, 0.3] if quick else stds
     initials = (0.0, 0.01, 0.1, 0.3) if quick else (0.0, 0.01, 0.05, 0.1, 0.2, 0.3)
+    reattachment = ["at once", "never"]
     first, second = portions(progress, len(stds), len(_RUNS))
 
-    def stiffness(initial: float, threshold: float, _: Progress) -> dict[str, float]:
-        interface = _interface(initial, threshold)
-        return {
-            "at once": ss.critical_stiffness(interface),
-            "never": ss.critical_stiffness(interface, reattachment=False),
-            "estimate": theory.critical_stiffness_estimate(interface),
-        }
+    def stiffness(how: str, initial: float, threshold: float, _: Progress) -> dict[str, float]:
+        return {"K": ss.critical_stiffness(interface(initial, threshold), reattachment=how == "at once")}
 
     def run(name: str, progress: Progress) -> dict[str, Any]:
         std, delay, start, duration = _RUNS[name]
-        rig = FIG4.rig.replace(interface=_interface(0.01, std, delay), drive=ss.constant(FIG4.velocity, duration))
+        drive = ss.constant(FIG4.velocity, duration)
+        rig = FIG4.rig.replace(interface=interface(threshold=std, delay=ss.Delay(delay)), drive=drive)
         method = ss.MasterEquation(rtol=1e-3 if quick else 1e-4)
         seen = ss.regime(ss.simulate(rig, method=method, start=start, progress=progress), after=duration - _EVALUATED)
         return {"kind": seen.kind, "peak_to_peak": seen.peak_to_peak}
 
-    thresholds = [ss.Gaussian(mean=1.0, std=std) for std in stds]
-    steady = [ss.Interface(thresholds=one, initial=ss.model.SteadyState(thresholds=one)) for one in thresholds]
-    rigs = [FIG4.rig.replace(interface=_interface(0.01, std)) for std in (0.1, 0.3)]
+    estimate = [[theory.critical_stiffness_estimate(interface(i, std)) for std in stds] for i in initials]
+    steady = [ss.critical_stiffness(interface(None, std)) for std in stds]
+    rigs = [FIG4.rig.replace(interface=interface(threshold=std)) for std in (0.1, 0.3)]
     delays = [ss.stability.onset(rig, "delay", between=(1e-3, 1e2)) for rig in rigs]
-    K, seen = grid(first, stiffness, initials, stds), grid(second, run, list(_RUNS))
-    both, pairs = [K["at once"], K["never"]], "initial_std threshold_std"
+    K = grid(first, stiffness, reattachment, initials, stds)["K"]
+    seen = grid(second, run, list(_RUNS))
+    pairs = "initial_std threshold_std"
     stiffness_words = "critical stiffness, per contact [k]"
     from_steady_state = "critical stiffness from the steady state, per contact [k]"
     oscillation = "peak to peak of the spring force at the end, per contact [f_s]"
     return dataset(
         {
-            "critical_stiffness": (f"reattachment {pairs}", both, stiffness_words),
-            "critical_stiffness_steady": ("threshold_std", list(map(ss.critical_stiffness, steady)), from_steady_state),
-            "critical_stiffness_estimate": (pairs, K["estimate"], f"estimate of the {stiffness_words}"),
+            "critical_stiffness": (f"reattachment {pairs}", K, stiffness_words),
+            "critical_stiffness_steady": ("threshold_std", steady, from_steady_state),
+            "critical_stiffness_estimate": (pairs, estimate, f"estimate of the {stiffness_words}"),
             "kind": ("run", seen["kind"], "regime at the end"),
             "peak_to_peak": ("run", seen["peak_to_peak"], oscillation),
             "linear_critical_delay": ("std", delays, "delay from which steady sliding is unstable [time]"),
         },
         {
-            "reattachment": (["at once", "never"], "when broken contacts re-attach"),
+            "reattachment": (reattachment, "when broken contacts re-attach"),
             "initial_std": (initials, "standard deviation of initial forces [f_s]"),
             "threshold_std": (stds, r"standard deviation of thresholds $\Delta f_\mathrm{s}$ [f_s]"),
             "run": (list(_RUNS), "run at K = 2 k, eta = 200, v_d = 1"),
@@ -189,4 +178,4 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     axes[0].legend(handles[count:], names[count:], **above)
 
 
-FIGURE = figure(__name__, __doc__, 3.6, _data, _drawing, _decreases, _printed, _avoided)
+FIGURE = Figure(__name__, __doc__, 3.6, _data, _drawing, _decreases, _printed, _avoided)

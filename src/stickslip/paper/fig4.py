@@ -20,8 +20,8 @@ import stickslip as ss
 from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG4, PERIOD
-from stickslip.paper.figure import Claim, Measured, Progress, at_least, at_most, figure, near, weighed
-from stickslip.paper.kit import Picture, dataset, grid, panel, portions, second_axis
+from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, near, weighed
+from stickslip.paper.kit import Picture, dataset, grid, panel, portions, power, second_axis
 
 STIFFNESSES = (5.0, 2.0)
 _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
@@ -34,16 +34,15 @@ _EARLY = (20.0, 40.0, 60.0)
 _INTERVAL = 0.002
 _SAMPLES = round(_SHOWN / _INTERVAL) + 1
 _PERIODIC = 1e-4  # variation of the period left to a solver's steps; a thousand contacts have 40 times as much
+_DECAY = "decrease of the peak to peak from x = 20-40 to 40-60"
 
 _TRACES = ("spring_force", "velocity", "displacement")
-_LATE = {
+_LATE = {  # what a `Regime` says, by its names for it
     "kind": f"regime after t = {_BEGIN:g}",
     "peak_to_peak": "peak to peak of the spring force, late, per contact [f_s]",
     "mean_force": "mean spring force, late, per contact [f_s]",
     "period": "mean period, late [time]",
     "period_variation": "coefficient of variation of the period, late [1]",
-    "peak_velocity": "largest velocity of the slider, late [v_d]",
-    "decay": "decrease of the peak to peak from x = 20-40 to 40-60 [1]",
 }
 
 
@@ -60,12 +59,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         drive = ss.constant(FIG4.velocity, 90.0 if quick else _END)
         rig = FIG4.rig.replace(stiffness=stiffness, delay=delay, drive=drive)
         made = ss.simulate(rig, method=methods[solver], output=output, progress=progress)
-        return _weigh(made) | {name: made[name].to_numpy()[:_SAMPLES] for name in _TRACES}
+        late, force = ss.regime(made, after=_BEGIN), made["spring_force"]
+        begin, later = (np.ptp(force.sel(time=slice(*pair)).to_numpy()) for pair in itertools.pairwise(_EARLY))
+        found = {name: getattr(late, name) for name in _LATE}
+        found |= {"peak_velocity": late.largest_velocity, "decay": begin / later}
+        return found | {name: made[name].to_numpy()[:_SAMPLES] for name in _TRACES}
 
     def scatter(count: int, progress: Progress) -> dict[str, float]:
         rig = FIG4.rig.replace(drive=ss.constant(FIG4.velocity, 2.0 * _END))  # K = 2 k, delay .2
         made = ss.simulate(rig, method=ss.Contacts(count, seed=9), output=output, progress=progress)
-        return {"scatter": _period(made)[1]}
+        return {"scatter": ss.regime(made, after=_BEGIN).period_variation}
 
     seen = grid(first, run, _SOLVERS, STIFFNESSES, _DELAYS)
     shown = [_DELAYS.index(delay) for delay in _SHOWN_DELAYS]
@@ -77,6 +80,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         {name: ("stiffness shown_delay time", seen[name][0][:, shown]) for name in _TRACES}
         | {name: ("solver stiffness delay", seen[name], words) for name, words in _LATE.items()}
         | {
+            "peak_velocity": ("solver stiffness delay", seen["peak_velocity"], "largest velocity, late [v_d]"),
+            "decay": ("solver stiffness delay", seen["decay"], f"{_DECAY} [1]"),
             "mean_force_smooth": ("stiffness delay", smooth, of_smooth),
             "period_scatter": ("contacts", grid(second, scatter, counts)["scatter"], of_period),
         },
@@ -90,33 +95,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         },
         count=FIG4.contacts,
     )
-
-
-def _weigh(run: xr.Dataset) -> dict[str, str | float]:
-    """Regime after the transient, and the numbers behind it; on average the slider is where the drive is."""
-    seen = ss.regime(run, after=_BEGIN)
-    t, force = run["time"].to_numpy(), run["spring_force"].to_numpy()
-    early = [float(np.ptp(force[(a <= t) & (t < b)])) for a, b in itertools.pairwise(_EARLY)]
-    period, variation = _period(run)
-    return {
-        "kind": seen.kind,
-        "peak_to_peak": seen.peak_to_peak,
-        "mean_force": seen.mean_force,
-        "period": period,
-        "period_variation": variation,
-        "peak_velocity": seen.largest_velocity or np.nan,
-        "decay": early[0] / early[1],
-    }
-
-
-def _period(run: xr.Dataset) -> tuple[float, float]:
-    """Mean and coefficient of variation of the period after the transient; NaN where nothing stands out."""
-    late = run.sel(time=slice(_BEGIN, None))
-    force = late["spring_force"].to_numpy()
-    cycles = ss.measure.find_cycles(late["time"].to_numpy(), force)
-    if float(np.ptp(force)) < 0.3 or not cycles.periodic:
-        return np.nan, np.nan
-    return cycles.period, cycles.variation
 
 
 def _thresholds_of_delay(data: xr.Dataset) -> Claim:
@@ -159,7 +137,7 @@ def _long_time_numbers(data: xr.Dataset, solver: str) -> list[Measured]:
         near(*late("peak_velocity", "largest velocity", 2.0, 0.2), 13.0, 0.7, "v_d"),
         at_most(*oscillation(5.0, 0.0), 0.04, "f_s"),
         at_most(*oscillation(5.0, 0.1), 0.04, "f_s"),
-        at_least(*late("decay", "decrease of the peak to peak from x = 20-40 to 40-60", 5.0, 0.2), 2.0),
+        at_least(*late("decay", _DECAY, 5.0, 0.2), 2.0),
         # Contacts add their noise to the largest and the smallest value.
         near(*oscillation(5.0, 0.3), 0.635, 0.03 if noisy else 0.015, "f_s"),
         near(*late("period", "period", 5.0, 0.3), 1.38, 0.01, "time"),
@@ -175,14 +153,13 @@ def _long_time_numbers(data: xr.Dataset, solver: str) -> list[Measured]:
 def _strictly_periodic(data: xr.Dataset) -> Claim:
     exact = float(data["period_variation"].sel(solver="master equation", stiffness=2.0, delay=0.2))
     count, scatter = data["contacts"].to_numpy(), data["period_scatter"].to_numpy()
-    power = float(np.polyfit(np.log(count), np.log(scatter), 1)[0])
     # A scatter over n periods is known to 1/sqrt(2 n); here n is about 120.
     error = float(np.sqrt(2.0) / np.sqrt(2.0 * 120.0) / np.log(count[-1] / count[0]))
     return weighed(
         11,
         "stick-slip is strictly periodic",
         at_most("coefficient of variation of the period, master equation", exact, _PERIODIC),
-        near("power of N in that of N contacts", power, -0.5, 3.0 * error + 0.05),
+        near("power of N in that of N contacts", power(count, scatter), -0.5, 3.0 * error + 0.05),
         *(
             Measured(name=f"coefficient of variation of the period, {n} contacts", value=float(v))
             for n, v in zip(count, scatter, strict=True)
@@ -226,4 +203,4 @@ def _draw_without_delay(ax: Axes, run: xr.Dataset) -> Axes:
     return second
 
 
-FIGURE = figure(__name__, __doc__, 7.2, _data, _drawing, _thresholds_of_delay, _strictly_periodic)
+FIGURE = Figure(__name__, __doc__, 7.2, _data, _drawing, _thresholds_of_delay, _strictly_periodic)

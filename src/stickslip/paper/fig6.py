@@ -11,8 +11,8 @@ then Eq. (11) holds the velocity only in ``M v^2``, so that (a) and (b) are one 
 
 from __future__ import annotations
 
+import functools
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,23 +21,19 @@ from matplotlib.axes import Axes
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.paper.cases import FIG4, FIG6
-from stickslip.paper.figure import Claim, Measured, Progress, at_least, at_most, between, figure, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, panel
+from stickslip.paper.cases import FIG4, FIG6, slider
+from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, between, near, weighed
+from stickslip.paper.kit import Array, Picture, dataset, grid, panel, portions
 
 _MASS = FIG6.slider.mass
+_slider = functools.partial(slider, FIG6.slider.stiffness)
 _FITTED = 1e-3  # largest mass in the fit
 # About where tau* v is expected, to start the search: A1 + A2 (M v^2)^(1/3). The answer does not depend on it.
 _EXPECTED = (0.05, 0.55)
 _A1, _A2 = (0.047, 0.054), (0.47, 0.57)
 
 
-def _slider(mass: float, ratio: float = 0.3) -> ss.Slider:
-    """Slider of Fig. 6 with another mass; the damping is a fixed ratio of Omega."""
-    stiffness = FIG6.slider.stiffness
-    return ss.Slider(stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass))
-
-
+@functools.cache  # some cases are in several panels
 def _delays(slider: ss.Slider, velocity: float, tolerance: float) -> tuple[float, float]:
     """Sustained (nonlinear) and linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(slider.mass * velocity**2)) / velocity
@@ -53,27 +49,21 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     velocities = (1.0, 3.0) if quick else (0.1, 0.2, 0.4, 0.7, 1.0, 1.7, 3.0, 5.0, 10.0)
     ratios = (0.3, 1.0) if quick else (0.1, 0.3, 1.0, 2.0)
     at_same = ", at velocity 1 and the mass M v^2"
-    curves = {
-        "by_mass": ("mass", "", [(_slider(mass), 1.0) for mass in masses]),
-        "by_velocity": ("velocity", "", [(FIG6.slider, v) for v in velocities]),
-        "at_same_M_v2": ("velocity", at_same, [(_slider(_MASS * v**2), 1.0) for v in velocities]),
-        "by_ratio": ("ratio", "", [(_slider(_MASS, ratio), 1.0) for ratio in ratios]),
-    }
-    eta_200 = (replace(FIG4.slider, stiffness=FIG6.slider.stiffness), 1.0)
-    cases = [case for _, _, along in curves.values() for case in along] + [eta_200]
-    found: dict[tuple[ss.Slider, float], tuple[float, float]] = {}  # some cases are in several panels
-    for i, (slider, velocity) in enumerate(cases):
-        if (slider, velocity) not in found:
-            found[slider, velocity] = _delays(slider, velocity, tolerance)
-        progress((i + 1) / len(cases))
-
+    curves = (
+        ("by_mass", "mass", "", [(_slider(0.3, mass), 1.0) for mass in masses]),
+        ("by_velocity", "velocity", "", [(FIG6.slider, v) for v in velocities]),
+        ("at_same_M_v2", "velocity", at_same, [(_slider(0.3, _MASS * v**2), 1.0) for v in velocities]),
+        ("by_ratio", "ratio", "", [(_slider(ratio), 1.0) for ratio in ratios]),
+    )
     sustained = "critical delay tau*: the shortest with which stick-slip persists from a narrow start (nonlinear)"
     linear = "linear critical delay: the shortest with which smooth sliding is unstable"
     delays: dict[str, tuple[Any, ...]] = {}
-    for name, (along, words, points) in curves.items():
-        both = np.array([found[case] for case in points])
+    parts = portions(progress, *[len(cases) for *_, cases in curves], 1.0)
+    for name, along, words, cases in curves:
+        both = grid(next(parts), lambda case, _: {"": _delays(*case, tolerance)}, cases)[""]
         delays[f"sustained_{name}"] = (along, both[:, 0], f"{sustained}{words} [time]")
         delays[f"linear_{name}"] = (along, both[:, 1], f"{linear}{words} [time]")
+    eta_200, _ = _delays(FIG4.slider, 1.0, tolerance)
     v = np.array(velocities)
     fits = [
         _fit(np.array(masses), delays["sustained_by_mass"][1]),
@@ -83,7 +73,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     return dataset(
         delays
         | {
-            "sustained_eta_200": ("", found[eta_200][0], f"{sustained}, eta 200 [time]"),
+            "sustained_eta_200": ("", eta_200, f"{sustained}, eta 200 [time]"),
             "fit": ("curve coefficient", fits, f"{least_squares} [x_s, x_s^(2/3) f_s^(-1/3)]"),
         },
         {
@@ -107,18 +97,15 @@ def _fitted(mass: Array) -> Any:
     return mass <= _FITTED * (1 + 1e-9)
 
 
-def _apart(one: xr.DataArray, two: xr.DataArray) -> float:
-    return float(np.abs(one / two - 1).max())
-
-
 def _powers(data: xr.Dataset) -> Claim:
     of_mass, of_velocity = data["fit"].to_numpy()
     mass, tau, linear = data["mass"].to_numpy(), data["sustained_by_mass"].to_numpy(), data["linear_by_mass"]
-    misfit = float(np.max(np.abs((of_mass[0] + of_mass[1] * np.cbrt(mass)) / tau - 1)[_fitted(mass)]))
-    velocity = data["velocity"]
-    apart = _apart(data["sustained_by_velocity"] * velocity, data["sustained_at_same_M_v2"])
-    linear_apart = _apart(data["linear_by_velocity"] * velocity, data["linear_at_same_M_v2"])
-    rises = float(data["sustained_by_ratio"].diff("ratio").min())
+    misfit = abs((of_mass[0] + of_mass[1] * np.cbrt(mass)) / tau - 1)[_fitted(mass)].max()
+    apart, linear_apart = (
+        abs(data[f"{name}_by_velocity"] * data["velocity"] / data[f"{name}_at_same_M_v2"] - 1).max()
+        for name in ("sustained", "linear")
+    )
+    rises = data["sustained_by_ratio"].diff("ratio").min()
     at_paper = data["sustained_by_velocity"].sel(velocity=1.0)
     spread = "linear critical delay, largest over smallest of all masses"
     return weighed(
@@ -151,12 +138,12 @@ def _powers(data: xr.Dataset) -> Claim:
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
     (by_mass, by_velocity), (collapse, by_ratio) = picture.subplots(2, 2)
     A1, A2 = data["fit"].sel(curve="mass").to_numpy()
-    mass, velocity, ratio = (data[name].to_numpy() for name in ("mass", "velocity", "ratio"))
+    mass, velocity = data["mass"].to_numpy(), data["velocity"].to_numpy()
     delay = "critical delay (time units)"
 
     fine = np.geomspace(mass.min(), mass.max(), 401)
     _draw_fit(by_mass, fine, fine, A1 + A2 * np.cbrt(fine), rf"{A1:.3f} + {A2:.2f} $M^{{1/3}}$")
-    _draw_delays(by_mass, mass, data["sustained_by_mass"], data["linear_by_mass"])
+    _draw_delays(by_mass, data, "mass")
     words = r"mass of the slider $M/N$ ($f_\mathrm{s}$ time$^2$/$x_\mathrm{s}$)"
     panel(by_mass, "(a) $v_d$ = 1", words, delay, "lower right", xscale="log", ylim=(0, 0.2))
 
@@ -164,9 +151,9 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     A4 = A2 * math.cbrt(_MASS)
     label = rf"{A1:.3f} $v^{{-1}}$ + {A4:.4f} $v^{{-1/3}}$"
     _draw_fit(by_velocity, fine, _MASS * fine**2, A1 / fine + A4 / np.cbrt(fine), label)
-    _draw_delays(by_velocity, velocity, data["sustained_by_velocity"], data["linear_by_velocity"])
-    scales = {"xscale": "log", "yscale": "log"}
-    panel(by_velocity, "(b) $M$ = 10$^{-4}$", data["velocity"], delay, "lower left", **scales)
+    _draw_delays(by_velocity, data, "velocity")
+    title = "(b) $M$ = 10$^{-4}$"
+    panel(by_velocity, title, data["velocity"], delay, "lower left", xscale="log", yscale="log")
 
     cube, scaled = np.cbrt(_MASS * velocity**2), data["sustained_by_velocity"] * data["velocity"]
     collapse.plot(np.cbrt(mass), data["sustained_by_mass"], "o", color=plot.BLUE, markersize=4, label="from (a)")
@@ -177,17 +164,18 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     x, y = r"$(M v_d^2)^{1/3}$", r"$\tau^* v_d$ ($x_\mathrm{s}$)"
     panel(collapse, "(c) one curve", x, y, "lower right", xlim=(0, line[-1] * 1.02), ylim=(0, 0.2))
 
-    _draw_delays(by_ratio, ratio, data["sustained_by_ratio"], data["linear_by_ratio"], "o-")
+    _draw_delays(by_ratio, data, "ratio", "o-")
     title, words = r"(d) $v_d$ = 1, $M$ = 10$^{-4}$", r"damping $\eta/\Omega$"
     panel(by_ratio, title, words, delay, "lower right", xscale="log", ylim=(0, 0.2))
 
 
-def _draw_delays(ax: Axes, x: Array, sustained: xr.DataArray, linear: xr.DataArray, style: str = "o") -> None:
-    ax.plot(x, sustained, style, color=plot.BLUE, markersize=4, linewidth=0.9, label=r"sustained: $\tau^*$")
-    _draw_linear(ax, x, linear)
+def _draw_delays(ax: Axes, data: xr.Dataset, name: str, style: str = "o") -> None:
+    x, tau = data[name], data[f"sustained_by_{name}"]
+    ax.plot(x, tau, style, color=plot.BLUE, markersize=4, linewidth=0.9, label=r"sustained: $\tau^*$")
+    _draw_linear(ax, x, data[f"linear_by_{name}"])
 
 
-def _draw_linear(ax: Axes, x: Array, linear: xr.DataArray) -> None:
+def _draw_linear(ax: Axes, x: Any, linear: xr.DataArray) -> None:
     ax.plot(x, linear, "s-", color=plot.VERMILLION, markersize=3, linewidth=0.9, label="linear")
 
 
@@ -197,4 +185,4 @@ def _draw_fit(ax: Axes, x: Array, M_v2: Array, y: Array, label: str | None) -> N
         ax.plot(x[kept], y[kept], style, color=plot.BLUE, linewidth=0.9, label=label if style == "-" else None)
 
 
-FIGURE = figure(__name__, __doc__, 5.4, _data, _drawing, _powers)
+FIGURE = Figure(__name__, __doc__, 5.4, _data, _drawing, _powers)

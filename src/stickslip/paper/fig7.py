@@ -25,56 +25,53 @@ from matplotlib.ticker import NullFormatter
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.model import NegativeDelay
 from stickslip.paper.cases import FIG7, V1
-from stickslip.paper.figure import Claim, Progress, at_least, at_most, between, extremes, figure, near, weighed
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, extremes, near, weighed
 from stickslip.paper.kit import Picture, dataset, grid, panel, portions
-from stickslip.paper.ramps import draw_around, draw_mark, draw_ramp, ramped, time_of
+from stickslip.paper.ramps import TRACES, draw_around, draw_mark, draw_ramp, ramped, time_of
 
 _SLOW, _FAST = 0.1, 3.0  # of the ramp of (a)
 _TOP = 8.0  # of (b): far enough for stick-slip to end
 _EACH_WAY = 400.0
 _SHOWN = 16.0  # time units of an inset
 _MEAN = 0.2
-_Case = tuple[float, NegativeDelay]
-_CASES: tuple[_Case, ...] = ((0.06, "clip"), (0.08, "clip"), (0.12, "clip"), (0.12, "fold"), (0.12, "redraw"))
-_SWEPT: tuple[_Case, ...] = ((0.06, "clip"), (0.12, "clip"))
-# Velocities at which stick-slip persists, or does not, with random delays (PHYSICS section 6).
-_ON = {0.06: (0.5, 1.0, 3.0), 0.08: (0.6, 1.0, 2.0)}
-_OFF = {0.06: (0.25, 8.0), 0.08: (0.36, 4.0, 6.0)}
-_VELOCITIES = sorted({v for looked in (_ON, _OFF) for there in looked.values() for v in there})
+_CASES = {
+    "0.06, clip": ss.RandomDelay(mean=_MEAN, std=0.06, negative="clip"),
+    "0.08, clip": ss.RandomDelay(mean=_MEAN, std=0.08, negative="clip"),
+    "0.12, clip": ss.RandomDelay(mean=_MEAN, std=0.12, negative="clip"),
+    "0.12, fold": ss.RandomDelay(mean=_MEAN, std=0.12, negative="fold"),
+    "0.12, redraw": ss.RandomDelay(mean=_MEAN, std=0.12, negative="redraw"),
+}
+_SWEPT = ("0.06, clip", "0.12, clip")
+# Whether stick-slip persists, by the case and the velocity (PHYSICS section 6).
+_LASTS = {
+    "0.06, clip": {0.5: True, 1.0: True, 3.0: True, 0.25: False, 8.0: False},
+    "0.08, clip": {0.6: True, 1.0: True, 2.0: True, 0.36: False, 4.0: False, 6.0: False},
+}
+_VELOCITIES = sorted({v for lasts in _LASTS.values() for v in lasts})
 
 
-def _random(case: _Case) -> ss.Rig:
-    std, negative = case
-    delay = ss.RandomDelay(mean=_MEAN, std=std, negative=negative)
-    return FIG7.rig.replace(interface=replace(FIG7.interface, delay=delay))
+def _random(case: str) -> ss.Rig:
+    return FIG7.rig.replace(interface=replace(FIG7.interface, delay=_CASES[case]))
 
 
-def _name(case: _Case) -> str:
-    return f"{case[0]:g}, {case[1]}"
-
-
-def _ranges(case: _Case, points: int) -> dict[str, list[float]]:
+def _ranges(case: str, points: int) -> dict[str, list[float]]:
     """Velocities between which stick-slip persists and smooth sliding is unstable; oscillation at some velocities."""
     rig = _random(case)
     nowhere = [math.nan, math.nan]
     # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
     windows = ss.sustained(rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01).windows
     edges = ss.critical(rig, "velocity", between=(0.05, 100.0)).edges
-    looked = _ON.get(case[0], ()) + _OFF.get(case[0], ())
-    oscillation = [
-        ss.cycles.is_sustained(rig.replace(velocity=v)).peak_to_peak if v in looked else math.nan for v in _VELOCITIES
-    ]
+    seen = {v: ss.cycles.is_sustained(rig.replace(velocity=v)).peak_to_peak for v in _LASTS.get(case, ())}
     return {
         "sustained": [windows[0].low.value, windows[-1].high.value] if windows else nowhere,
         "unstable": [edges[0].value, edges[-1].value] if edges else nowhere,
-        "oscillation": oscillation,
+        "oscillation": [seen.get(v, math.nan) for v in _VELOCITIES],
     }
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    cases = (_CASES[0], _CASES[2]) if quick else _CASES
+    cases = _SWEPT if quick else tuple(_CASES)
     seeds = (1,) if quick else (1, 2, 3)
     count = 4_000 if quick else FIG7.contacts
     parts = portions(progress, *[1.0] * (len(seeds) + len(_SWEPT) + 2), 2.0 * len(cases))
@@ -88,18 +85,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     sweeps = [run, *(loop(_random(case), _TOP, 1)[0] for case in _SWEPT)]
     (band,) = ss.bistable_range(FIG7.rig, "velocity", between=(0.3, _FAST))
     next(parts)(1.0)
-    branch = ss.cycles.cycle_branch(
-        FIG7.rig.replace(velocity=1.5), "velocity", step=0.2 if quick else 0.05, between=(0.3, _FAST)
-    )
+    start, step = FIG7.rig.replace(velocity=1.5), 0.2 if quick else 0.05
+    branch = ss.cycles.cycle_branch(start, "velocity", step=step, between=(0.3, _FAST))
     next(parts)(1.0)
     ranges = grid(next(parts), lambda case, _: _ranges(case, 5 if quick else 16), cases)
     persists = "where stick-slip persists from a narrow start (nonlinear)"
     oscillation = "peak to peak of the spring force, per contact [f_s]"
     velocity = "velocity of the drive [x_s/time]"
     return dataset(
-        {
-            "spring_force": ("sweep time", [run["spring_force"] for run in sweeps], "spring force, per contact [f_s]"),
-            "drive_velocity": ("sweep time", [run["drive_velocity"] for run in sweeps], velocity),
+        {name: ("sweep time", [run[name] for run in sweeps]) for name in TRACES}
+        | {
             "v1_ramp": ("seed", [seen["v1"] for _, seen in ramps], "v1, on the way up a ramp [x_s/time]"),
             "v1_down_ramp": ("seed", [seen["v1_down"] for _, seen in ramps], "v1', on the way down a ramp [x_s/time]"),
             "v1_linear": ("", band.high.value, "v1: smooth sliding loses stability (linear) [x_s/time]"),
@@ -113,11 +108,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         },
         {
             "time": (run["time"],),
-            "sweep": (["fixed", *map(_name, _SWEPT)], "delays of the ramp"),
+            "sweep": (["fixed", *_SWEPT], "delays of the ramp"),
             "seed": (seeds, "seed [1]"),
             "v_cycle": (branch["velocity"], velocity),
             "v_ramp": (found["velocity"], velocity),
-            "case": ([_name(case) for case in cases], "standard deviation of the delays, negative draws"),
+            "case": (cases, "standard deviation of the delays, negative draws"),
             "end": (["low", "high"], "end of the range"),
             "v": (_VELOCITIES, velocity),
         },
@@ -145,14 +140,13 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     measured = []
     lasts_within = printed = True
     for name in data["case"].to_numpy().tolist():
-        std = float(name.split(",")[0])
         low, high = data["sustained"].sel(case=name).to_numpy().tolist()
         case = f"standard deviation {name}"
-        for velocities, bounded, bound in ((_ON, at_least, 0.5), (_OFF, at_most, 0.05)):
-            for v in velocities.get(std, ()):
-                oscillation = data["oscillation"].sel(case=name, v=v)
-                measured.append(bounded(f"peak to peak F_d, {case}, v {v:g}", oscillation, bound, "f_s"))
-        if std in _ON:
+        for v, lasts in _LASTS.get(name, {}).items():
+            bounded, bound = (at_least, 0.5) if lasts else (at_most, 0.05)
+            oscillation = data["oscillation"].sel(case=name, v=v)
+            measured.append(bounded(f"peak to peak F_d, {case}, v {v:g}", oscillation, bound, "f_s"))
+        if name in _LASTS:
             lasts_within &= high < _TOP
             continue
         printed &= high < _TOP  # with the paper's own delays; nowhere is not smooth again
@@ -176,8 +170,8 @@ def _smooth_again(data: xr.Dataset) -> Claim:
 
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
-    places = picture.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 1.0))
-    ax, fixed = picture.add_subplot(places[0, :]), data.sel(sweep="fixed").drop_vars("sweep")
+    axes = picture.subplot_mosaic("aa;bc;de", height_ratios=(1.15, 1.0, 1.0))
+    ax, fixed = axes["a"], data.sel(sweep="fixed").drop_vars("sweep")
     low = -0.35  # the inertia of the slider pulls the force below 0 after a slip
     draw_ramp(ax, fixed, rf"(a) $\tau_\mathrm{{d}}$ = {FIG7.interface.delay.moment(1):g}", low, 1.75)
     for name, symbol in (("v1_linear", "v_1"), ("v1_down_fold", "v_1'")):
@@ -187,12 +181,12 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     draw_around(inset, fixed, time_of(fixed, float(data["v1_ramp"][0])), 0.55 * _SHOWN, 0.45 * _SHOWN)
     inset.set_yticks([])
     inset.tick_params(labelsize=7)
-    for j, case in enumerate(_SWEPT):
-        sweep = data.sel(sweep=_name(case)).drop_vars("sweep")
-        title = rf"({'bc'[j]}) $\tau_\mathrm{{d}}$ = {_MEAN:g} ± {case[0]:g}"
-        draw_ramp(picture.add_subplot(places[1, j]), sweep, title, low, 1.05, left=j == 0, right=j == 1)
-    _draw_hysteresis(picture.add_subplot(places[2, 0]), data)
-    _draw_windows(picture.add_subplot(places[2, 1]), data)
+    for name, case in zip("bc", _SWEPT, strict=True):
+        sweep = data.sel(sweep=case).drop_vars("sweep")
+        title = rf"({name}) $\tau_\mathrm{{d}}$ = {_MEAN:g} ± {_CASES[case].std:g}"
+        draw_ramp(axes[name], sweep, title, low, 1.05, left=name == "b", right=name == "c")
+    _draw_hysteresis(axes["d"], data)
+    _draw_windows(axes["e"], data)
 
 
 def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
@@ -229,4 +223,4 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
 
 
-FIGURE = figure(__name__, __doc__, 7.4, _data, _drawing, _hysteresis, _smooth_again)
+FIGURE = Figure(__name__, __doc__, 7.4, _data, _drawing, _hysteresis, _smooth_again)

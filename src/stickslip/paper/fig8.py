@@ -4,15 +4,13 @@ Spring force of ageing contacts at four rates of ageing, from relaxed contacts (
 thresholds of contacts aged at rest beside Eq. (17) (c); peak to peak of the force against the rate of ageing (d).
 Grey: smooth sliding is linearly unstable.
 
-Relaxed contacts (short stretchings, thresholds of the stationary distribution) and steady smooth sliding: the upper
-edge of the range of stick-slip depends on the start, so both are shown, with N contacts and with the kinetic equation.
-Beside them the range in which smooth sliding is linearly unstable.
+The upper edge of the range of stick-slip depends on the start, so both are shown, with N contacts and with the kinetic
+equation. Relaxed contacts have short stretchings, and thresholds of the stationary distribution.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -20,8 +18,8 @@ import xarray as xr
 import stickslip as ss
 from stickslip import plot
 from stickslip.model import Method, Start
-from stickslip.paper.cases import FIG8
-from stickslip.paper.figure import Claim, Progress, at_most, between, figure, near, weighed
+from stickslip.paper.cases import FIG8, aged
+from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, weighed
 from stickslip.paper.kit import Array, Picture, dataset, grid, panel
 
 _STARTS: dict[str, Start] = {"relaxed": ss.FromRest(), "smooth": ss.FromSliding()}
@@ -39,18 +37,10 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     t = _INTERVAL * np.arange(round(max(duration.values()) / _INTERVAL) + 1)
 
     def run(solver: str, rate: float, start: str, progress: Progress) -> dict[str, Array]:
-        interface = replace(FIG8.interface, ageing=ss.Langevin(rate=rate))
-        rig = FIG8.rig.replace(interface=interface, drive=ss.constant(FIG8.velocity, duration[solver]))
-        made = ss.simulate(
-            rig,
-            method=_METHODS[solver],
-            output=ss.Output(interval=_INTERVAL),
-            start=_STARTS[start],
-            progress=progress,
-        )
-        force = np.full(t.size, np.nan)
-        force[: made.sizes["time"]] = made["spring_force"]
-        return {"force": force}
+        drive, output = ss.constant(FIG8.velocity, duration[solver]), ss.Output(interval=_INTERVAL)
+        rig = aged(FIG8, rate).replace(drive=drive)
+        made = ss.simulate(rig, method=_METHODS[solver], output=output, start=_STARTS[start], progress=progress)
+        return {"force": np.pad(made["spring_force"], (0, t.size - made.sizes["time"]), constant_values=np.nan)}
 
     force = grid(progress, run, list(_METHODS), rates, list(_STARTS))["force"]
     edges = [edge.value**-0.5 for edge in ss.critical(FIG8.rig, ss.stability.AGEING, between=(0.2, 3.0)).edges]
@@ -121,7 +111,7 @@ _OSCILLATIONS = (
 
 def _window(data: xr.Dataset) -> Claim:
     oscillation = data["amplitude"]
-    low, high = data["unstable"].to_numpy().tolist()
+    low, high = data["unstable"].to_numpy()
     measured = [
         near("smooth sliding unstable from beta (linear)", low, _EDGES[0], 0.03),
         near("smooth sliding unstable up to beta (linear)", high, _EDGES[1], 0.03),
@@ -153,11 +143,10 @@ def _window(data: xr.Dataset) -> Claim:
 
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
-    places = picture.add_gridspec(3, 2, width_ratios=(1.25, 1.0), hspace=0.02)
-    for row, (start, title) in enumerate(
-        zip(_STARTS, ("(a) from relaxed contacts", "(b) from smooth sliding"), strict=True)
-    ):
-        ax = picture.add_subplot(places[row, 0])
+    axes = picture.subplot_mosaic("ad;bd;cd", width_ratios=(1.25, 1.0), gridspec_kw={"hspace": 0.02})
+    titles = {"relaxed": "(a) from relaxed contacts", "smooth": "(b) from smooth sliding"}
+    for row, (start, title) in enumerate(titles.items()):
+        ax = axes["ab"[row]]
         for rate, colour in _SHOWN.items():
             if rate in data["rate"]:
                 force = data["spring_force"].sel(solver="contacts", rate=rate, start=start, time=slice(0.0, 10.0))
@@ -166,14 +155,14 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
         ax.set_yticks((-0.5, 0.0, 0.5, 1.0))
         ax.legend(loc="upper right", ncols=4, handlelength=1.0, columnspacing=0.8, borderaxespad=0.0)
         ax.tick_params(labelbottom=row == 1)
-    ax = picture.add_subplot(places[2, 0])
+    ax = axes["c"]
     edges = np.linspace(0.5, 1.5, _BINS + 1)
     ax.stairs(data["P_c_seen"], edges, fill=True, color=plot.SKY, label="contacts aged at rest")
     ax.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
     density = plot.label(data["P_c"].assign_attrs(long_name="density"))
     panel(ax, "(c) thresholds at rest", data["f"], density, "upper left", xlim=(0.15, 1.5))
 
-    ax = picture.add_subplot(places[:, 1])
+    ax = axes["d"]
     low, high = data["unstable"].to_numpy().tolist()
     ax.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
     ax.text(0.5 * (low + high), 0.04, "smooth\nsliding\nunstable", ha="center", va="bottom", fontsize=8)
@@ -190,4 +179,4 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     panel(ax, title, words, data["amplitude"], "upper right", ylim=(0.0, 1.6), xlim=(0.5, None))
 
 
-FIGURE = figure(__name__, __doc__, 5.6, _data, _drawing, _stationary, _window)
+FIGURE = Figure(__name__, __doc__, 5.6, _data, _drawing, _stationary, _window)

@@ -9,6 +9,8 @@ tens of ``x_s`` of travel, and at the lower end of the way down that takes long.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import xarray as xr
 from matplotlib.ticker import MaxNLocator
@@ -16,43 +18,35 @@ from matplotlib.ticker import MaxNLocator
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG9
-from stickslip.paper.figure import Claim, Progress, at_least, between, extremes, figure, weighed
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, extremes, weighed
 from stickslip.paper.kit import Picture, dataset, panel, portions
-from stickslip.paper.ramps import draw_around, draw_mark, draw_ramp, loses_stability, ramped, time_of
+from stickslip.paper.ramps import TRACES, draw_around, draw_mark, draw_ramp, ramped, time_of
 
 _LEVEL = 0.4
 """Peak to peak of the spring force that counts as stick-slip, in f_s."""
-_SYMBOLS = {"v1": "v_1", "v2": "v_2", "v2_down": "v_2'", "v1_down": "v_1'"}
-_BANDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down": (0.03, 0.09)}
+_ENDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down": (0.03, 0.09)}
+# Up through v1 and v2, and down through both; slowly where the transitions are.
+_UP = ss.ramp(0.3, 1.3, 400.0).then(ss.ramp(1.3, 4.0, 150.0))
+_DOWN = ss.ramp(4.0, 0.3, 200.0).then(ss.ramp(0.3, 0.1, 100.0)).then(ss.ramp(0.1, 0.012, 1500.0))
 
 
-def _loop() -> ss.model.Drive:
-    """Up through v1 and v2, and down through both; slowly where the transitions are."""
-    up = ss.ramp(0.3, 1.3, 400.0).then(ss.ramp(1.3, 4.0, 150.0))
-    down = ss.ramp(4.0, 0.3, 200.0).then(ss.ramp(0.3, 0.1, 100.0)).then(ss.ramp(0.1, 0.012, 1500.0))
-    return up.then(down)
+def _symbol(name: str) -> str:
+    return name.replace("_down", "'")
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     seeds = (1,) if quick else (1, 2, 3)
     count = 1_000 if quick else FIG9.contacts
-    rig = FIG9.rig.replace(drive=_loop())
+    rig = FIG9.rig.replace(drive=_UP.then(_DOWN))
     parts = portions(progress, *[1.0] * len(seeds))
     ramps = [ramped(rig, ss.Contacts(count, seed=seed), next(parts), level=_LEVEL) for seed in seeds]
     run, seen = ramps[0]
-    ends = {
-        name: ("seed", [float(each[name]) for _, each in ramps], f"{name} of the ramp [x_s/time]") for name in _BANDS
-    }
-    linear = loses_stability(FIG9.rig, 0.3, 4.0)
+    linear = ss.stability.onset(FIG9.rig, "velocity", between=(0.3, 4.0))
     return dataset(
-        {
-            "spring_force": ("time", run["spring_force"]),
-            "drive_velocity": ("time", run["drive_velocity"]),
-            **ends,
-            "v1_linear": ("", linear, "v1: smooth sliding loses stability (linear) [x_s/time]"),
-            "up": ("v", seen["up"], "peak to peak of $F_d$ [f_s]"),
-            "down": ("v", seen["down"], "peak to peak of $F_d$ [f_s]"),
-        },
+        {name: ("time", run[name]) for name in TRACES}
+        | {name: ("seed", [each[name] for _, each in ramps], f"{name} of the ramp [x_s/time]") for name in _ENDS}
+        | {"v1_linear": ("", linear, "v1: smooth sliding loses stability (linear) [x_s/time]")}
+        | {way: ("v", seen[way], "peak to peak of $F_d$ [f_s]") for way in ("up", "down")},
         {
             "time": (run["time"],),
             "seed": (seeds, "seed [1]"),
@@ -63,22 +57,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _four_transitions(data: xr.Dataset) -> Claim:
-    seen = {name: data[name].to_numpy() for name in _BANDS}
-    four = all(bool(np.all(np.isfinite(values))) for values in seen.values())
-    linear = between("v1, smooth sliding loses stability (linear)", data["v1_linear"], 0.75, 1.05, "x_s/time")
-    ends = [
-        measured
-        for name, values in seen.items()
-        for measured in extremes(_SYMBOLS[name].replace("_", ""), values, *_BANDS[name], "x_s/time")
-    ]
+    seen = {name: data[name].to_numpy() for name in _ENDS}
+    ends = [extremes(_symbol(name), seen[name], *band, "x_s/time") for name, band in _ENDS.items()]
     return weighed(
         15,
         "two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
         "two while it falls, at v2' and v1'",
-        linear,
-        *ends,
+        between("v1, smooth sliding loses stability (linear)", data["v1_linear"], *_ENDS["v1"], "x_s/time"),
+        *itertools.chain(*ends),
         at_least("v1 over v1', smallest", np.min(seen["v1"] / seen["v1_down"]), 5.0),
-        printed=four and bool(np.all(seen["v1_down"] < seen["v1"])),
+        printed=bool(np.isfinite([*seen.values()]).all() and np.all(seen["v1_down"] < seen["v1"])),
         evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
         f"where F_d varies by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "
         "gradually; v1 and v1' do not",
@@ -86,23 +74,20 @@ def _four_transitions(data: xr.Dataset) -> Claim:
 
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
-    grid = picture.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
-    sweep = picture.add_subplot(grid[0, :])
+    sweep, onset, end, oscillation = picture.subplot_mosaic("aaa;bcd", height_ratios=(1.2, 1.0)).values()
     draw_ramp(sweep, data, r"(a) up and down, $\beta$ = 1.5", -0.6, 1.3)
     # The transitions may be close together: two lines of text, v2 and v2' to either side.
     places = {"v2": (1.14, "right"), "v2_down": (1.14, "left")}
-    for name, symbol in _SYMBOLS.items():
+    for name in _ENDS:
         v = float(data[name][0])
         if np.isfinite(v):
             height, side = places.get(name, (1.0, "center"))
-            at = time_of(data, v, down=name.endswith("down"))
+            at, symbol = time_of(data, v, down=name.endswith("down")), _symbol(name).replace("v", "v_")
             draw_mark(sweep, at, f"${symbol}$ = {v:.3g}", height, 0.82, side)
-    for column, (name, title, span) in enumerate((("v1", "(b) at $v_1$", 24.0), ("v2", "(c) at $v_2$", 10.0))):
-        ax = picture.add_subplot(grid[1, column])
+    for ax, name, title, span in ((onset, "v1", "(b) at $v_1$", 24.0), (end, "v2", "(c) at $v_2$", 10.0)):
         draw_around(ax, data, time_of(data, float(data[name][0])), 0.6 * span, 0.4 * span)
         ax.xaxis.set_major_locator(MaxNLocator(3, integer=True))
         panel(ax, title, data["time"], data["spring_force"])
-    oscillation = picture.add_subplot(grid[1, 2])
     oscillation.plot(data["v"], data["up"], color=plot.ORANGE, label="up")
     oscillation.plot(data["v"], data["down"], color=plot.SKY, label="down")
     oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
@@ -110,4 +95,4 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     panel(oscillation, "(d) hysteresis", data["v"], words, "best", xlim=(0.0, 4.0), ylim=(0.0, None))
 
 
-FIGURE = figure(__name__, __doc__, 5.4, _data, _drawing, _four_transitions)
+FIGURE = Figure(__name__, __doc__, 5.4, _data, _drawing, _four_transitions)

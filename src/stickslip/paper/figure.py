@@ -1,12 +1,14 @@
-"""What a figure of the paper is to us: data, a picture, and the claims that the data must satisfy."""
+"""A figure of the paper: data, a picture, claims that the data must satisfy, and the way of all three to files."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, SupportsFloat
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, SupportsFloat, get_args
 
 import numpy as np
 import xarray as xr
@@ -15,11 +17,13 @@ from numpy.typing import NDArray
 from stickslip.answers import plain
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
-from stickslip.plot import PAGE, house_style, new_figure
+from stickslip.io import files
+from stickslip.plot import PAGE, house_style, new_figure, save
 
 if TYPE_CHECKING:
     import matplotlib.figure
 
+Format = Literal["png", "pdf", "svg"]
 Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]
 Progress = Callable[[float], None]
 
@@ -139,13 +143,9 @@ class Claim:
             lines[-1] += f" (expected: {self.settled})"
         elif self.verdict == "not reproduced":
             lines[-1] = f"    as expected: {self.verdict}"
-        if self.reading:
-            lines.append(f"    reading: {self.reading}")
-        if self.exact:
-            lines.append(f"    exact: {self.exact}")
-        lines += [f"    {m}" for m in self.measured]
-        lines.append(f"    evidence: {self.evidence}")
-        return "\n".join(lines)
+        said = {"reading": self.reading, "exact": self.exact}
+        lines += [f"    {name}: {words}" for name, words in said.items() if words]
+        return "\n".join([*lines, *(f"    {m}" for m in self.measured), f"    evidence: {self.evidence}"])
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
@@ -178,39 +178,37 @@ def weighed(
     """
     met = all(m.ok for m in measured)
     found = verdict(printed=met if printed is None else printed, read=bool(reading) and read and met)
-    words = {"evidence": evidence, "reading": reading, "exact": exact}
-    return Claim(number=number, statement=statement, verdict=found, measured=measured, **words)
+    said = {"statement": statement, "evidence": evidence, "reading": reading, "exact": exact}
+    return Claim(number=number, verdict=found, measured=measured, **said)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A figure of the paper.
+    """A figure of the paper: `compute` its data, `draw` them, and `check` the paper's claims on them.
 
-    Parameters
+    Attributes
     ----------
     name : str
         Such as ``"fig4"``.
     title : str
     caption : str
         What the panels show.
-    height : float
-        Of the picture, in inches; it is a page wide.
-    data : callable
-        Computes everything that picture and claims need, as one labelled Dataset, from a progress and whether to be
-        quick.
-    drawing : callable
-        Draws the data in an empty picture.
-    claims : tuple of callable
-        Each weighs the data against one claim of the paper.
     """
 
-    name: str
-    title: str
-    caption: str
-    height: float
-    data: Callable[[Progress, bool], xr.Dataset]
-    drawing: Callable[[matplotlib.figure.Figure, xr.Dataset], None]
-    claims: tuple[Callable[[xr.Dataset], Claim], ...]
+    def __init__(
+        self,
+        module: str,
+        doc: str | None,
+        height: float,
+        data: Callable[[Progress, bool], xr.Dataset],
+        drawing: Callable[[matplotlib.figure.Figure, xr.Dataset], None],
+        *claims: Callable[[xr.Dataset], Claim],
+    ) -> None:
+        # A module's docstring says the title in its first line, then the caption; the height is in inches.
+        heading, _, text = (doc or "").partition("\n\n")
+        self.name = module.rpartition(".")[2]
+        self.title = heading.partition(": ")[2].removesuffix(".")
+        self.caption = " ".join(text.partition("\n\n")[0].split())
+        self._height, self._data, self._drawing, self._claims = height, data, drawing, claims
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
         """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
@@ -223,7 +221,7 @@ class Figure:
             Coarser, for tests; the verdicts are the same.
         """
         report = progress or (lambda _: None)
-        data = self.data(report, quick)
+        data = self._data(report, quick)
         report(1.0)
         data.attrs["title"] = f"{self.name}: {self.title}"
         data.attrs["caption"] = self.caption
@@ -235,14 +233,14 @@ class Figure:
         """Draw the data that `compute` gave; `stickslip.plot.save` writes the picture."""
         self._check(data)
         with house_style():
-            picture = new_figure(PAGE, self.height)
-            self.drawing(picture, data)
+            picture = new_figure(PAGE, self._height)
+            self._drawing(picture, data)
         return picture
 
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
         """Weigh the data that `compute` gave against the claims of the paper."""
         self._check(data)
-        return tuple(weigh(data) for weigh in self.claims)
+        return tuple(weigh(data) for weigh in self._claims)
 
     def _check(self, data: xr.Dataset) -> None:
         made_by = store.read_provenance(data)
@@ -250,16 +248,120 @@ class Figure:
             raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
 
 
-def figure(
-    module: str,
-    doc: str | None,
-    height: float,
-    data: Callable[[Progress, bool], xr.Dataset],
-    drawing: Callable[[matplotlib.figure.Figure, xr.Dataset], None],
-    *claims: Callable[[xr.Dataset], Claim],
-) -> Figure:
-    """Return the figure of a module, whose docstring says the title in its first line, then the caption."""
-    heading, _, text = (doc or "").partition("\n\n")
-    title, caption = heading.partition(": ")[2].removesuffix("."), " ".join(text.partition("\n\n")[0].split())
-    words = {"name": module.rpartition(".")[2], "title": title, "caption": caption}
-    return Figure(height=height, data=data, drawing=drawing, claims=claims, **words)
+@dataclass(frozen=True, kw_only=True)
+class Reproduction:
+    """A figure that was made.
+
+    Attributes
+    ----------
+    figure : Figure
+    data : Path
+        The Dataset, as NetCDF.
+    pictures : tuple of Path
+    claims : tuple of Claim
+    """
+
+    figure: Figure
+    data: Path
+    pictures: tuple[Path, ...]
+    claims: tuple[Claim, ...]
+
+    @property
+    def failed(self) -> tuple[Claim, ...]:
+        """The claims that did not come out as expected."""
+        return tuple(claim for claim in self.claims if not claim.ok)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every claim came out as expected."""
+        return not self.failed
+
+    def __str__(self) -> str:
+        parts = [f"{self.figure.name}: {self.figure.title}. {self.figure.caption}\n"]
+        parts += [f"{claim}\n" for claim in self.claims]
+        parts += [*(f"picture: {picture}" for picture in self.pictures), f"data: {self.data}"]
+        if self.failed:
+            parts.append(f"{len(self.failed)} of {len(self.claims)} claims did not come out as expected")
+        return "\n".join(parts)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what JSON can hold."""
+        return {
+            "figure": self.figure.name,
+            "title": self.figure.title,
+            "caption": self.figure.caption,
+            "pictures": [str(picture) for picture in self.pictures],
+            "data": str(self.data),
+            "claims": [claim.plain() for claim in self.claims],
+            "ok": self.ok,
+        }
+
+
+def places(
+    figure: Figure, directory: str | os.PathLike[str], formats: Sequence[Format] = ("png",)
+) -> tuple[Path, tuple[Path, ...]]:
+    """Return where data and pictures of a figure go; the directory is made.
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there, or a format is unknown.
+    """
+    folder = Path(directory)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a directory ({error.strerror}); choose another place") from None
+    for name in formats:
+        if name not in get_args(Format):
+            raise InputError(f"formats: {name!r} is unknown; choose from {', '.join(get_args(Format))}")
+    data, pictures = folder / f"{figure.name}.nc", tuple(folder / f"{figure.name}.{name}" for name in formats)
+    for place in (data, *pictures):
+        files.target(place)
+    return data, pictures
+
+
+def reproduce(
+    figure: Figure,
+    directory: str | os.PathLike[str],
+    *,
+    formats: Sequence[Format] = ("png",),
+    check: bool = True,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> Reproduction:
+    """Compute a figure, write data and pictures, and weigh the claims on the data read back from the file.
+
+    Parameters
+    ----------
+    figure : Figure
+    directory : path
+        Where ``fig4.nc``, ``fig4.png`` ... go; made if it is not there.
+    formats : sequence of {"png", "pdf", "svg"}
+    check : bool
+        Whether to weigh the claims.
+    quick : bool
+        Fewer points and contacts; the verdicts are the same.
+    progress : callable, optional
+        Called with the fraction of the work that is done.
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there; before anything is computed.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from stickslip.paper import FIGURES, reproduce
+    >>> with TemporaryDirectory() as folder:
+    ...     made = reproduce(FIGURES["fig2"], folder, formats=["svg"], quick=True)
+    >>> made.ok, made.pictures[0].name
+    (True, 'fig2.svg')
+    """
+    file, pictures = places(figure, directory, formats)
+    data = store.load(store.save(figure.compute(progress, quick), file))
+    drawn = figure.draw(data)
+    for picture in pictures:
+        save(drawn, picture)
+    return Reproduction(figure=figure, data=file, pictures=pictures, claims=figure.check(data) if check else ())

@@ -40,6 +40,12 @@ def grid(progress: Progress, run: Callable[..., Mapping[str, Any]], *axes: Seque
     return {name: np.reshape([each[name] for each in found], (*shape, *np.shape(found[0][name]))) for name in found[0]}
 
 
+def power(x: Any, y: Any) -> float:
+    """Return the slope of log y against log x; NaN if a value is."""
+    spread = np.cov(np.log(x), np.log(y))
+    return float(spread[0, 1] / spread[0, 0])
+
+
 def dataset(
     variables: Mapping[str, tuple[Any, ...]], coordinates: Mapping[str, tuple[Any, ...]], **attributes: object
 ) -> xr.Dataset:

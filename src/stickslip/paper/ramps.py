@@ -14,6 +14,11 @@ from stickslip.model import Start
 from stickslip.paper.figure import Progress
 from stickslip.paper.kit import second_axis
 
+TRACES = "spring_force", "drive_velocity"
+LEVEL = 0.6
+"""Peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s."""
+V1_SCALED, V2_SCALED = (0.34, 0.50), (1.05, 1.25)
+"""Bands of v1 and v2 over ``beta^2``."""
 _STRONG = 0.8
 """Spring force, in f_s, that stands as high as the largest velocity."""
 
@@ -25,18 +30,11 @@ def ramped(
     *,
     interval: float = 0.02,
     level: float | None = None,
-    start: Start | None = None,
+    start: Start = ss.FromSliding(),
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Return the run of a ramp, from smooth sliding if nothing else is said, and its transitions."""
-    begin, output = ss.FromSliding() if start is None else start, ss.Output(interval=interval)
-    run = ss.simulate(rig, method=method, output=output, start=begin, progress=progress)
+    run = ss.simulate(rig, method=method, output=ss.Output(interval=interval), start=start, progress=progress)
     return run, ss.transitions(run, level=level)
-
-
-def loses_stability(rig: ss.Rig, low: float, high: float) -> float:
-    """Return the lowest velocity in a range at which smooth sliding loses stability, by linear theory."""
-    edges = ss.critical(rig, "velocity", between=(low, high))
-    return next((edge.value for edge in edges if edge.loses_stability), math.nan)
 
 
 def draw_ramp(
@@ -59,10 +57,10 @@ def draw_ramp(
 def time_of(run: xr.Dataset, velocity: float, *, down: bool = False) -> float:
     """Return when a ramp passes a velocity, on the way up or down."""
     t, v = run["time"].to_numpy(), run["drive_velocity"].to_numpy()
-    top = int(np.argmax(v))
     if down:
-        return float(np.interp(-velocity, -v[top:], t[top:]))
-    return float(np.interp(velocity, v[: top + 1], t[: top + 1]))
+        t, v = t[::-1], v[::-1]
+    rising = slice(int(np.argmax(v)) + 1)
+    return float(np.interp(velocity, v[rising], t[rising]))
 
 
 def draw_mark(ax: Axes, time: float, text: str, height: float, line: float, side: str = "center") -> None:
