@@ -49,26 +49,22 @@ def small_step(
         """By wave number, in units of one over the mean threshold."""
         return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity))
 
-    if isinstance(interface.ageing, Langevin):  # its table has no more than this
-        y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
-        kappa = stiffness_at(y)
+    # Contacts that are nearly alike break together, life after life: a resonance of this width, from its first on.
+    away, cv = velocity * interface.delay.longest / mean, thresholds.standard_deviation() / mean
+    sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
+    fine = min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
+    few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
+    top = 1e3 if isinstance(interface.ageing, Langevin) else 1e5  # its table has no more
+    y = np.concatenate(
+        [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, top, many)]
+    )
+    if isinstance(interface.temperature, Parabolic | Barrier):
+        # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
+        middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
+        known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
+        kappa = interpolate.CubicSpline(np.log1p(known), stiffness_at(known))(np.log1p(y))
     else:
-        # Contacts that are nearly alike break together, life after life: a resonance of this width, from its first on.
-        away, cv = velocity * interface.delay.longest / mean, thresholds.standard_deviation() / mean
-        sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
-        fine = min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
-        few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
-        y = np.concatenate(
-            [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
-        )
-        if isinstance(interface.temperature, Parabolic | Barrier):
-            # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
-            middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
-            known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
-            exact = stiffness_at(known)
-            kappa = interpolate.CubicSpline(np.log1p(known), exact)(np.log1p(y))
-        else:
-            kappa = stiffness_at(y)
+        kappa = stiffness_at(y)
     y = y / mean
     if math.isfinite(stiffness):
         kappa = kappa * stiffness / (kappa + stiffness)
