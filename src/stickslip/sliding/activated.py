@@ -25,8 +25,8 @@ import numpy as np
 from stickslip.kernels import lives as kernel
 from stickslip.kernels.lives import perturbed
 from stickslip.model import Bell, Interface
-from stickslip.sliding.lives import MeanLives, gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
-from stickslip.sliding.response import STEP, Array, ComplexArray, Parts, Perturbed, Precision, Response
+from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
+from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Parts, Perturbed, Precision, Response
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLives:

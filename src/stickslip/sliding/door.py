@@ -17,9 +17,8 @@ import numpy as np
 from stickslip.errors import InputError, instance
 from stickslip.model import FixedGrowth, Interface, Langevin
 from stickslip.model.quadrature import hashable
-from stickslip.sliding import activated, langevin, unaged
-from stickslip.sliding.lives import MeanLives
-from stickslip.sliding.response import Array, Response
+from stickslip.sliding import unaged
+from stickslip.sliding.response import Array, MeanLives, Response
 
 Law = Callable[[Interface, Array], Array]
 """Of the velocity, per contact."""
@@ -90,39 +89,41 @@ def _own_response(interface: Interface) -> Response:
 
 
 _UNAGED = _by_lives("smooth sliding", ("sliding_force", "newborn"), unaged.mean_lives, unaged.response)
-_GROWN = _by_lives(
-    "smooth sliding of thresholds that grow",
-    ("sliding_force",),
-    activated.mean_lives,
-    lambda i: activated.ActivatedResponse(interface=i),
-)
-_ACTIVATED = _GROWN._replace(who="smooth sliding with temperature", takes=("temperature", "sliding_force"))
-_OF_AREAS = _by_lives(
-    "smooth sliding of areas",
-    ("temperature", "areas", "sliding_force"),
-    activated.mean_lives_of_areas,
-    activated.no_response,
-)
-_LANGEVIN = _by_force(
-    "smooth sliding of thresholds that age by Langevin", ("temperature",), langevin.force, langevin.response
-)
 _OWN = _by_force("smooth sliding of thresholds that age by a rule of your own", (), _own_force, _own_response)
+
+
+def _integrated(interface: Interface) -> Sliding:
+    """Contacts whose lives kernels integrate; the kernels are loaded with them."""
+    from stickslip.sliding import activated
+
+    if interface.areas is not None:
+        takes = ("temperature", "areas", "sliding_force")
+        return _by_lives("smooth sliding of areas", takes, activated.mean_lives_of_areas, activated.no_response)
+    known = activated.mean_lives, lambda i: activated.ActivatedResponse(interface=i)
+    if interface.temperature is None:
+        return _by_lives("smooth sliding of thresholds that grow", ("sliding_force",), *known)
+    return _by_lives("smooth sliding with temperature", ("temperature", "sliding_force"), *known)
+
+
+def _langevin() -> Sliding:
+    from stickslip.sliding import langevin
+
+    who = "smooth sliding of thresholds that age by Langevin"
+    return _by_force(who, ("temperature",), langevin.force, langevin.response)
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
     """Return what is known of steady sliding of an interface; raises `InputError` if nothing is."""
     instance(f"{who}interface", interface, Interface, "an Interface")
     ageing = interface.ageing
-    if interface.areas is not None:
-        found = _OF_AREAS
-    elif isinstance(ageing, Langevin):
-        found = _LANGEVIN
-    elif not isinstance(ageing, FixedGrowth | None):
+    if isinstance(ageing, Langevin) and interface.areas is None:
+        found = _langevin()
+    elif not isinstance(ageing, FixedGrowth | None) and interface.areas is None:
         found = _OWN
-    elif interface.temperature is not None:
-        found = _ACTIVATED
+    elif ageing is None and interface.temperature is None and interface.areas is None:
+        found = _UNAGED
     else:
-        found = _UNAGED if ageing is None else _GROWN
+        found = _integrated(interface)
     interface.allow(found.takes, found.who)
     if interface.areas is not None and ageing is not None:
         raise InputError(

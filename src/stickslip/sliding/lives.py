@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,19 +31,6 @@ from stickslip.model.distribution import Distribution
 from stickslip.model.quadrature import hashable
 
 Array = NDArray[np.float64]
-
-
-class MeanLives(NamedTuple):
-    """Mean way of the slider in the lives of contacts, work against it, their slopes in ln v, and the kinds' weights.
-
-    Each of the shape (kinds,): contacts of one kind share their attachments.
-    """
-
-    way: Array
-    work: Array
-    longer: Array
-    more: Array
-    weight: Array
 
 
 def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lives:

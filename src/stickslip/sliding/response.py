@@ -27,6 +27,19 @@ STEP = 0.2
 """Phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3."""
 
 
+class MeanLives(NamedTuple):
+    """Mean way of the slider in the lives of contacts, work against it, their slopes in ln v, and the kinds' weights.
+
+    Each of the shape (kinds,): contacts of one kind share their attachments.
+    """
+
+    way: Array
+    work: Array
+    longer: Array
+    more: Array
+    weight: Array
+
+
 class Precision(NamedTuple):
     """How far a response can be trusted, for what is computed from it."""
 

@@ -32,13 +32,13 @@ from stickslip.model import DelayModel, Interface
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.quadrature import hashable
-from stickslip.sliding.lives import MeanLives
 from stickslip.sliding.response import (
     SCAN_LIMIT,
     STEP,
     Array,
     ComplexArray,
     Discs,
+    MeanLives,
     Parts,
     Precision,
     Response,
