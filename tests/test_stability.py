@@ -491,8 +491,8 @@ RANGES = {
     "stiffness": (0.1, 10),
     "velocity": (0.1, 10),
     "delay": (0.02, 0.5),
-    "mass": (1e-5, 1e-2),
-    "damping": (1, 1e2),
+    "mass": (1e-5, 1),
+    "damping": (1, 1e3),
 }
 
 

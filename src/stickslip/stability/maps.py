@@ -183,7 +183,7 @@ class _Grid(NamedTuple):
                 # Every few points the search starts afresh, for a root that overtakes from outside those carried along.
                 for starts in (known[:8] if i % 16 else known[:0], known[:0]):
                     known = roots.near(response, body, here.velocity, starts)
-                    if known.size and roots.with_partners(known[known.real > 0]) == counts[i, j]:
+                    if roots.is_rightmost(response, body, here.velocity, known, int(counts[i, j])):
                         found[i, j] = known[0]
                         break
                 else:

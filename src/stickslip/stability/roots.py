@@ -53,11 +53,7 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
         line = max(step / response.pace(velocity), 0.9 * limit)
         starts = np.concatenate([starts, _starts_from_line(response, body, velocity, line)])
         roots = _polished(response, body, velocity, starts)
-        if roots.size == 0:
-            continue
-        if growing and growing == with_partners(roots[roots.real > 0]):
-            return complex(roots[0])
-        if not growing and roots[0].real <= 0 and _is_rightmost(response, body, velocity, roots):
+        if is_rightmost(response, body, velocity, roots, growing):
             return complex(roots[0])
         starts = roots
     if growing:
@@ -199,9 +195,14 @@ def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
 # ---------------------------------------------------------------- the argument principle
 
 
-def _is_rightmost(response: Response, body: Impedance, velocity: float, roots: ComplexArray) -> bool:
-    """Whether no root lies to the right of the first one, from a count to the right of a line just left of it."""
-    if not response.certain:
+def is_rightmost(response: Response, body: Impedance, velocity: float, roots: ComplexArray, growing: int) -> bool:
+    """Whether no root lies to the right of the first one: all that grow are there, or none does.
+
+    Without growing modes, from a count to the right of a line just left of the first root.
+    """
+    if roots.size == 0 or growing != with_partners(roots[roots.real > 0]):
+        return False
+    if growing or not response.certain:
         return True
     cycle, best = response.cycle(velocity), float(roots[0].real)
     after = roots.real[roots.real < best - 1e-6 / cycle]
