@@ -9,7 +9,7 @@ import pytest
 import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
 from stickslip.io.datasets import read_provenance
-from stickslip.model import Bell, Delay, Interface, Langevin, RandomDelay, Rig, Slider, constant
+from stickslip.model import Bell, Delay, ExponentialGrowth, Interface, Langevin, RandomDelay, Rig, Slider, constant
 from stickslip.model.distributions import (
     Empirical,
     Exponential,
@@ -451,6 +451,16 @@ def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
     assert set(found.data_vars) == {"stiffness", "velocity", "frequency", "curve"}
     assert all({"units", "long_name"} <= set(v.attrs) for v in found.data_vars.values())
     assert read_provenance(found)["arguments"]["within"] == [[0.2, 10.0], [0.2, 10.0]]
+
+
+def test_boundary_holds_the_limit_without_oscillation():
+    grown = replace(case(delay=Delay(0)), ageing=ExponentialGrowth(rate=1.0, newborn=0.5))
+    found = boundary(rig(on=grown, mass=0, damping=0), between=((0.05, 1.0), (0.5, 2.0)))
+    still = found.isel(point=np.isinf(found.frequency.values))
+    assert still.sizes["point"] > 5
+    for k, v in np.transpose([still.stiffness.values, still.velocity.values])[::3].tolist():
+        softer, stiffer = (rig(v, on=grown, mass=0, damping=0, stiffness=k * by) for by in (1 - 1e-6, 1 + 1e-6))
+        assert (count_unstable(softer), count_unstable(stiffer)) == (1, 0)
 
 
 def test_boundary_goes_round_its_folds():

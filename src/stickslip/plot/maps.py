@@ -222,8 +222,7 @@ def chart(found: xr.Dataset) -> Figure:
         for i in _places(x, y, found[across], found[up], written):
             look: Any = {"fontsize": 7, "ha": "center", "va": "center"}
             look["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
-            value = hertz[mine][i]
-            ax.annotate(f"{value:.0f}" if value >= 100 else f"{value:.3g}", (x[i], y[i]), **look)
+            ax.annotate(_hertz(hertz[mine][i]), (x[i], y[i]), **look)
     if "band" in found.dims and found.sizes["band"]:
         low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
         place = found[f"band_{across}"].to_numpy()
@@ -241,6 +240,12 @@ def chart(found: xr.Dataset) -> Figure:
     ax.set_title(f"{title}\n{numbers}" if title else numbers)
     legend_below(figure)
     return figure
+
+
+def _hertz(value: float) -> str:
+    if math.isinf(value):
+        return "no oscillation"
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:

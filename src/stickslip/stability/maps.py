@@ -56,9 +56,9 @@ def boundary(
     Returns
     -------
     xarray.Dataset
-        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral mode) and ``curve`` (which curve the
-        point is on; points of a curve follow each other). No points where there is no boundary; the window searched is
-        in ``attrs``.
+        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral mode; infinite where it does not
+        oscillate) and ``curve`` (which curve the point is on; points of a curve follow each other). No points where
+        there is no boundary; the window searched is in ``attrs``.
 
     Raises
     ------
@@ -221,7 +221,7 @@ class _Grid(NamedTuple):
         )
         line = self.parameters[1 - k].set(self.rig, other)
         for crossing in crossings_between(self.parameters[k], line, left, right):
-            if (crossing.loses_stability or crossing.regains_stability) and math.isfinite(crossing.frequency):
+            if crossing.loses_stability or crossing.regains_stability:
                 place = (crossing.value, other) if k == 0 else (other, crossing.value)
                 return *place, crossing.frequency
         return None
