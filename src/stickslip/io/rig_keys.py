@@ -6,7 +6,7 @@ from these tables. A key that is a field of a record takes unit, bounds, choices
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache
 from typing import Any
@@ -193,6 +193,8 @@ PIECE = _of(Piece, start="10 mm/s", end="1 m/s", duration="0.5 s")
 """Keys of each of `drive.pieces`."""
 START = _of(Prestressed, stretching=Key(0.7, also=(list,), required=True), push="40 N", pushed_blocks=3)
 """Keys of `simulation.start` as a table."""
+RUN: Mapping[str, Key] = {"blocks": Key(20, required=True), "stretching": START["stretching"]}
+"""Keys of each run of blocks alike in `simulation.start.stretching`."""
 FITTED: Mapping[str, Key] = {
     "interval": Key("1 N to 2 N", required=True),
     "how": Key("identified", required=True, longest=400),
@@ -202,8 +204,11 @@ FITTED: Mapping[str, Key] = {
 
 
 def tables() -> dict[str, Mapping[str, Key]]:
-    """The tables of a file by their names, those of bodies of the user's own besides."""
-    return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
+    """The tables of a file by their names, with bodies and methods of the user's own."""
+    simulation = TABLES["simulation"]
+    method = replace(simulation["method"], choices=tuple(METHODS))
+    own = {name: keys_of(kind) for name, kind in BODIES.items()}
+    return {**own, **TABLES, "simulation": {**simulation, "method": method}}
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -249,7 +254,7 @@ class Instead:
 
     keys: Mapping[str, Key]
     fields: tuple[str, ...]
-    made: Callable[..., tuple[Any, ...]]
+    made: Callable[..., tuple[Any, ...]]  # of their values, and `length`, the breaking displacement
 
     @property
     def rule(self) -> Either:
@@ -257,7 +262,8 @@ class Instead:
         return Either((tuple(self.keys), self.fields), natural=1)
 
 
-def _histogram(samples: tuple[float, ...]) -> tuple[Any, ...]:
+def _histogram(samples: tuple[float, ...], *, length: float) -> tuple[Any, ...]:
+    del length  # stretchings are relative to it
     made = Empirical.from_samples(samples)
     return made.edges, made.weights
 
@@ -271,7 +277,7 @@ INSTEAD: Mapping[type, Instead] = {
             "shear_strength": Key("1 GPa", si="Pa", sign="above 0"),
         },
         ("width",),
-        lambda temperature, volume, strength: (_BOLTZMANN * temperature / (strength * volume),),
+        lambda temperature, volume, strength, length: (_BOLTZMANN * temperature / (strength * volume) * length,),
     ),
 }
 
@@ -310,34 +316,23 @@ def fields_of_method(kind: type) -> dict[str, str]:
     return {name: "contacts" if name == "count" else name for name in names}
 
 
-def keys_of_simulation(method: object) -> dict[str, Key]:
-    """Keys of `simulation`: those of a method of the user's own besides."""
-    kind = METHODS.get(method) if isinstance(method, str) else None
-    own = keys_of(kind) if kind else {}
-    besides = {key: own[name] for name, key in fields_of_method(kind).items() if name in own} if kind else {}
-    usual = TABLES["simulation"]
-    return {**usual, **besides, **usual, "method": replace(usual["method"], choices=tuple(METHODS))}
-
-
 def methods_with(key: str) -> list[str]:
     """Names of the methods that have a key of `simulation`."""
     return [name for name, kind in METHODS.items() if key in fields_of_method(kind).values()]
 
 
-def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
-    """The key at a path of a document; None if it is in a table that cannot be read."""
-    table, name, *below = path.split(".")
-    found = document.get(table)
-    content = found.get(name) if isinstance(found, Mapping) else None
-    if not below or name not in KINDS:
-        return tables()[table].get(name)
-    word, kinds = KINDS[name]
-    named = content.get(word, "random") if isinstance(content, Mapping) else None
-    kind = kinds.get(named) if isinstance(named, str) else None
-    return keys_of(kind).get(below[0]) if kind else None
+def keys_of_simulation(method: object) -> tuple[dict[str, Key], dict[str, str]]:
+    """Keys of `simulation` with a method, one of the user's own among them; and why it has not those of other ones."""
+    usual, kind = dict(tables()["simulation"]), METHODS.get(method) if isinstance(method, str) else None
+    if kind is None:
+        return usual, {}
+    of_methods = {name: words for name in usual if (words := " or ".join(map(repr, methods_with(name))))}
+    own = {key: usual.get(key) or keys_of(kind)[name] for name, key in fields_of_method(kind).items()}
+    others = {name: f"belongs to method = {words}; leave it out with {method!r}" for name, words in of_methods.items()}
+    return {name: key for name, key in usual.items() if name not in of_methods} | own, others
 
 
-def is_path(path: str) -> bool:
-    """Whether a path such as ``"interface.delay"`` names a key of a rig file."""
-    table, _, rest = path.partition(".")
-    return path in ("name", "units") or rest.partition(".")[0] in tables().get(table, {})
+def paths(given: Iterable[str]) -> list[str]:
+    """Paths of keys, such as ``"interface.delay"``: those given, or their parents, and all others."""
+    known = ["name", "units", *(f"{table}.{name}" for table, keys in tables().items() for name in keys)]
+    return [*(path for path in given if ".".join(path.split(".")[:2]) in known), *known]

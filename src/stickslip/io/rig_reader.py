@@ -1,16 +1,20 @@
-"""The reader of rig files: the scales first, then each record in natural units; every mistake in one line."""
+"""The reader of rig files: each record in the units of the file, then the whole rig in natural ones.
+
+Every mistake is noted, and told in one line.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
 from typing import Any
 
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key, toml
-from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, SCALES, SHAPE, START, TABLES, keys_of
+from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, SCALES, SHAPE, TABLES, keys_of
 from stickslip.io.tables import MistakesError, Tables
 from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
 from stickslip.model.body import BODIES
@@ -20,16 +24,14 @@ from stickslip.model.methods import METHODS, Start
 from stickslip.model.newborn import half_distance
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import BY_NAME
-from stickslip.model.records import declared
+from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Rig
 from stickslip.model.units import Scales, si_unit
 
 Values = dict[str, Any]
-"""The values of a table: quantities in the units of the file, tables in it as they stand."""
+"""The values of a table, in the units of the file; tables in it as they stand."""
 
 _START = "simulation.start"
-_MOST_DRAWS = 10_000
-"""Draws of a fitted value: their 90 % interval is then known to 1 % of its width, and predictions take seconds."""
 _SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
 
 
@@ -49,165 +51,103 @@ class _Reader:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document = document
         self.file = Tables(natural=document.get("units") == "natural")
-        self.scales: Scales | None = None
         self.body = next((name for name in reversed(["slider", *BODIES]) if name in document), "slider")
+        self.length = 1.0  # of the breaking displacement, in the units of the file
 
     def rig(self) -> Rig:
         """The rig that the file describes."""
         file = self.file
-        bodies = {name: Key({}) for name in BODIES}
-        top = file.table(self.document, {**bodies, **rig_keys.TOP})
-        slider, interface, drive, simulation = self._tables(top)
+        top = file.table(self.document, {**{name: Key({}) for name in BODIES}, **rig_keys.TOP})
+        tables = [self._table(name, top.get(name, {})) for name in (self.body, "interface", "drive", "simulation")]
+        slider, interface, drive, simulation = tables
+        self._check_body(slider)
         # What cannot be read is noted, and the rest is looked through.
+        self.length = interface.get("breaking_displacement", 1.0)
         parts = {
-            name: file.part(partial(self._record, interface.get(name), f"interface.{name}"))
-            for name in ("initial", "thresholds", "newborn")
+            name: file.part(partial(self._record, interface[name], f"interface.{name}"))
+            for name in rig_keys.KINDS
+            if name in interface
         }
-        file.part(partial(self._scale, slider, interface, drive, parts))
-        for name in ("delay", "ageing", "temperature"):
-            parts[name] = file.part(partial(self._record, interface.get(name), f"interface.{name}"))
-        assumed, fitted = self._assumed(top.get("assumed", {})), self._fitted(top.get("fitted", {}))
+        pulled, speeds = file.part(partial(self._drive, drive)) or (constant(0.0, 1.0), {})
         feasible = self._feasible(top.get("feasible", {}))
-        prestress = self._prestress(simulation["start"]) if "start" in simulation else {}
+        assumed, fitted = self._assumed(top.get("assumed", {})), self._fitted(top.get("fitted", {}))
         file.stop()
 
-        method = METHODS[simulation["method"]]
-        given = {"contacts": 10_000 if self.body == "slider" else 100} | self._natural(
-            simulation, rig_keys.keys_of_simulation(simulation["method"])
-        )
-        of_method = {name: given[key] for name, key in rig_keys.fields_of_method(method).items() if key in given}
         body = self._body(slider)
-        return Rig(
-            interface=self._interface(interface, parts),
+        blocks = 1 if self.body == "slider" else body.size
+        start = self._start(simulation["start"], blocks)
+        blocks = 1 if file.natural else blocks  # forces are those of all blocks in SI files only
+        scales = self._scales(interface, parts, pulled, blocks)
+        ranges = tuple(
+            (name, scales.natural(low, BY_NAME[name].unit), scales.natural(high, BY_NAME[name].unit))
+            for name, low, high in feasible
+        )
+        rig = Rig(
+            interface=self._interface(interface | parts, blocks),
             slider=body,
-            drive=self._drive(drive),
-            operation=file.make("drive", lambda: Operation(**self._speeds_in_use(drive), feasible=feasible)),
-            method=file.make("simulation", lambda: method(**of_method), {"count": "contacts"}),
-            start=self._start(given["start"], prestress, body),
-            output=file.make("simulation", lambda: Output(interval=given.get("interval"))),
-            scales=None if file.natural else self.scales,
+            drive=pulled,
+            operation=file.make("drive", lambda: Operation(**speeds, feasible=ranges)),
+            method=self._method(simulation),
+            start=start,
+            output=file.make("simulation", lambda: Output(interval=simulation.get("interval"))),
+            scales=None if file.natural else scales,
             name=top["name"],
             source=top["source"],
             assumed=assumed,
             fitted=fitted,
         )
+        rig = file.make("rig", lambda: converted(rig, scales.natural))
+        return self._with_what_follows(rig, scales, slider | interface | drive)
+
+    def _with_what_follows(self, rig: Rig, scales: Scales, values: Values) -> Rig:
+        """The rig with what the file gives by numbers that belong together, found in natural units."""
+        if "damping_ratio" in values:
+            damping = 2.0 * values["damping_ratio"] * rig.slider.frequency
+            rig = self.file.make("slider", lambda: replace(rig, slider=replace(rig.slider, damping=damping)))
+        if "v_half" in values:
+            # By way of seconds, so that a file in SI units can hold exactly this delay.
+            path = self.file.make("interface.v_half", partial(half_distance, rig.interface))
+            seconds = path / values["v_half"] / scales.natural(1.0, "x_s")
+            delay = Delay(scales.natural(seconds, "time"))
+            rig = replace(rig, interface=replace(rig.interface, delay=delay))
+        if "velocity" in values and "duration" not in values:
+            distance = scales.natural(values["distance"], "x_s") if "distance" in values else USUAL_DISTANCE
+            velocity = rig.drive.pieces[0].start
+            rig = replace(rig, drive=constant(velocity, distance / abs(velocity)))
+        return rig
 
     # -------------------------------------------------- tables, and what they exclude
 
-    def _tables(self, top: Mapping[str, Any]) -> list[Values]:
-        """The values of the tables of what slides, of the interface, the drive and the simulation."""
-        file, kinds = self.file, [name for name in ("slider", *BODIES) if name in self.document]
-        if len(kinds) > 1:
-            file.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
-        given = {name: top.get(name, {}) for name in (self.body, "interface", "drive", "simulation")}
-        of_tables = {name: content if isinstance(content, Mapping) else {} for name, content in given.items()}
-        method = of_tables["simulation"].get("method", TABLES["simulation"]["method"].default)
-        keys = {**rig_keys.tables(), "simulation": rig_keys.keys_of_simulation(method)}
-        if file.natural:
-            keys["interface"] = {name: key for name, key in TABLES["interface"].items() if name not in SCALES}
-            file.refused |= {f"interface.{name}": "leave it out, as it is 1 where units = 'natural'" for name in SCALES}
-        values = {name: file.table(content, keys[name], name) for name, content in given.items()}
-        for name, content in given.items():
-            for rule in rig_keys.RULES.get(name, ()):
-                file.choose(content, rule, TABLES[name], name)
-        for name in ("contacts", "seed", "rtol"):
-            methods = rig_keys.methods_with(name)
-            if name in of_tables["simulation"] and method in [each for each in METHODS if each not in methods]:
-                words = " or ".join(map(repr, methods))
-                file.wrong(f"simulation.{name}", f"belongs to method = {words}; leave it out with {method!r}")
-        self._check(values, of_tables[self.body])
-        return list(values.values())
+    def _table(self, name: str, content: object) -> Values:
+        """The values of a table of the file, looked through for keys that exclude each other."""
+        file, keys = self.file, rig_keys.tables()[name]
+        left_out: dict[str, str] = {}
+        if name == "simulation" and isinstance(content, Mapping):
+            keys, left_out = rig_keys.keys_of_simulation(content.get("method", keys["method"].default))
+        if name == "interface" and file.natural:
+            left_out = dict.fromkeys(SCALES, "leave it out, as it is 1 where units = 'natural'")
+            keys = {key: each for key, each in keys.items() if key not in SCALES}
+        file.refused |= {f"{name}.{key}": why for key, why in left_out.items()}
+        values = file.table(content, keys, name)
+        for rule in rig_keys.RULES.get(name, ()):
+            file.choose(content, rule, TABLES[name], name)
+        return values
 
-    def _check(self, values: Mapping[str, Values], body: Mapping[str, Any]) -> None:
-        """Note what is wrong with what slides, and with the speeds of the drive, beyond each key and the rules."""
-        file, drive = self.file, values["drive"]
-        if "damping_ratio" in values[self.body] and values[self.body].get("mass") == 0:
-            file.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
-        if not body.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
-            for name in SHAPE:
-                if name not in body:
-                    file.missing(f"{self.body}.{name}", TABLES[self.body][name])
-        drive["pieces"] = file.part(partial(self._pieces, drive.get("pieces"), "drive.pieces"))
-        drive |= file.part(partial(self._speeds, drive.get("velocity"), "drive.velocity")) or {}
-        if drive.get("velocity") == 0 and "duration" not in drive:
-            file.wrong("drive.velocity", "is 0; give a velocity above 0, or a duration")
+    def _whole(self, content: object, keys: Mapping[str, Key], place: str) -> Values:
+        """The values of a table without mistakes."""
+        before = len(self.file.mistakes)
+        values = self.file.table(content, keys, place)
+        self.file.stop(before)
+        return values
 
-    def _pieces(self, content: Any, place: str) -> list[Values] | None:
-        """The pieces of a drive, in the units of the file."""
-        if content is None:
-            return None
-        if not isinstance(content, list) or not content:
-            self.file.refuse(place, content, "must be a list of at least one table")
-        return [self.file.table(piece, rig_keys.PIECE, f"{place}[{i}]") for i, piece in enumerate(content)]
-
-    def _speeds(self, content: Any, place: str) -> Values:
-        """Of a list or a range of speeds, one that is simulated, and all of them, in the units of the file."""
-        key = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
-        if isinstance(content, list) and content:
-            each = replace(key, example=[key.example])
-            speeds = self.file.make("drive", lambda: each.read(content, place, natural=self.file.natural))
-            return {"velocity": speeds[0], "speeds": speeds}
-        if isinstance(content, Mapping):
-            before = len(self.file.mistakes)
-            ends = self.file.table(content, {"from": key, "to": key}, place)
-            self.file.stop(before)
-            if ends["from"] < ends["to"]:
-                return {"velocity": math.sqrt(ends["from"] * ends["to"]), "between": tuple(ends.values())}
-        if isinstance(content, (list, Mapping)):
-            self.file.refuse(place, content, f"must be speeds, as in {_SPEEDS}")
-        return {}
-
-    # -------------------------------------------------- scales
-
-    def _scale(self, slider: Values, interface: Values, drive: Values, parts: Values) -> None:
-        """Find the scales, unless what they need could not be read; forces are per contact of a block."""
-        file = self.file
-        if file.natural:
-            self.scales = Scales(force=1.0, stretching=1.0)
-        if file.natural or file.mistakes:
-            return
-        if "normal_load" in interface:
-            from stickslip.io.friction import thresholds_of
-
-            coefficients = (interface[name] for name in COEFFICIENTS)
-            parts["thresholds"], strength = file.make(
-                "interface.mu_s", lambda: thresholds_of(*coefficients, parts["initial"])
-            )
-            interface["contact_strength"] = strength * interface["normal_load"]
-        blocks = 1 if self.body == "slider" else self._body(slider, scaled=False).size
-        for name in ("contact_strength", "sliding_force"):
-            interface[name] /= blocks
-        velocities = [piece[end] for piece in drive["pieces"] or () for end in ("start", "end")] or [drive["velocity"]]
-        fastest, x_s = max(map(abs, velocities)), interface["breaking_displacement"]
-        # The unit of time drops out of every result; this one keeps the numbers near 1.
-        self.scales = file.make(
-            "interface",
-            lambda: Scales(force=interface["contact_strength"], stretching=x_s, time=x_s / fastest if fastest else 1.0),
-            {"force": "contact_strength", "stretching": "breaking_displacement"},
-        )
-
-    def _in(self, value: Any, unit: str) -> Any:
-        """A value of the file, or some, in natural units."""
-        if self.scales is None:
-            raise MistakesError  # they could not be read
-        if isinstance(value, tuple):
-            return tuple(self._in(each, unit) for each in value)
-        return value / self.scales.unit(unit) if unit and isinstance(value, float) else value
-
-    def _natural(self, values: Values, keys: Mapping[str, Key]) -> Values:
-        """The values of a table in natural units."""
-        return {name: self._in(value, keys[name].unit) for name, value in values.items() if name in keys}
-
-    # -------------------------------------------------- records
+    # -------------------------------------------------- records in the units of the file
 
     def _record(self, content: Any, place: str) -> Any:
-        """The record that a table names, in natural units; a delay may be a time or a word."""
+        """The record that a table names; a delay may be a time or a word."""
         file, name = self.file, place.rpartition(".")[2]
-        if content is None:
-            return None
         if name == "delay" and not isinstance(content, Mapping):
             of_word: dict[Any, DelayModel] = {"never": Delay(math.inf), "on arrest": OnArrest()}
-            return of_word.get(content) or file.make(place, lambda: Delay(self._in(content, "time")))
+            return of_word.get(content) or file.make(place, lambda: Delay(content))
         word, kinds = rig_keys.KINDS[name]
         if name == "delay":
             content = {word: "random", **content}
@@ -222,34 +162,24 @@ class _Reader:
             for name, value in values.items()
         }
         file.stop(before)
-        if any(key.unit for key in keys.values()):  # distributions are read before the scales
-            values = self._natural(values, keys)
         if rig_keys.by_time(kind):
             time = values.pop("time")
             return file.make(place, lambda: kind(rate=1.0, **values).with_time(time), {"rate": "time"})
         names: dict[str, str] = {}
-        if instead is not None and set(instead.keys) <= set(values):
-            made = file.make(place, partial(instead.made, *(values.pop(name) for name in instead.keys)))
+        if instead is not None and instead.keys.keys() <= values.keys():
+            given = [values.pop(name) for name in instead.keys]
+            made = file.make(place, partial(instead.made, *given, length=self.length))
             values |= dict(zip(instead.fields, made, strict=True))
             names = dict.fromkeys(instead.fields, next(iter(instead.keys)))
         return file.make(place, lambda: kind(**values), names)
 
-    def _interface(self, interface: Values, parts: Values) -> Interface:
-        values = self._natural(interface, TABLES["interface"]) | parts
-        fields = {name: values[name] for name in Interface.__dataclass_fields__ if name in values}
-        made = self.file.make("interface", lambda: Interface(**fields))
-        if "v_half" not in interface:
-            return made
+    def _interface(self, values: Values, blocks: int) -> Interface:
+        fields = {name: value for name, value in values.items() if name in Interface.__dataclass_fields__}
+        fields["sliding_force"] = values["sliding_force"] / blocks
+        return self.file.make("interface", lambda: Interface(**fields))
 
-        def delay() -> Delay:
-            # By way of seconds, so that a file in SI units can hold exactly this delay.
-            seconds = half_distance(made) / interface["v_half"] / self._in(1.0, "x_s")
-            return Delay(self._in(seconds, "time"))
-
-        return replace(made, delay=self.file.make("interface.v_half", delay))
-
-    def _body(self, values: Values, *, scaled: bool = True) -> Any:
-        """What slides, in natural units or in those of the file: the material becomes springs and masses of blocks."""
+    def _body(self, values: Values) -> Any:
+        """What slides, its springs and masses of blocks made of the material; without a damping that is a ratio."""
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
         # A spring from a block to the top is as long as the bar is high, one from row to row as a row is wide.
         shape = {
@@ -258,86 +188,112 @@ class _Reader:
             "shear": height * length / width,
             "mass": width * height * length,
         }
-        # Products in the units of the file: what follows from the material can be written into it again, bit for bit.
+        # In the units of the file: what follows from the material can be written into it again, bit for bit.
         material = {direct: name for direct, name in MATERIAL.get(self.body, {}).items() if name in values}
-        made = values | {direct: values[name] * shape[direct] for direct, name in material.items()}
-        made = self._natural(made, rig_keys.tables()[self.body]) if scaled else made
-        if "damping_ratio" in made:
-            held = self.file.make("slider", lambda: Slider(stiffness=made["stiffness"], mass=made["mass"], damping=0.0))
-            made["damping"] = 2.0 * made["damping_ratio"] * held.frequency
+        made = {"damping": 0.0} | values | {direct: values[name] * shape[direct] for direct, name in material.items()}
         kind: Any = BODIES.get(self.body, Slider)
         return self.file.make(self.body, lambda: kind(**{name: made[name] for name in declared(kind) if name in made}))
 
-    def _drive(self, drive: Values) -> Drive:
-        if drive["pieces"]:
-            pieces = [self._natural(piece, rig_keys.PIECE) for piece in drive["pieces"]]
-            return reduce(
-                Drive.then,
-                [self.file.make(f"drive.pieces[{i}]", partial(ramp, **piece)) for i, piece in enumerate(pieces)],
-            )
-        given = self._natural(drive, TABLES["drive"])
-        velocity, key = given["velocity"], next((key for key in ("duration", "distance") if key in given), "velocity")
-        duration = given["duration"] if key == "duration" else given.get("distance", USUAL_DISTANCE) / abs(velocity)
-        return self.file.make(f"drive.{key}", lambda: constant(velocity, duration))
+    def _check_body(self, values: Values) -> None:
+        """Note what is wrong with what slides beyond each key and the rules."""
+        kinds = [name for name in ("slider", *BODIES) if name in self.document]
+        if len(kinds) > 1:
+            self.file.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
+        if "damping_ratio" in values and values.get("mass") == 0:
+            self.file.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
+        if not values.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
+            for name in SHAPE:
+                if name not in values:
+                    self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
 
-    def _speeds_in_use(self, drive: Values) -> Values:
-        """The speeds at which the rig works, in natural units."""
-        return {name: self._in(drive[name], "x_s/time") for name in ("speeds", "between") if name in drive}
+    def _drive(self, values: Values) -> tuple[Drive, Values]:
+        """The drive, and the speeds at which the rig works; how long it goes follows where it is not given."""
+        file, content = self.file, values.get("pieces")
+        if content is not None:
+            if not isinstance(content, list) or not content:
+                file.refuse("drive.pieces", content, "must be a list of at least one table")
+            read = [self._whole(piece, rig_keys.PIECE, f"drive.pieces[{i}]") for i, piece in enumerate(content)]
+            pieces = [file.make(f"drive.pieces[{i}]", partial(ramp, **piece)) for i, piece in enumerate(read)]
+            return reduce(Drive.then, pieces), {}
+        velocity, speeds = self._speeds(values.get("velocity"), "drive.velocity")
+        if velocity == 0 and "duration" not in values:
+            file.wrong("drive.velocity", "is 0; give a velocity above 0, or a duration")
+        if velocity is None or (velocity == 0 and "duration" not in values):
+            raise MistakesError
+        return file.make("drive", lambda: constant(velocity, values.get("duration", 1.0))), speeds
 
-    # -------------------------------------------------- the start of a run
+    def _speeds(self, content: Any, place: str) -> tuple[float | None, Values]:
+        """Of a list or a range of speeds one that is simulated, and all of them."""
+        key = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
+        if isinstance(content, list) and content:
+            each = replace(key, example=[key.example])
+            speeds = self.file.make("drive", lambda: each.read(content, place, natural=self.file.natural))
+            return speeds[0], {"speeds": speeds}
+        if isinstance(content, Mapping):
+            low, high = self._whole(content, {"from": key, "to": key}, place).values()
+            if low < high:
+                return math.sqrt(low * high), {"between": (low, high)}
+        if isinstance(content, (list, Mapping)):
+            self.file.refuse(place, content, f"must be speeds, as in {_SPEEDS}")
+        return content, {}
 
-    def _prestress(self, content: Any) -> Values:
-        """The values of a prestressed start; none for another one."""
+    def _method(self, values: Values) -> Any:
+        kind = METHODS[values["method"]]
+        given = {"contacts": 10_000 if self.body == "slider" else 100} | values
+        fields = {name: given[key] for name, key in rig_keys.fields_of_method(kind).items() if key in given}
+        return self.file.make("simulation", lambda: kind(**fields), {"count": "contacts"})
+
+    def _start(self, content: Any, blocks: int) -> Start:
         if not isinstance(content, Mapping):
-            return {}
-        if self.body == "slider":
-            self.file.wrong(_START, f'as a table is for {" or ".join(BODIES)}; write "from rest" or "sliding"')
-        return self.file.table(content, START, _START)
-
-    def _start(self, word: Any, prestress: Values, body: Any) -> Start:
-        if not prestress:
-            return FromSliding() if word == "sliding" else FromRest()
-        values = self._natural(prestress, START)
-        if isinstance(values["stretching"], list):
-            values["stretching"] = self._profile(values["stretching"], body.size)
+            return FromSliding() if content == "sliding" else FromRest()
+        values, place = self._whole(content, rig_keys.START, _START), f"{_START}.stretching"
+        if isinstance(profile := values["stretching"], list):
+            runs = [item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item} for item in profile]
+            runs = [self._whole(run, rig_keys.RUN, f"{place}[{i}]") for i, run in enumerate(runs)]
+            if (total := sum(run["blocks"] for run in runs)) != blocks:
+                self.file.refuse(place, profile, f"is of {total} blocks, but there are {blocks}")
+            values["stretching"] = tuple(run["stretching"] for run in runs for _ in range(run["blocks"]))
         return self.file.make(_START, lambda: Prestressed(**values))
 
-    def _profile(self, content: list[Any], size: int) -> tuple[float, ...]:
-        """The stretching of each block, from a list of numbers or of runs of blocks alike."""
-        runs, place, key = [], f"{_START}.stretching", START["stretching"]
-        for i, item in enumerate(content):
-            run = item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item}
-            runs.append(self.file.table(run, {"blocks": Key(20, required=True), "stretching": key}, f"{place}[{i}]"))
-            if runs[-1].get("blocks", 1) < 1:
-                self.file.wrong(f"{place}[{i}].blocks", "must be at least 1")
-        self.file.stop()
-        if (total := sum(run["blocks"] for run in runs)) != size:
-            self.file.wrong(place, f"is of {total} blocks, but there are {size}; give one number, or one for each")
-            self.file.stop()
-        return tuple(run["stretching"] for run in runs for _ in range(run["blocks"]))
+    # -------------------------------------------------- scales
+
+    def _scales(self, interface: Values, parts: Values, drive: Drive, blocks: int) -> Scales:
+        """The scales of the rig, forces per contact of a block; of coefficients of friction the thresholds, too."""
+        if self.file.natural:
+            return Scales(force=1.0, stretching=1.0)
+        strength = interface.get("contact_strength")
+        if strength is None:
+            from stickslip.io.friction import thresholds_of
+
+            coefficients = (interface[name] for name in COEFFICIENTS)
+            find = partial(thresholds_of, *coefficients, parts["initial"])
+            parts["thresholds"], share = self.file.make("interface.mu_s", find)
+            strength = share * interface["normal_load"]
+        fastest, x_s = max(abs(end) for piece in drive.pieces for end in (piece.start, piece.end)), self.length
+        # The unit of time drops out of every result; this one keeps the numbers near 1.
+        return self.file.make(
+            "interface",
+            lambda: Scales(force=strength / blocks, stretching=x_s, time=x_s / fastest if fastest else 1.0),
+            {"force": "contact_strength", "stretching": "breaking_displacement"},
+        )
 
     # -------------------------------------------------- what is said of the rig
 
-    def _feasible(self, content: object) -> tuple[tuple[str, float, float], ...]:
-        """The ranges within which parameters could be set, in natural units."""
+    def _feasible(self, content: object) -> list[tuple[str, float, float]]:
+        """The ranges within which parameters could be set."""
         units = {name: "" if each.unit == "1" else each.unit for name, each in BY_NAME.items()}
         examples: dict[str, Any] = {name: f"2 {si_unit(unit)}" if unit else 1.0 for name, unit in units.items()}
         keys = {name: Key([examples[name]] * 2, unit=unit, sign="above 0") for name, unit in units.items()}
-        found = []
-        for name, ends in self.file.table(content, keys, "feasible").items():
+        found = self.file.table(content, keys, "feasible")
+        for name, ends in found.items():
             if len(ends) != 2 or ends[0] > ends[1]:
                 self.file.wrong(f"feasible.{name}", "must be two values, the lowest first")
-            elif self.scales is not None:
-                found.append((name, *self._in(ends, units[name])))
-        return tuple(found)
+        return [(name, *ends) for name, ends in found.items()]
 
     def _of_paths(self, content: object, table: str, key: Key) -> Values:
         """The values of a table whose keys are paths of keys of the file."""
         given = [str(path) for path in content] if isinstance(content, Mapping) else []
-        known = {path: key for path in given if rig_keys.is_path(path)}
-        strange = "names no key of a rig file; write it as 'interface.delay'"
-        self.file.refused |= {f"{table}.{path}": strange for path in given if path not in known}
-        return self.file.table(content, known, table)
+        return self.file.table(content, dict.fromkeys(rig_keys.paths(given), key), table)
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
         """What the file marks as assumed, then the defaults that were taken; each with its value."""
@@ -355,18 +311,12 @@ class _Reader:
         """What the file marks as fitted, each with its value, interval and draws."""
         found: dict[str, Fitted] = {}
         for path, entry in self._of_paths(content, "fitted", Key({})).items():
-            values = self.file.table(entry, rig_keys.FITTED, f"fitted.{path}")
-            draws = values.get("draws", ())
-            if len(draws) > _MOST_DRAWS:
-                self.file.wrong(f"fitted.{path}.draws", f"more than {_MOST_DRAWS} values; give every tenth, say")
-            key = rig_keys.key_at(path, self.document)
-            if key and draws and not key.takes(min(draws)):
-                self.file.wrong(f"fitted.{path}.draws", f"holds {min(draws):g}; {path} must be {key.sign}")
-            if len(values) == len(rig_keys.FITTED):
-                found[path] = Fitted(self._value_at(path), **values)
-        if len({len(one.draws) for one in found.values() if one.draws}) > 1:
-            counts = ", ".join(f"{len(one.draws)} of {path}" for path, one in found.items())
-            self.file.wrong("fitted", f"draws belong together, but there are {counts}; give as many of each")
+            with suppress(MistakesError):
+                found[path] = Fitted(self._value_at(path), **self._whole(entry, rig_keys.FITTED, f"fitted.{path}"))
+        counts = {len(one.draws): path for path, one in found.items() if one.draws}
+        if len(counts) > 1:
+            words = ", ".join(f"{count} of {path}" for count, path in counts.items())
+            self.file.wrong("fitted", f"draws belong together, but there are {words}; give as many of each")
         return found
 
     def _value_at(self, path: str) -> str:

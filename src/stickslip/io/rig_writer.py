@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
-from itertools import groupby
 from typing import Any
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import TABLES, keys_of
-from stickslip.model import Delay, ElasticBody, FromRest, FromSliding, Prestressed, Slider
+from stickslip.model import Delay, FromRest, FromSliding, Prestressed, Slider
 from stickslip.model.body import BODIES
 from stickslip.model.delays import OnArrest
 from stickslip.model.drive import USUAL_DISTANCE
 from stickslip.model.methods import METHODS
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
+from stickslip.model.records import converted
 from stickslip.model.rig import Rig
 from stickslip.model.units import Scales, engineering, si_unit
 
@@ -37,26 +37,25 @@ class RigWriter:
     def document(self, damping_ratio: bool | None) -> Document:
         """The content of the file."""
         rig = self.rig
-        feasible = {
-            name: [self._quantity(end, parameter_named(name).unit) for end in ends]
-            for name, *ends in rig.operation.feasible
-        }
-        optional = {
-            "feasible": feasible,
+        found = {
+            "name": rig.name,
+            "units": "natural" if self.natural else None,
+            "source": rig.source,
+            **self._body(damping_ratio),
+            "interface": self._interface(),
+            "drive": self._drive(),
+            "simulation": self._simulation(),
+            "feasible": {
+                name: [self._quantity(end, parameter_named(name).unit) for end in ends]
+                for name, *ends in rig.operation.feasible
+            },
             "assumed": {key: item.how for key, item in rig.assumed.items() if not item.default},
             "fitted": {
                 key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)}
                 for key, one in rig.fitted.items()
             },
         }
-        return (
-            {"name": rig.name}
-            | ({"units": "natural"} if self.natural else {})
-            | ({"source": rig.source} if rig.source else {})
-            | self._body(damping_ratio)
-            | {"interface": self._interface(), "drive": self._drive(), "simulation": self._simulation()}
-            | {name: table for name, table in optional.items() if table}
-        )
+        return {name: content for name, content in found.items() if content or name == "name"}
 
     def _refuse(self, what: str) -> InputError:
         return InputError(f"rig {self.rig.name!r}: {what} cannot be written into a rig file")
@@ -67,7 +66,6 @@ class RigWriter:
         """The fields of a record that its table has keys for; those that have their default may be left out."""
         found: Document = {}
         usual = {field.name: field.default for field in fields(record)}
-        by_time, time = rig_keys.by_time(type(record)), self.scales.unit("time")
         for name, key in keys.items():
             value = getattr(record, name, None)
             if value is None or value == -math.inf or (not defaults and value in (key.default, usual[name])):
@@ -76,11 +74,15 @@ class RigWriter:
                 found[name] = self._named(name, value)
             elif isinstance(value, tuple):
                 found[name] = [self._number(item) for item in value]
-            elif name == "time" and by_time:
-                found[name] = self._quantity(value, "time", lambda si: record.with_time(si / time) == record)
+            elif name == "time" and rig_keys.by_time(type(record)):
+                found[name] = self._quantity(value, "time", lambda time: self._of_time(record, time) == record)
             else:
                 found[name] = self._quantity(value, key.unit) if key.unit else self._number(value)
         return found
+
+    def _of_time(self, record: Any, time: float) -> Any:
+        """A model of ageing as it is read with a time in the units of the file."""
+        return converted(record.with_time(time), self.scales.natural)
 
     def _named(self, key: str, record: Any) -> Any:
         """A record that a table names, or the word or the time that says it."""
@@ -114,9 +116,7 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found, scales = self.rig.interface, {}, self.scales
-        known = ("temperature", "sliding_force", "newborn", "track_scatter", "on_arrest", "areas")
-        interface.allow(known, "a rig file")
-        blocks = self.rig.slider.size if isinstance(self.rig.slider, ElasticBody) and not self.natural else 1
+        blocks = 1 if self.natural else getattr(self.rig.slider, "size", 1)
         if not self.natural:
             found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == scales.stretching)
@@ -125,9 +125,8 @@ class RigWriter:
         if self.digits is not None:
             found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}
         if force := interface.sliding_force:
-            found["sliding_force"] = self._quantity(
-                blocks * force, "f_s", lambda si: si / blocks / scales.force == force
-            )
+            read_back: Same = lambda si: si / blocks / scales.force == force  # noqa: E731
+            found["sliding_force"] = self._quantity(blocks * force, "f_s", read_back)
         return found
 
     # -------------------------------------------------- drive and simulation
@@ -145,7 +144,7 @@ class RigWriter:
         if self.digits is None and velocity and duration == USUAL_DISTANCE / abs(velocity):
             return found  # a default, too
         size, way = self.scales.unit("x_s"), abs(velocity) * duration
-        distance = velocity and self._exact(way, "x_s", [lambda si: si / size / abs(velocity) == duration])
+        distance = velocity and self._exact(way, "x_s", lambda si: si / size / abs(velocity) == duration)
         return found | ({"distance": distance} if distance else {"duration": self._quantity(duration, "time")})
 
     def _simulation(self) -> Document:
@@ -159,17 +158,10 @@ class RigWriter:
         written = self._values(method, keys_of(kind))
         found = {"method": name, **{key: written[field] for field, key in rig_keys.fields_of_method(kind).items()}}
         words = {FromRest: "from rest", FromSliding: "sliding"}
-        found["start"] = self._prestressed(start) if isinstance(start, Prestressed) else words[type(start)]
+        is_table = isinstance(start, Prestressed)
+        found["start"] = self._values(start, rig_keys.START, defaults=False) if is_table else words[type(start)]
         if output.interval is not None:
             found["interval"] = self._quantity(output.interval, "time")
-        return found
-
-    def _prestressed(self, start: Prestressed) -> Document:
-        found = self._values(start, rig_keys.START, defaults=False)
-        if isinstance(start.stretching, tuple):
-            alike = [(value, len(list(group))) for value, group in groupby(start.stretching)]
-            if 2 * len(alike) <= len(start.stretching):
-                found["stretching"] = [{"blocks": n, "stretching": self._number(value)} for value, n in alike]
         return found
 
     # -------------------------------------------------- numbers
@@ -181,23 +173,21 @@ class RigWriter:
 
     def _quantity(self, value: float, unit: str, same: Same | None = None) -> Any:
         """A natural value as it stands in a file, in the shortest text that reads back as the same, or the nearest."""
-        scales, size = self.scales, self.scales.unit(unit)
-        fits: list[Same] = [same or (lambda si: si / size == value)]
-        if unit == "x_s/time":  # the fastest velocity of a drive is also what the unit of time comes from
-            fits.insert(0, lambda si: si / size == value and (not si or scales.stretching / abs(si) == scales.time))
-        exact = self._exact(value, unit, fits)
-        if exact is not None:
-            return exact
-        return value if self.natural else f"{value * size!r} {si_unit(unit)}"
+        exact = self._exact(value, unit, same)
+        nearest = value if self.natural else f"{self.scales.si(value, unit)!r} {si_unit(unit)}"
+        return nearest if exact is None else exact
 
-    def _exact(self, value: float, unit: str, fits: list[Same]) -> Any:
-        """The shortest text of which the first condition, or a later one, is true; None if there is none."""
-        name = "" if self.natural or unit == "1" else si_unit(unit)
-        si = value * self.scales.unit(unit) if name else value
+    def _exact(self, value: float, unit: str, same: Same | None = None) -> Any:
+        """The shortest text that reads back as the same natural value; None if there is none."""
+        scales, name = self.scales, "" if self.natural or unit == "1" else si_unit(unit)
+        si = scales.si(value, unit)
         if self.digits is not None:
             return engineering(si, name, self.digits) if name else self._number(si)
+        fits = [same or (lambda si: scales.natural(si, unit) == value)]
+        if unit == "x_s/time":  # the fastest velocity of a drive is also what the unit of time comes from
+            fits.insert(0, lambda si: fits[-1](si) and (not si or scales.stretching / abs(si) == scales.time))
         ways = [(way, read_quantity(way, name, way) if name else way) for way in _ways(si, name)]
-        return next((way for same in fits for way, read in ways if same(read)), None)
+        return next((way for fit in fits for way, read in ways if fit(read)), None)
 
 
 def _ways(value: float, unit: str) -> list[Any]:

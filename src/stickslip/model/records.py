@@ -104,15 +104,15 @@ def choices_of(kind: Any) -> tuple[str, ...]:
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
-def rescaled(record: AnyRecord, factor: Callable[[str], float]) -> AnyRecord:
-    """Return a record with every number that has a unit multiplied by the factor of its unit."""
+def converted(record: AnyRecord, change: Callable[[float, str], float]) -> AnyRecord:
+    """Return a record with every number that has a unit changed, `change(value, unit)`, in records within it, too."""
 
     def changed(value: Any, unit: str) -> Any:
         if isinstance(value, tuple):
             return tuple(changed(item, unit) for item in value)
         if is_dataclass(value):
-            return rescaled(value, factor)
-        return value * factor(unit) if isinstance(value, float) and unit != "1" else value
+            return converted(value, change)
+        return change(value, unit) if isinstance(value, float) and unit != "1" else value
 
     record_type: Any = type(record)
     changes = {
@@ -120,3 +120,8 @@ def rescaled(record: AnyRecord, factor: Callable[[str], float]) -> AnyRecord:
         for name, (_, mark) in declared(record_type).items()
     }
     return replace(record, **changes)  # type: ignore[type-var]
+
+
+def rescaled(record: AnyRecord, factor: Callable[[str], float]) -> AnyRecord:
+    """Return a record with every number that has a unit multiplied by the factor of its unit."""
+    return converted(record, lambda value, unit: value * factor(unit))
