@@ -63,23 +63,21 @@ class Key:
             except InputError as error:
                 raise InputError(f"{place} = {shown(value)}: {error}", place) from None
         if kind is float:
-            bounds: dict[str, Any] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}}.get(self.sign, {})
+            bounds: dict[str, Any] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}, "": {}}[self.sign]
             found = number(place, value, **bounds)
             if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
                 raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)
             return found
-        if self.choices:
-            fits, wanted = (
-                value in self.choices,
-                " or ".join([*map(repr, self.choices), *["a table" for _ in self.also]]),
-            )
-        else:
-            fits = type(value) is kind and not (isinstance(value, str) and len(value) > self.longest)
-            text = f"text in quotes, of at most {self.longest} characters"
-            a_list = f"a list, such as {toml(self.example)}"
-            wanted = {str: text, bool: "true or false", int: "a whole number"}.get(kind, a_list)
-        if not fits:
-            raise InputError(f"{place} = {shown(value)}: must be {wanted}", place)
+        of_kind = type(value) is kind and not (isinstance(value, str) and len(value) > self.longest)
+        if value not in self.choices if self.choices else not of_kind:
+            wanted = {
+                str: f"text in quotes, of at most {self.longest} characters",
+                bool: "true or false",
+                int: "a whole number",
+                list: f"a list, such as {toml(self.example)}",
+            }[kind]
+            choices = " or ".join([*map(repr, self.choices), *["a table" for _ in self.also]])
+            raise InputError(f"{place} = {shown(value)}: must be {choices or wanted}", place)
         return value
 
     def _quantity(self, value: object, unit: str, *, natural: bool) -> float:
@@ -98,13 +96,9 @@ class Key:
             raise InputError("must be finite")
         if refusal := extreme(result):
             raise InputError(f"{refusal} (in {unit})")
-        if not self.takes(result):
+        if (self.sign and result < 0) or (self.sign == "above 0" and result == 0):
             raise InputError(f"must be {self.sign}")
         return result
-
-    def takes(self, value: float) -> bool:
-        """Whether a number has the sign that it must have."""
-        return {"above 0": value > 0, "at least 0": value >= 0, "": True}[self.sign]
 
 
 def quantity(example: str, sign: Sign = "above 0", **rest: Any) -> Key:
@@ -122,12 +116,7 @@ class Either:
     ways: tuple[tuple[str, ...], ...]
     _: KW_ONLY
     needed: bool = True  # where none is given, the first way is asked for
-    natural: int | None = 0  # the way that is asked for in a file of natural units; None where the rule is none there
     because: str = ""  # why not both, if that is not plain
-
-    def given(self, content: Mapping[str, Any]) -> list[tuple[str, ...]]:
-        """The ways of which a table has some key."""
-        return [way for way in self.ways if any(name in content for name in way)]
 
     @property
     def clash(self) -> str:

@@ -39,19 +39,19 @@ SCALES = ("contact_strength", "normal_load", *COEFFICIENTS, "breaking_displaceme
 """Keys that are 1 in natural units, or make up what is."""
 
 
-def _either(one: str, *others: str, needed: bool = False, because: str = "", natural: int | None = 0) -> Either:
-    return Either(((one,), others), needed=needed, because=because, natural=natural)
+def _either(one: str, *others: str, needed: bool = False, because: str = "") -> Either:
+    return Either(((one,), others), needed=needed, because=because)
 
 
 _OF_THEIR_OWN = "pieces have durations of their own"
 RULES: Mapping[str, tuple[Either, ...]] = {
     "slider": (_either("damping_ratio", "damping", needed=True),),
     **{
-        body: tuple(_either(m, direct, needed=direct != "leaf", natural=1) for direct, m in material.items())
+        body: tuple(_either(m, direct, needed=direct != "leaf") for direct, m in material.items())
         for body, material in MATERIAL.items()
     },
     "interface": (
-        _either("contact_strength", "normal_load", *COEFFICIENTS, needed=True, natural=None),
+        _either("contact_strength", "normal_load", *COEFFICIENTS, needed=True),
         _either("thresholds", *COEFFICIENTS, needed=True, because="they say how wide the thresholds are"),
         _either("delay", "v_half"),
         _either("newborn", *COEFFICIENTS, because="these are read as of unstretched newborns"),
@@ -259,7 +259,7 @@ class Instead:
     @property
     def rule(self) -> Either:
         """The keys or the fields."""
-        return Either((tuple(self.keys), self.fields), natural=1)
+        return Either((tuple(self.keys), self.fields))
 
 
 def _histogram(samples: tuple[float, ...], *, length: float) -> tuple[Any, ...]:

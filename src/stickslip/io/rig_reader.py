@@ -130,7 +130,7 @@ class _Reader:
         file.refused |= {f"{name}.{key}": why for key, why in left_out.items()}
         values = file.table(content, keys, name)
         for rule in rig_keys.RULES.get(name, ()):
-            file.choose(content, rule, TABLES[name], name)
+            file.choose(content, rule, keys, name)
         return values
 
     def _whole(self, content: object, keys: Mapping[str, Key], place: str) -> Values:

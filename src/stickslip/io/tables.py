@@ -114,11 +114,12 @@ class Tables:
         """Note what a rule has against a table."""
         if not isinstance(content, Mapping):
             return  # told of already
-        usual, given = rule.natural if self.natural else 0, rule.given(content)
+        ways = [way for way in rule.ways if keys.keys() >= {*way}]  # some are none in natural units
+        given = [way for way in ways if not content.keys().isdisjoint(way)]
         if len(given) > 1:
             self.wrong(place, rule.clash)
-        elif (given or rule.needed) and usual is not None:
-            for name in given[0] if given else rule.ways[usual]:
+        elif ways and (given or rule.needed):
+            for name in (given or ways)[0]:
                 if name not in content:
                     self.missing(f"{place}.{name}", keys[name])
 
