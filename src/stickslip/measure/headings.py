@@ -45,6 +45,12 @@ _NAMES: dict[Quantity, str] = {
 }
 _NAMED: dict[str, Quantity] = {name: quantity for quantity, names in _NAMES.items() for name in names.split(", ")}
 _TOLD_BY_UNIT: dict[str, Quantity] = {"force": "force", "time": "time", "length": "displacement"}
+_FRICTION_IN: dict[str, Quantity] = {
+    **dict.fromkeys(("force", "stress"), "force"),
+    **dict.fromkeys(("length", "time"), "other"),
+    "number": "coefficient",
+}
+"""What friction is by its unit, whatever it is called."""
 _UNITS_OF = {"time": ("time",), "force": ("force", "stress"), "load": ("force", "stress"), "displacement": ("length",)}
 
 _BRACKET = re.compile(r"(?P<name>.+?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
@@ -63,6 +69,11 @@ def unit_named(text: str) -> tuple[str, float] | None:
     if found is None or plain == "d":  # which names a displacement rather than days
         return None
     return next(((kind, found[0]) for kind, parts in _KINDS.items() if parts == found[1]), None)
+
+
+def is_unit(word: str) -> bool:
+    """Whether a word is a unit, be it of what no bench measures."""
+    return bool(unit_named(word) or unit_size(word))
 
 
 def ratio(unit: str, of: str) -> float | None:
@@ -101,12 +112,10 @@ class Heading(NamedTuple):
         """What the column holds, by its name and, where that says nothing, by its unit; empty if neither tells."""
         kind = (unit_named(self.unit) or ("",))[0]
         named = _quantity(self.name)
-        if kind in ("temperature", "frequency", "angle", "velocity") or (
-            named == "force" and kind in ("length", "time")
-        ):
+        if kind in ("temperature", "frequency", "angle", "velocity"):
             return "other"
-        if named == "force" and kind == "number":
-            return "coefficient"
+        if named in ("force", "coefficient"):
+            return _FRICTION_IN.get(kind, named)
         return named or _TOLD_BY_UNIT.get(kind, "")
 
     def __str__(self) -> str:

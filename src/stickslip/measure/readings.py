@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 import re
+from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from stickslip.errors import InputError, number, shortened, shown
+from stickslip.io import files
+from stickslip.io.tables import unknown
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.bench import far_outside, spikes
-from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
+from stickslip.measure.headings import Heading, ratio, simple, unit_named
 from stickslip.measure.tables import Table, read_cell, read_table
 
 if TYPE_CHECKING:
     import xarray as xr
 
+LARGEST_FILE = 100_000_000  # bytes
 FEW_UNREADABLE = 3  # rows, or ...
 UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
 
@@ -87,22 +91,31 @@ def read_trace(
     >>> trace["spring_force"].attrs["units"], trace["time"].attrs["units"], float(trace["spring_force"].max())
     ('mN', 'ms', 11.5)
     """
-    place = str(path)
     if step is not None:
         step = number("step", step, at_least=1e-12, at_most=1e12, hint="s from one row to the next")
         if time is not None:
-            raise InputError(f"{place}: both step = {step:g} and time = {time!r} are given; leave one out")
-    table = read_table(place, delimiter, decimal)
-    constant = _quantity(load)
-    asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
-    chosen = _choose(table, asked, step)
-    headings = {name: table.headings[i] for name, i in chosen.items()}
-    values, unreadable = _rows(table, chosen, step or table.step or 0.0)
-    del table  # a text as large as the file
-    return _dataset(place, headings, values, unreadable, constant, flip)
+            raise InputError(f"{path}: both step = {step:g} and time = {time!r} are given; leave one out")
+    raw = files.read(path, "force trace", largest=LARGEST_FILE)
+    try:
+        table = read_table(raw, delimiter, decimal)
+        del raw  # and the table, once read: they are as large as the file
+        constant = _constant(load)
+        asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
+        chosen = _choose(table, asked, step)
+        units = {name: table.headings[i].unit for name, i in chosen.items()}
+        if table.headings[chosen["force"]].quantity == "coefficient":
+            units["force"] = "1"
+        values, unreadable = _rows(table, chosen, step or table.step or 0.0)
+        del table
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    if constant:
+        values["load"], units["load"] = np.full_like(values["force"], constant[0]), constant[1]
+    data = _dataset(units, values, unreadable, flip)
+    return data.assign_attrs(source=Path(path).name)
 
 
-def _rows(table: Table, chosen: dict[str, int], step: float) -> tuple[dict[str, Array], dict[int, str]]:
+def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[str, Array], dict[int, str]]:
     """The columns that were chosen, with times, and the lines that cannot be read; `InputError` if these are many."""
     columns, lines = table.read(chosen.values())
     values = {name: columns[i] for name, i in chosen.items()}
@@ -112,36 +125,28 @@ def _rows(table: Table, chosen: dict[str, int], step: float) -> tuple[dict[str, 
     bad = lines[~(np.isfinite(times) & np.isfinite(force))]
     if bad.size > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         raise InputError(
-            f"{table.place}: {bad.size} of {lines.size} rows cannot be read, first line {bad[0]}: "
-            f"{shortened(table.line(int(bad[0])))!r}; each row needs a finite number, not far outside"
-            " the rest; choose the columns, or mend the file"
+            f"{bad.size} of {lines.size} rows cannot be read, first line {bad[0]}: "
+            f"{shortened(table.line(int(bad[0])))!r}; each row needs a finite number, in the unit of the others and "
+            "not far outside the rest; choose the columns, or mend the file"
         )
     if (left := lines.size - bad.size) < FEWEST_READINGS:
-        raise InputError(f"{table.place}: {left} readings are too few to judge; at least {FEWEST_READINGS} are needed")
+        raise InputError(f"{left} readings are too few to judge; at least {FEWEST_READINGS} are needed")
     known = np.flatnonzero(np.isfinite(times))
     back = np.flatnonzero(np.diff(times[known]) <= 0)
     if back.size:
         before, after = known[back[0] : back[0] + 2]
         raise InputError(
-            f"{table.place}: line {lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times "
-            "must rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
+            f"line {lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times must rise: sort "
+            "the rows, or give the step (--step on the command line, step= in Python) instead"
         )
     return values, {line: table.line(line) for line in bad.tolist()}
 
 
-def _dataset(
-    place: str,
-    headings: dict[str, Heading],
-    values: dict[str, Array],
-    unreadable: dict[int, str],
-    load: tuple[float | Array, str] | None,
-    flip: bool,
-) -> xr.Dataset:
+def _dataset(units: dict[str, str], values: dict[str, Array], unreadable: dict[int, str], flip: bool) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
     import xarray as xr
 
     force, times = values["force"], values["time"]
-    unit = {name: heading.unit for name, heading in headings.items()}
     readable = np.isfinite(times) & np.isfinite(force)
     spiky = spikes(force)
     force[spiky] = np.nan
@@ -157,39 +162,41 @@ def _dataset(
     def along_time(column: object, unit: str, text: str) -> tuple[str, object, dict[str, str]]:
         return "time", column, {"units": unit, "long_name": text}
 
-    coefficient = headings["force"].quantity == "coefficient"
-    force_unit = "1" if coefficient else unit["force"] or "N"
+    unit, coefficient = units["force"] or "N", units["force"] == "1"
     pull = (-1.0 if flip else 1.0) * filled("force")
     found = {
-        "spring_force": along_time(pull, force_unit, "coefficient of friction" if coefficient else "force"),
+        "spring_force": along_time(pull, unit, "coefficient of friction" if coefficient else "force"),
         "filled": along_time((~readable | spiky)[kept], "1", "row was unreadable, or a spike; force interpolated"),
     }
-    notes = _note(unreadable, force.size)
+    notes = []
+    if unreadable:
+        first = [f"line {line}: {shortened(text)!r}" for line, text in [*unreadable.items()][:5]]
+        first += [f"and {len(unreadable) - 5} more"] if len(unreadable) > 5 else []
+        notes.append(
+            f"{len(unreadable)} of {force.size} rows could not be read; the force there is interpolated in time "
+            f"({'; '.join(first)})"
+        )
     if spiky.any():
         notes.append(f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
-    if not coefficient and not unit["force"]:
-        notes.append("the file names no unit of the force: N assumed")
-    if not unit.get("time", "s"):
-        notes.append("the file names no unit of the time: s assumed")
+    for name, usual in (("force", "N"), ("time", "s")):
+        if not units.get(name, usual):
+            notes.append(f"the file names no unit of the {name}: {usual} assumed")
     if "displacement" in values:
         way = filled("displacement")
-        found["measured_displacement"] = along_time(way, unit["displacement"], "displacement, as measured")
-    if load is None and "load" in values:
-        load = filled("load"), unit["load"] or force_unit
-    if load is not None:
-        loads, load_unit = np.full(t.size, load[0]), load[1]
-        found["load"] = along_time(loads, load_unit, "normal load")
-        size = 1.0 if force_unit == load_unit else ratio(force_unit, load_unit)
-        if size is None and not coefficient:
-            notes.append(f"no coefficient of friction: the force is in {force_unit}, the load in {load_unit}")
-        elif size is not None and not coefficient:
-            mu = np.divide(size * pull, loads, out=np.full(t.size, np.nan), where=loads != 0)
+        found["measured_displacement"] = along_time(way, units["displacement"], "displacement, as measured")
+    if "load" in values:
+        load, of_load = filled("load"), units["load"] or unit
+        found["load"] = along_time(load, of_load, "normal load")
+        size = 1.0 if unit == of_load else ratio(unit, of_load)
+        if size and not coefficient:
+            mu = np.divide(size * pull, load, out=np.full(t.size, np.nan), where=load != 0)
             found["mu"] = along_time(mu, "1", "coefficient of friction")
+        elif not coefficient:
+            notes.append(f"no coefficient of friction: the force is in {unit}, the load in {of_load}")
     return xr.Dataset(
         found,
-        coords={"time": along_time(t, unit.get("time") or "s", "time")},
+        coords={"time": along_time(t, units.get("time") or "s", "time")},
         attrs={
-            "source": Path(place).name,
             "rows": force.size,
             "flipped": int(flip),
             "note": "; ".join(notes),
@@ -203,98 +210,68 @@ def _dataset(
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _choose(table: Table, asked: dict[str, str | int | None], step: float | None) -> dict[str, int]:
+def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | None) -> dict[str, int]:
     """Columns that were asked for, and those that the headings tell."""
-    place = table.place
     chosen = {name: _column(table, name, wanted) for name, wanted in asked.items() if wanted is not None}
-
-    def named(quantity: str) -> list[int]:
-        return [i for i in table.numeric if table.headings[i].quantity == quantity and i not in chosen.values()]
-
-    if "time" not in chosen and len(clocks := named("time")) == 1:
-        chosen["time"] = clocks[0]
-    if "force" not in chosen:
-        free = [i for i in table.numeric if i not in chosen.values()]
-        only = [i for i in free if len(free) == 1 and _may_be_force(table.headings[i])]
-        forces = named("force") or named("coefficient") or only
-        if len(forces) != 1:
-            raise _no_force(table, free)
-        chosen["force"] = forces[0]
-    for name in ("displacement", "load"):
-        if name not in chosen and len(found := named(name)) == 1:
+    for one, other in combinations(chosen, 2):
+        if chosen[one] == chosen[other]:
+            raise InputError(f"column {chosen[one] + 1} cannot be both {one} and {other}; there are {table.listed()}")
+    for name in ("time", "force", "displacement", "load"):
+        if name in chosen:
+            continue
+        free = {i: table.headings[i].quantity for i in table.numeric if i not in chosen.values()}
+        found = [i for i, quantity in free.items() if quantity == name]
+        if name == "force" and not found:
+            found = [i for i, quantity in free.items() if quantity == "coefficient"]
+            if not found and len(free) == 1:
+                found = [i for i, quantity in free.items() if quantity in ("load", "")]
+        if len(found) == 1:
             chosen[name] = found[0]
-    taken: dict[int, str] = {}
-    for name, i in chosen.items():
-        if i in taken:
-            raise InputError(
-                f"{place}: column {i + 1} cannot be both {name} and {taken[i]}; there are {table.listed()}"
-            )
-        taken[i] = name
+        elif name == "force":
+            raise _not_found(table, name)
     if step is not None:
         chosen.pop("time", None)
     elif table.step is None and "time" not in chosen:
-        raise _no_time(table)
+        raise _not_found(table, "time")
     return chosen
 
 
-def _no_force(table: Table, free: list[int]) -> InputError:
-    """What to raise where no column, or one of several, is the force."""
-    text = "" if free else _text_named(table, "force")
+def _not_found(table: Table, name: str) -> InputError:
+    """What to raise where no column, or one of several, is the force or the time."""
+    text = [i for i, each in enumerate(table.headings) if each.quantity == name and i not in table.numeric]
+    why = f"which column is the {name}?"
+    if text:
+        why = (
+            f"column {text[0] + 1} '{table.headings[text[0]]}' holds times of day or other text; numbers are written "
+            "1234.5, without a mark between thousands;"
+        )
+    step = ", or give the seconds from one row to the next (--step on the command line, step= in Python)"
     return InputError(
-        f"{table.place}: {text} holds no numbers that can be read; write 1234.5, without a mark between thousands"
-        if text
-        else f"{table.place}: which column is the force? Name it (--force on the command line, force= in Python); "
-        f"there are {table.listed()}"
-    )
-
-
-def _no_time(table: Table) -> InputError:
-    """What to raise where no column holds times, and no step is given."""
-    say = "give the seconds from one row to the next (--step on the command line, step= in Python)"
-    text = _text_named(table, "time")
-    return InputError(
-        f"{table.place}: {text} holds times of day or other text, no numbers; {say}"
-        if text
-        else f"{table.place}: no column is labelled as time; {say} or name the column (--time, time=); there are "
+        f"{why} Name it (--{name} on the command line, {name}= in Python){step if name == 'time' else ''}; there are "
         f"{table.listed()}"
     )
 
 
-def _text_named(table: Table, quantity: Quantity) -> str:
-    """The first column with this name that holds no numbers, for a message."""
-    named = [i for i, heading in enumerate(table.headings) if heading.quantity == quantity and i not in table.numeric]
-    return f"column {named[0] + 1} '{table.headings[named[0]]}'" if named else ""
-
-
-def _may_be_force(heading: Heading) -> bool:
-    kind = (unit_named(heading.unit) or ("",))[0]
-    plain = kind in ("", "force", "stress", "signal", "number", "percentage")
-    return plain and heading.quantity in ("force", "load", "coefficient", "")
-
-
-def _column(table: Table, what: str, wanted: str | int) -> int:
+def _column(table: Table, name: str, wanted: str | int) -> int:
     """Index of a column given by name or number."""
-    names, found, hint = [simple(heading.name) for heading in table.headings], [], "counted from 1, "
-    if isinstance(wanted, str):
-        plain = {simple(wanted), simple(Heading.read(wanted).name)} - {""}
-        found = [i for i, name in enumerate(names) if name in plain]
-        near = difflib.get_close_matches(simple(wanted), filter(None, names), n=1, cutoff=0.5)
-        hint = f"did you mean {table.headings[names.index(near[0])].name!r}? " if near else ""
-    if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", str(wanted)) and 0 < int(wanted) <= len(names):
-        found = [int(wanted) - 1]
+    text, headings = str(wanted), table.headings
+    names = {simple(text), simple(Heading.read(text).name)} - {""}
+    found = [i for i, heading in enumerate(headings) if simple(heading.name) in names]
+    if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text) and 0 < int(text) <= len(headings):
+        found = [int(text) - 1]
     if len(found) == 1 and found[0] in table.numeric:
         return found[0]
     mistake = (
-        f"{len(found)} columns have this name; give the number"
+        f"{len(found)} columns have this name"
         if found[1:]
-        else f"holds no number in column {found[0] + 1}; columns of numbers are {table.listed()}"
+        else f"holds no number in column {found[0] + 1}"
         if found
-        else f"no such column; {hint}there are {table.listed()}"
+        else f"no such column; {unknown(text, [heading.name for heading in headings if heading.name])}"
     )
-    raise InputError(f"{table.place}: {what} = {shown(wanted)}: {mistake}")
+    raise InputError(f"{name} = {shown(wanted)}: {mistake} (columns of numbers, counted from 1: {table.listed()})")
 
 
-def _quantity(load: str | int | None) -> tuple[float, str] | None:
+def _constant(load: str | int | None) -> tuple[float, str] | None:
     """The load, where it is given as a quantity and not as a column."""
     value, unit = read_cell(load) if isinstance(load, str) else (None, "")
     if value is None or not unit:
@@ -302,12 +279,3 @@ def _quantity(load: str | int | None) -> tuple[float, str] | None:
     if (unit_named(unit) or ("",))[0] not in ("force", "stress") or value <= 0:
         raise InputError(f"load = {shown(load)}: must be a force above 0 such as '20 N', or a column")
     return value, unit
-
-
-def _note(unreadable: dict[int, str], rows: int) -> list[str]:
-    if not unreadable:
-        return []
-    shown = [f"line {line}: {shortened(text)!r}" for line, text in [*unreadable.items()][:5]]
-    more = [f"and {len(unreadable) - 5} more"] if len(unreadable) > 5 else []
-    said = "; ".join(shown + more)
-    return [f"{len(unreadable)} of {rows} rows could not be read; the force there is interpolated in time ({said})"]
