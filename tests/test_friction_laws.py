@@ -485,7 +485,7 @@ def test_exports_are_scripts_in_si_units(tmp_path):
     assert law["A"] * 2000.0 / SCALES.force == pytest.approx(fit.a)
     assert law["DC"] / SCALES.stretching == pytest.approx(fit.distance)
     assert law["TH_0"] * law["V_SS"] == pytest.approx(law["DC"])
-    assert exported(AGEING, "qdyn", fit=fit.in_scales(SCALES)) == text  # what is in SI units is not scaled twice
+    assert exported(AGEING, "qdyn", fit=fit.in_units(SCALES)) == text  # what is in SI units is not scaled twice
     for program in ("diabayes", "rsfmodel"):
         ast.parse(exported(AGEING, program))
     # A scenario: tandem asks for boundary, mu and eta, and slips forward under a traction below 0.

@@ -71,7 +71,7 @@ def export_rate_and_state(
     stress = weight / read_value("area", area, "m^2", "1 cm^2") if area is not None else math.nan
     if math.isnan(stress) and program in ("qdyn", "tandem"):
         raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
-    si = fit.in_scales(scales)
+    si = fit.in_units(scales)
     speed = engineering(si.velocity, "m/s")
     step = "a small step" if si.step is None else f"a step from {speed} to {engineering(si.velocity * si.step, 'm/s')}"
     notes = (

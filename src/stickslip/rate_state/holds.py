@@ -28,24 +28,22 @@ class Healing(Answer):
 
     def __str__(self) -> str:
         F, t, x = self.force_unit, self.time_unit, self.length_unit
-        growth = ["", *(f"{one:.4g}" for one in self.per_decade)]
-        columns = zip(self.hold, self.relaxation, self.peak, self.slip_to_peak, growth, strict=True)
-        lines = [
-            f"{'hold':>12}{'relaxation':>12}{'peak':>12}{'slip to peak':>14}{'per decade':>14}",
-            f"{t:>12}{F:>12}{F:>12}{x:>14}{F:>14}",
-            *("{:>12.4g}{:>12.4g}{:>12.4g}{:>14.3g}{:>14}".format(*row) for row in columns),
+        columns = (self.hold, self.relaxation, self.peak, self.slip_to_peak, (math.nan, *self.per_decade))
+        rows = [
+            ("hold", "relaxation", "peak", "slip to peak", "per decade"),
+            (t, F, F, x, F),
+            *([f"{value:.4g}".replace("nan", "") for value in row] for row in zip(*columns, strict=True)),
         ]
+        lines = ["".join(f"{cell:>14}" for cell in row) for row in rows]
         expected = f"b ln 10 = {self.by_rate_and_state:.4g} {F}"
-        if not self.per_decade:
-            return "\n".join(
-                (*lines, f"rate and state says {expected} per decade of hold time; give two holds to compare")
+        end = f"rate and state says {expected} per decade of hold time; give two holds to compare"
+        if self.per_decade:
+            last = self.per_decade[-1]
+            end = (
+                f"healing over the last two holds: {last:.4g} {F} per decade of hold time, "
+                f"{last / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
             )
-        found = self.per_decade[-1]
-        lines.append(
-            f"healing over the last two holds: {found:.4g} {F} per decade of hold time, "
-            f"{found / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
-        )
-        return "\n".join(lines)
+        return "\n".join([*lines, end])
 
 
 def healing(run: xr.Dataset, b: float) -> Healing:

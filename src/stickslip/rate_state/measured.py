@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,38 +29,44 @@ if TYPE_CHECKING:
 class FittedStep(WithErrors, ABC):
     """What fits of a step have in common, in the units of the data."""
 
+    step: Step  #: what was fitted
     stiffness: Estimate  #: of whatever is between load point and sliding surface, friction per displacement
-    at: Estimate  #: time of the step
-    level: float  #: friction before the step
-    trend: float  #: its slope in displacement
-    rms: float  #: of the residuals
-    misfit: float  #: the same over the range of the friction
-    before: float  #: velocity of the load point before the step
-    after: float  #: and after it
-    late: float = 0.0  #: how much displacement after the given time the step came
-    stretch: float = 1.0  #: how much of `late` displacement before the given time is worth; 1 where it was measured
-    length_unit: str = ""
-    time_unit: str = ""
-    friction_unit: str = ""
+    late: float  #: how much displacement after the given time the step came
+    at: Estimate = Estimate(0.0)  #: time of the step
+    level: float = 0.0  #: friction before the step
+    trend: float = 0.0  #: its slope in displacement
+    rms: float = 0.0  #: of the residuals
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the residuals over the range of the friction."""
+        return self.rms / float(np.ptp(self.step.friction))
 
     def friction(self, displacement: ArrayLike) -> Array:
         """Friction of the fit over the displacement of the load point, 0 at the time that was given."""
         x = np.asarray(displacement, dtype=float)
-        since = np.where(x < 0, self.stretch, 1.0) * x - self.late
-        return self.level + self.trend * x + self._rise(since, self.after / self.before)
+        return self.level + self.trend * x + self._rise(self.step.since(self.late, x))
 
     @abstractmethod
-    def _rise(self, since: Array, ratio: float) -> Array: ...
+    def _rise(self, since: Array) -> Array: ...
 
-    def _end(self) -> str:
-        """Stiffness, time of the step and residuals, in words."""
-        spring = "stiffness not identified"
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain values, each estimate with its error; of the step its velocities and units."""
+        kept = ("before", "after", "length_unit", "time_unit", "friction_unit")
+        of_step = {name: getattr(self.step, name) for name in kept}
+        return {name: x for name, x in super().to_dict().items() if name != "step"} | of_step | {"misfit": self.misfit}
+
+    def _words(self, estimates: Mapping[str, tuple[Estimate, str]]) -> str:
+        """Estimates in their units, stiffness, time of the step and residuals."""
+        spring, length, friction = "not identified", self.step.length_unit, self.step.friction_unit
         if self.stiffness.error < self.stiffness:
-            friction = self.friction_unit or 1
-            unit = f"{friction}/{self.length_unit}" if self.length_unit else self.friction_unit
-            spring = f"stiffness {self.stiffness.words(unit)}"
+            spring = self.stiffness.words(f"{friction or 1}/{length}" if length else friction)
+        values = ", ".join(f"{name} = {value.words(unit)}" for name, (value, unit) in estimates.items())
         rms = f"rms {self.rms:.3g} ({100 * self.misfit:.2g} % of the range)"
-        return f"{spring}; step at {self.at.words(self.time_unit)}; {rms}"
+        return f"{values}, stiffness {spring}; step at {self.at.words(self.step.time_unit)}; {rms}"
+
+
+AnyFit = TypeVar("AnyFit", bound=FittedStep)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -71,7 +77,7 @@ class StepFit(FittedStep):
     a: Estimate  #: direct effect
     b: Estimate  #: evolution effect
     distance: Estimate  #: ``D``, over which the state evolves
-    a_minus_b: Estimate  #: its error is that of the difference: a and b err together
+    a_minus_b: Estimate = Estimate(0.0)  #: its error is that of the difference: a and b err together
 
     @property
     def parameters(self) -> RateAndState:
@@ -83,19 +89,17 @@ class StepFit(FittedStep):
         """``(b - a)/D``: with a softer spring steady sliding is unstable; 0 if it never is."""
         return self.parameters.critical_stiffness()
 
-    def _rise(self, since: Array, ratio: float) -> Array:
-        return self.parameters.step(since, ratio, stiffness=self.stiffness)
+    def _rise(self, since: Array) -> Array:
+        return self.parameters.step(since, self.step.ratio, stiffness=self.stiffness)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
         return super().to_dict() | {"critical_stiffness": self.critical_stiffness}
 
     def __str__(self) -> str:
-        unit = self.friction_unit
-        return (
-            f"{self.law} law: a = {self.a.words(unit)}, b = {self.b.words(unit)}, "
-            f"a - b = {self.a_minus_b.words(unit)}, D = {self.distance.words(self.length_unit)}, {self._end()}"
-        )
+        found = {"a": self.a, "b": self.b, "a - b": self.a_minus_b}
+        told = {name: (value, self.step.friction_unit) for name, value in found.items()}
+        return f"{self.law} law: {self._words(told | {'D': (self.distance, self.step.length_unit)})}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -110,70 +114,57 @@ class ContactsFit(FittedStep):
 
     @property
     def interface(self) -> Interface:
-        """The interface, in natural units with ``breaking_displacement/before`` as the unit of time."""
-        return _contacts(self.thresholds, self.width, self.ageing)
+        """The interface, in natural units with ``breaking_displacement/before`` as the unit of time.
 
-    def _rise(self, since: Array, ratio: float) -> Array:
-        x_s, k = self.breaking_displacement, self.stiffness
-        return _rise_of_contacts(self.interface, self.level, x_s, since, ratio, stiffness=k, linear=self.linear)
+        Attempts and the time of ageing are given: the force depends on their logarithms.
+        """
+        return Interface(
+            thresholds=self.thresholds,
+            temperature=Bell(width=self.width, attempts=1e6),
+            ageing=LogarithmicGrowth(slope=self.ageing, time=1e-3),
+        )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values, each estimate with its error."""
-        return super().to_dict() | {"thresholds": str(self.thresholds)}
+    def _rise(self, since: Array) -> Array:
+        """By linear response or by cohorts; the level before the step says how large the unit of force is."""
+        interface, x_s, ratio = self.interface, self.breaking_displacement, self.step.ratio
+        unit, found = self.step.level() / kinetic_friction(interface, 1.0), np.zeros_like(since)
+        x, spring = since[since > 0] / x_s, self.stiffness * x_s / unit
+        if self.linear:
+            force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
+        else:  # to 1e-3: the noise of what was measured is larger
+            reach, rough = float(since.max()) / x_s + 1.0, MasterEquation(rtol=1e-3)
+            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=rough))
+        found[since > 0] = unit * force
+        return found
 
     def __str__(self) -> str:
         cv = self.thresholds.standard_deviation() / self.thresholds.moment(1)
-        return (
-            f"contacts, thresholds with CV {cv:.2g}: A = {self.width.words()}, c = {self.ageing.words()}, breaking "
-            f"displacement {self.breaking_displacement.words(self.length_unit)}, {self._end()}"
-        )
-
-
-def _contacts(thresholds: Distribution, width: float, ageing: float) -> Interface:
-    """Attempts and time of ageing in units of ``x_s`` over the velocity: the force depends on their logarithms."""
-    return Interface(
-        thresholds=thresholds,
-        temperature=Bell(width=width, attempts=1e6),
-        ageing=LogarithmicGrowth(slope=ageing, time=1e-3),
-    )
-
-
-def _rise_of_contacts(
-    interface: Interface, level: float, x_s: float, since: Array, ratio: float, *, stiffness: float, linear: bool
-) -> Array:
-    """What friction rises by after a step; its level before the step says how large the unit of force is."""
-    unit, found = level / kinetic_friction(interface, 1.0), np.zeros_like(since)
-    x, spring = since[since > 0] / x_s, stiffness * x_s / unit
-    if linear:
-        force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
-    else:  # to 1e-3: the noise of what was measured is larger
-        reach = float(since.max()) / x_s + 1.0
-        rough = MasterEquation(rtol=1e-3)
-        force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=rough))
-    found[since > 0] = unit * force
-    return found
+        told = {"A": (self.width, ""), "c": (self.ageing, "")}
+        told["breaking displacement"] = (self.breaking_displacement, self.step.length_unit)
+        return f"contacts, thresholds with CV {cv:.2g}: {self._words(told)}"
 
 
 def _fitted(
+    kind: type[AnyFit],
     step: Step,
-    rise: Callable[[Array, Array], Array],
+    given: Mapping[str, Any],
     ranges: Mapping[str, tuple[float, float]],
     starts: Sequence[Array],
     *,
     trend: bool,
     **how: Any,
-) -> tuple[dict[str, Any], Array]:
-    """Fit a curve beside a line, and when the step came: the fields of a `FittedStep`, and their covariance.
+) -> tuple[AnyFit, Array]:
+    """Fit a step of some kind beside a line, and when it came; and the covariance of what was fitted.
 
-    `rise` is of the values whose `ranges` are given, and of the displacement since the step; how late it came follows
-    them in `starts`.
+    Fields of the kind are given, or fitted within their `ranges`; how late the step came follows these in `starts`.
     """
     low, high = np.array([*ranges.values(), (-step.near, step.near)]).T
     lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
     of_line = np.linalg.pinv(lines)
 
     def above(value: Array) -> Array:
-        return rise(value[:-1], step.since(float(value[-1])))
+        late = float(value[-1])
+        return kind(step=step, late=late, **given, **dict(zip(ranges, value[:-1], strict=True)))._rise(step.since(late))
 
     def beside_a_line(value: Array) -> Array:
         up = above(value)
@@ -184,29 +175,24 @@ def _fitted(
     count, alike = step.friction.size, memory(step.friction - fit.curve)
     inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
     *found, late = fit.estimates(inflation)
+    values = dict(zip(ranges, found, strict=True))
     doubts = [] if fit.converged else ["the fit did not converge; give a longer record, or less noise"]
-    for (name, (least, largest)), value in zip(ranges.items(), found, strict=True):
-        if name != "stiffness" and not value.error < value:
+    for (name, value), (least, largest) in zip(values.items(), ranges.values(), strict=True):
+        if name == "stiffness":
+            continue
+        if not value.error < value:
             doubts.append(f"{name} = {value.words()}, an error as large as the value")
-        if name != "stiffness" and not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
+        elif not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
             doubts.append(f"{name} = {value.words()} is at the end of the range that was tried")
     if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
         doubts.append(f"no step as near the time {step.at:g} that was given as data is kept; correct the time")
     if doubts:
         raise UndecidedError(f"not identified: {doubts[0]} (or are the velocities, --from and --to, swapped?)")
-    level, *slope = (of_line @ (step.friction - above(fit.value))).tolist()
+    line = dict(zip(("level", "trend"), (of_line @ (step.friction - above(fit.value))).tolist(), strict=False))
     velocity = step.before if step.measured and late > 0 else step.after
-    kept = ("before", "after", "stretch", "length_unit", "time_unit", "friction_unit")
-    fields = {name: getattr(step, name) for name in kept} | dict(zip(ranges, found, strict=True))
-    fields |= {
-        "at": Estimate(step.at + late / velocity, late.error / velocity),
-        "level": level,
-        "trend": slope[0] if trend else 0.0,
-        "rms": fit.rms,
-        "misfit": fit.rms / float(np.ptp(step.friction)),
-        "late": float(late),
-    }
-    return fields, fit.covariance * inflation**2
+    at = Estimate(step.at + late / velocity, late.error / velocity)
+    record = kind(step=step, late=float(late), at=at, rms=fit.rms, **line, **given, **values)
+    return record, fit.covariance * inflation**2
 
 
 # --------------------------------------------------------------------------------------------------- as rate and state
@@ -280,7 +266,7 @@ def fit_rate_and_state(
     return min(found, key=lambda one: one.rms)
 
 
-def _guess(step: Step, late: float = 0.0) -> tuple[float, float, float]:
+def _guess(step: Step, late: float = 0.0) -> Array:
     """About a, b and D: the largest rise, what is left of it, and where it has fallen to 1/e."""
     x = step.since(late)
     after, rise = x[x > 0], (step.friction[x > 0] - step.level(late)) / math.log(step.ratio)
@@ -290,7 +276,7 @@ def _guess(step: Step, late: float = 0.0) -> tuple[float, float, float]:
     direct = max(float(smooth[top]), 0.2 * float(np.ptp(rise)))
     fallen = np.flatnonzero(smooth[top:] < end + 0.37 * (smooth[top] - end))
     distance = after[min(top + fallen[0], after.size - 1)] - after[top] if fallen.size else 0.1 * after[-1]
-    return direct, max(direct - end, 0.1 * direct), max(float(distance), float(after[min(2, after.size - 1)]))
+    return np.array([direct, max(direct - end, 0.1 * direct), max(distance, after[min(2, after.size - 1)])])
 
 
 def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> StepFit:
@@ -298,25 +284,21 @@ def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> S
         raise UndecidedError(f"the friction is {step.friction[0]:g} throughout: there is no step in it")
     a, reach, fine = _guess(step)[0], float(step.displacement.max()), float(np.median(np.diff(step.displacement)))
     ranges = {"a": (1e-3 * a, 1e2 * a), "b": (1e-3 * a, 1e2 * a), "distance": (0.1 * fine, 10.0 * reach)}
-    given: dict[str, Any] = {}
+    given: dict[str, Any] = {"law": law}
     if stiffness is None:
         ranges["stiffness"] = (1e-3 * a / reach, 1e2 * a / fine)
     else:
         given["stiffness"] = Estimate(stiffness)
 
-    def rise(value: Array, since: Array) -> Array:
-        a, b, distance, spring = (*value, *given.values())
-        return RateAndState(law=law, a=a, b=b, distance=distance).step(since, step.ratio, stiffness=spring)
-
-    def start(late: float, up: float = 1.0, wide: float = 1.0) -> Array:
-        a, b, distance = np.array([up, up, wide]) * _guess(step, late)
+    def start(late: float, *wide: float) -> Array:
+        a, b, distance = (wide or 1.0) * _guess(step, late)
         return np.append([a, b, distance, 2.0 * a / distance][: len(ranges)], late)
 
-    starts = [start(0.0), start(0.0, 1.5, 0.5), start(0.0, 1.2, 2.0)]
+    starts = [start(0.0), start(0.0, 1.5, 1.5, 0.5), start(0.0, 1.2, 1.2, 2.0)]
     tried = [start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)]
-    found, covariance = _fitted(step, rise, ranges, starts, trend=trend, tried=tried)
+    found, covariance = _fitted(StepFit, step, given, ranges, starts, trend=trend, tried=tried)
     apart = math.sqrt(max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0))
-    return StepFit(law=law, a_minus_b=Estimate(found["a"] - found["b"], apart), **given, **found)
+    return replace(found, a_minus_b=Estimate(found.a - found.b, apart))
 
 
 # --------------------------------------------------------------------------------------------------------- as contacts
@@ -360,23 +342,19 @@ def fit_contacts(
     step = data if isinstance(data, Step) else velocity_step_in(data, at=at, before=before, after=after, span=span)
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:
         raise InputError(f"thresholds = {thresholds}: must have a mean of 1; the breaking displacement is fitted")
-    rough, level = _fit_law(step, "slip", None, trend=trend), step.level()
-    a, D, spring = rough.a / level * 0.5, float(rough.distance), float(rough.stiffness)
+    rough = _fit_law(step, "slip", None, trend=trend)
+    a, D, spring = rough.a / step.level() * 0.5, float(rough.distance), float(rough.stiffness)
     ranges = {
         "width": (0.1 * a, 10 * a),
         "ageing": (1e-3 * a, 30 * a),
         "breaking_displacement": (0.2 * D, 20 * D),
         "stiffness": (0.1 * spring, 10 * spring),
     }
-
-    def rise(value: Array, since: Array) -> Array:
-        width, ageing, x_s, k = value.tolist()
-        interface = _contacts(thresholds, width, ageing)
-        return _rise_of_contacts(interface, level, x_s, since, step.ratio, stiffness=k, linear=by_response)
-
     starts = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
-    for by_response in (True,) if linear else (True, False):
-        most = 50 if by_response else 20
-        found, _ = _fitted(step, rise, ranges, starts, trend=trend, tolerance=1e-4, most=most)
-        starts = [np.array([*(found[name] for name in ranges), found["late"]])]
-    return ContactsFit(thresholds=thresholds, linear=linear, **found)
+    given = {"thresholds": thresholds, "linear": True}
+    how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4}
+    found, _ = _fitted(ContactsFit, step, given, ranges, starts, most=50, **how)
+    if not linear:
+        start = np.array([*(getattr(found, name) for name in ranges), found.late])
+        found, _ = _fitted(ContactsFit, step, given | {"linear": False}, ranges, [start], most=20, **how)
+    return found

@@ -45,9 +45,10 @@ class Step:
         end = float(self.displacement.max())
         return float(np.clip(-self.displacement.min() * self.stretch, 1e-9 * end, 0.5 * end))
 
-    def since(self, late: float) -> Array:
+    def since(self, late: float, displacement: Array | None = None) -> Array:
         """Displacement since the step, if that came so much displacement later than was said."""
-        return np.where(self.displacement < 0, self.stretch, 1.0) * self.displacement - late
+        x = self.displacement if displacement is None else displacement
+        return np.where(x < 0, self.stretch, 1.0) * x - late
 
     def level(self, late: float = 0.0) -> float:
         """Friction before the step, if that came so much later."""
@@ -120,8 +121,7 @@ def velocity_step_in(
     if (later := int((rows.x > 0).sum())) < 30:
         raise InputError(f"at = {at:g}: {later} samples after the step; there must be at least 30")
     count = min(whole("bins", bins, at_least=30, at_most=100_000), len(rows))
-    edges = np.linspace(rows.x.min(), rows.x.max() * (1 + 1e-12), count + 1)
-    held = rows.groupby(np.searchsorted(edges[1:-1], rows.x, side="right")).mean()
+    held = rows.groupby(pd.cut(rows.x, count, right=False, labels=False)).mean()
     units = {one: str(data[one].attrs.get("units", "")) for one in (name, "time", along) if one is not None}
     return Step(
         displacement=held.x.to_numpy(),

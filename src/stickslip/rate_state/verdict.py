@@ -68,13 +68,12 @@ class RateAndStateFit(WithErrors):
     reason: str  #: what fails, or what was tested
     scales: Scales | None = None  #: of the rig in whose units, N and m, the numbers are; None in natural units
 
-    def in_units(self, rig: Rig) -> RateAndStateFit:
+    def in_units(self, of: Rig | Scales) -> RateAndStateFit:
         """Return parameters found in natural units in those of a rig: forces of all its contacts, in N."""
-        return self if rig.scales is None else self.in_scales(rig.scales)
-
-    def in_scales(self, scales: Scales) -> RateAndStateFit:
-        """Return parameters found in natural units in SI units."""
-        return self if self.scales is not None else replace(rescaled(self, scales.unit), scales=scales)
+        scales = of.scales if isinstance(of, Rig) else of
+        if scales is None or self.scales is not None:
+            return self
+        return replace(rescaled(self, scales.unit), scales=scales)
 
     @property
     def parameters(self) -> RateAndState:
