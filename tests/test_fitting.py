@@ -365,8 +365,8 @@ def test_speeds_add_the_delay_and_holds_ageing():
     assert found.strengthening.per_decade == pytest.approx(0.03, abs=1e-6)
     assert "changes by 3 ± " in str(found.strengthening)
     assert "contacts age" in str(found)
-    close, error = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))[:2]
-    assert abs(math.log(close / half)) < 3.0 * error < 1.0
+    close, _ = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))
+    assert abs(math.log(close / half)) < 3.0 * close.error / close < 1.0
     for at, measured, why in ((speeds, forces[::-1], "does not fall"), (speeds[:2], forces[:2], "at least 4")):
         with pytest.raises(InputError, match=why):
             half_speed_of(at, measured)

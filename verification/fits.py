@@ -97,7 +97,7 @@ def coverage_test(
         except InputError as error:
             refused[_reason(error)] += 1
             continue
-        edge += not found.adjusted
+        edge += not found.sample.adjusted
         rows.append((prior.parts(np.array(list(truth.values()))), prior.parts(found.values)))
         if report is not None:
             report(f"{len(rows)} of {truths}")

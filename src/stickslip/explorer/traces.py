@@ -240,9 +240,9 @@ def line(x: Array, y: Array) -> Plain:
 @lru_cache(maxsize=8)
 def _cost(slips: int) -> float:
     """Seconds of one core for a draw of the table, measured."""
-    simulate_block(fitting.Prior(), 0, 1, 30, 0)  # compiles
+    simulate_block(0, fitting.Prior(), 1, 30, 0)  # compiles
     begun = time.perf_counter()
-    simulate_block(fitting.Prior(), 0, _TIMED, slips, 0)
+    simulate_block(0, fitting.Prior(), _TIMED, slips, 0)
     return (time.perf_counter() - begun) / _TIMED
 
 

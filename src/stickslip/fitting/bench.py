@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import curve_fit, nnls
 from scipy.special import stdtrit
 
 from stickslip.answers import Answer
@@ -22,6 +21,7 @@ from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
+from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.words import engineering
 
 _UNITS = {
@@ -75,19 +75,13 @@ def seconds(events: Events) -> float:
     return size
 
 
-def rate_error(events: Events) -> float:
-    """Relative error of the loading rate: half of what it drifts by from the first third to the last."""
-    first, last = events.thirds
-    return abs(last - first) / 2.0 / events.loading_rate
-
-
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
     """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``: 1 if they are not known."""
     if not known.keys() >= {"stiffness", "speed"}:
         return lambda values: np.ones(len(values))
     (K, of_stiffness), (v, of_speed) = known["stiffness"], known["speed"]
     loading, product = events.loading_rate * newtons(events, known) / seconds(events), K * v
-    error = math.hypot(of_stiffness / K, of_speed / v, rate_error(events))
+    error = math.hypot(of_stiffness / K, of_speed / v, events.rate_error)
     if product * (1.0 + 3.0 * error) < loading:
         raise InputError(
             f"known: stiffness times speed is {product:.4g} N/s, but the force rises at {loading:.4g} N/s: the "
@@ -126,7 +120,7 @@ def in_si(values: Array, strength: Array, events: Events, known: Known) -> dict[
     unit = load if events.force_unit == "1" and "load" in known else newtons(events, known)
     force = strength * unit
     peak = scattered(events.mean_peak, float(np.std(events.peaks)) / math.sqrt(len(events)), 4) * unit
-    rate = events.loading_rate * unit / seconds(events) * np.exp(scattered(0.0, rate_error(events), 5))
+    rate = events.loading_rate * unit / seconds(events) * np.exp(scattered(0.0, events.rate_error, 5))
     found = {
         "contact_strength": force,
         "static_friction": peak,
@@ -198,36 +192,25 @@ class Strengthening(Answer):
         )
 
 
-def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, float]:
-    """Half-speed, its relative standard error, and rms misfit of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
+def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float]:
+    """Half-speed, and rms misfit, of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
     v, F = np.asarray(speeds, dtype=float), np.asarray(forces, dtype=float)
     _enough("speeds", v)
-
-    def force(v: Array, log_half: float, falls: float, stays: float) -> Array:
-        return np.asarray(stays + falls / (1.0 + v / math.exp(log_half)))
-
-    def levels(log_half: float) -> tuple[Array, float]:
-        return nnls(np.column_stack([force(v, log_half, 1.0, 0.0), np.ones_like(v)]), F)
-
-    low, high = math.log(v.min() / 30.0), math.log(v.max() * 30.0)
-    start = min(np.linspace(low, high, 60).tolist(), key=lambda at: levels(at)[1])
-    falls, stays = levels(start)[0]
-    if falls <= 0:
+    size, slowest, fastest = float(np.abs(F).max()), float(v.min()), float(v.max())
+    low, high = np.array([[slowest / 80.0, 0.0, 0.0], [80.0 * fastest, 1e3 * size, size]])
+    starts = [np.array([half, float(np.ptp(F)), float(F.min())]) for half in np.geomspace(slowest, fastest, 5)]
+    found = least_squares(lambda one: one[2] + one[1] / (1.0 + v / one[0]), F, starts, low, high)
+    half, falls, _ = found.estimates()
+    if not falls > 1e-6 * size:
+        ends = f"from {F[np.argmin(v)]:.4g} at the lowest to {F[np.argmax(v)]:.4g} at the highest"
+        raise InputError(f"speeds: the force does not fall with the speed, {ends}: it tells no delay", "speeds")
+    if not slowest / 20.0 < half < 20.0 * fastest:
         raise InputError(
-            f"speeds: the force does not fall with the speed, from {F[np.argmin(v)]:.4g} at the lowest to "
-            f"{F[np.argmax(v)]:.4g} at the highest: it tells no delay",
-            "speeds",
-        )
-    bounds = [low - 1.0, 0.0, 0.0], [high + 1.0, math.inf, math.inf]
-    found, covariance = curve_fit(force, v, F, [start, falls, stays], bounds=bounds)
-    if not low + 0.4 < found[0] < high - 0.4:
-        raise InputError(
-            f"speeds: the force does not show at which speed it halves within {v.min():.3g} to {v.max():.3g} m/s; "
+            f"speeds: the force does not show at which speed it halves within {slowest:.3g} to {fastest:.3g} m/s; "
             "measure over a wider range",
             "speeds",
         )
-    misfit = math.sqrt(float(np.mean((F - force(v, *found)) ** 2)))
-    return math.exp(found[0]), math.sqrt(covariance[0, 0]), misfit
+    return half, found.rms
 
 
 def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Delays:
@@ -237,13 +220,13 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Delays:
     contacts add halves where the two take equal times. Breaking displacements are in m.
     """
     v, F = _pairs("speeds", speeds, "m/s", "0.1 mm/s")
-    half, error, misfit = half_speed_of(v, F)
+    half, misfit = half_speed_of(v, F)
     margins = [Gaussian(mean=1.0 - residual, std=std).positive() for std, residual in values[:, 1:3].tolist()]
     mean = np.array([margin.moment(1) for margin in margins])
     scatter = np.random.default_rng([6, len(mean)]).standard_t(len(F) - 3, len(mean))
     return Delays(
-        draws=np.asarray(mean * displacement / half * np.exp(error * scatter)),
-        half_speed=half,
+        draws=np.asarray(mean * displacement / half * np.exp(half.error / half * scatter)),
+        half_speed=float(half),
         misfit=misfit / max(float(np.ptp(F)), 1e-300),
     )
 

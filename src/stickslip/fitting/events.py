@@ -65,15 +65,15 @@ class Events(Answer):
     slip_samples: float = field(init=False)  #: median time of a drop in samples; below 5 it is not resolved
     sawtooth: float = field(init=False)  #: mean time of a rise over that of a drop: 1 for a sine, 10 for stick-slip
     loading_rate: float = field(init=False)  #: median rise of the force per time between slips
-    thirds: tuple[float, float] = field(init=False)  #: the same in the first and in the last third of the slips
     drift: float = field(init=False)  #: median loading rate in the last third of the slips over that in the first
+    rate_error: float = field(init=False)  #: relative, of the loading rate: half of what it drifts by
 
     def __post_init__(self) -> None:
         t, begins, ends = self.time, self.peak_at, self.trough_at
         peaks, troughs = (np.asarray(self.force[at]) for at in (begins, ends))
         rising, step, recurrence = t[begins[1:]] - t[ends[:-1]], np.median(np.diff(t)), np.diff(t[begins]).mean()
         slopes = (peaks[1:] - troughs[:-1]) / rising
-        third = max(len(slopes) // 3, 1)
+        third, rate = max(len(slopes) // 3, 1), float(np.median(slopes))
         first, last = float(np.median(slopes[:third])), float(np.median(slopes[-third:]))
         vars(self).update(
             peaks=peaks,
@@ -86,9 +86,9 @@ class Events(Answer):
             samples_per_period=float(recurrence / step),
             slip_samples=float(np.median(ends - begins)),
             sawtooth=float(rising.mean() / (t[ends] - t[begins]).mean()),
-            loading_rate=float(np.median(slopes)),
-            thirds=(first, last),
+            loading_rate=rate,
             drift=last / first,
+            rate_error=abs(last - first) / 2.0 / rate,
         )
 
     def __len__(self) -> int:
@@ -105,15 +105,8 @@ class Events(Answer):
 
     def __str__(self) -> str:
         f, t = self.force_unit, self.time_unit
-        low, high, noise, step = (
-            with_unit(value, f, digits)
-            for value, digits in (
-                (self.smallest, 3),
-                (PLATEAU * self.smallest, 3),
-                (self.noise, 2),
-                (self.resolution, 2),
-            )
-        )
+        low, high = (with_unit(value, f) for value in (self.smallest, PLATEAU * self.smallest))
+        noise, step = (with_unit(value, f, 2) for value in (self.noise, self.resolution))
         peak, trough = (f"{x.mean():.4g} ± {with_unit(x.std(), f)}" for x in (self.peaks, self.troughs))
         scatter, rate = self.drops.std() / self.drops.mean(), with_unit(self.loading_rate, f)
         return (
@@ -154,24 +147,13 @@ class Events(Answer):
 def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: float | None = None) -> Events:
     """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the steps of the recording.
 
-    A drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of the peak
-    on, or from where on the count of slips hardly changes while that is doubled. The first slip, before which the force
-    rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading belongs to
-    the slip before: the slider rings.
+    The trace holds `spring_force` along `time`, as `stickslip.read_trace` and `stickslip.simulate` return; `smallest`
+    is the smallest drop that counts, `after` a time before which slips are left out.
 
-    Parameters
-    ----------
-    trace : Dataset
-        With `spring_force` along `time`, as `stickslip.read_trace` and `stickslip.simulate` return.
-    smallest : float, optional
-        Smallest drop that counts, in the unit of the force.
-    after : float, optional
-        Look at slips after this time only.
-
-    Raises
-    ------
-    InputError
-        If there are no slips.
+    By default a drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of
+    the peak on, or from where on the count of slips hardly changes while that is doubled. The first slip, before which
+    the force rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading
+    belongs to the slip before: the slider rings.
 
     Examples
     --------
@@ -254,70 +236,54 @@ def check(events: Events) -> tuple[str, ...]:
     """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
     for fault in _faults(events):
         raise InputError(f"fit: {fault}")
-    return tuple(_notes(events))
-
-
-def _faults(events: Events) -> Iterator[str]:
-    """What makes a fit mislead, the plainest first."""
-    peak, smallest, least = events.mean_peak, events.smallest, with_unit(events.smallest, events.force_unit)
-    for fault in about_the_sensor(events.force):
-        yield f"{fault}; reduce its gain, and record again"
-    if events.gap > _LONGEST_GAP:
-        yield f"{events.gap} samples in a row are missing: at most {_LONGEST_GAP} are filled in; cut the trace there"
-    if events.load_change > _LOAD_CHANGE:
-        yield f"the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
-    if events.noise > _LARGEST_NOISE * peak:
-        yield (
-            f"the noise is {100 * events.noise / peak:.2g} % of the peak force: at most {100 * _LARGEST_NOISE:g} %; "
-            "smooth the trace, or record it with less noise"
-        )
-    if smallest > LARGEST_DROP * peak:
-        yield (
-            f"drops below {least}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
-            f"noise: at most {100 * LARGEST_DROP:g} %; record faster, or with less noise"
-        )
-    if events.sawtooth < _LEAST_SAWTOOTH:
-        yield (
-            f"the force rises for {events.sawtooth:.2g} times as long as it drops: this is an oscillation or noise, "
-            f"not stick-slip, where it is at least {_LEAST_SAWTOOTH:g}"
-        )
-    if events.samples_per_period < _FEWEST_SAMPLES:
-        yield (
-            f"{events.samples_per_period:.3g} samples from slip to slip: at least {_FEWEST_SAMPLES:g} are needed; "
-            "record faster, or pull slower"
-        )
-    if len(events) < FEWEST:
-        yield f"{len(events)} slips: at least {FEWEST} are needed; record for longer"
-    if events.doubled < (1.0 - LOST) * len(events):
-        yield (
-            f"{len(events)} drops of at least {least}, but {events.doubled} of at least twice that: how many slips "
-            "there are depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
-        )
-    change, when = _largest_step(events)
-    if change > _STEP:
-        yield (
-            f"the loading rate changes {change:.2g} times at t = {with_unit(when, events.time_unit, 4)}: the "
-            "speed or the load was changed; fit one part of the trace"
-        )
-    name, z = _halves(events)
-    if z > _DIFFERENT:
-        yield (
-            f"the halves of the trace differ: {name} by {z:.2g} standard errors, at most {_DIFFERENT:g}; fit one part "
-            "of the trace"
-        )
-
-
-def _notes(events: Events) -> Iterator[str]:
-    """What a reader should know."""
+    notes = []
     if abs(math.log(events.drift)) > math.log1p(_MOST_DRIFT):
-        yield (
+        notes.append(
             f"the loading rate in the last third is {events.drift:.2f} times that in the first: the drive or the rig "
             "is not steady; what is fitted depends on the order of the slips, not on time"
         )
     if events.sawtooth < _CLEAR_SAWTOOTH:
-        yield f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip"
+        notes.append(f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip")
     if events.slip_samples < RESOLVED:
-        yield f"slips are not resolved (samples in each: {events.slip_samples:.2g}): only bounds on mass and delay"
+        seen = f"samples in each: {events.slip_samples:.2g}"
+        notes.append(f"slips are not resolved ({seen}): only bounds on mass and delay")
+    return tuple(notes)
+
+
+def _faults(events: Events) -> Iterator[str]:
+    """What makes a fit mislead, the plainest first."""
+    least, count = with_unit(events.smallest, events.force_unit), len(events)
+    noise, smallest = events.noise / events.mean_peak, events.smallest / events.mean_peak
+    yield from (f"{fault}; reduce its gain, and record again" for fault in about_the_sensor(events.force))
+    if events.gap > _LONGEST_GAP:
+        yield f"{events.gap} samples in a row are missing: at most {_LONGEST_GAP} are filled in; cut the trace there"
+    if events.load_change > _LOAD_CHANGE:
+        yield f"the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
+    if noise > _LARGEST_NOISE:
+        yield f"the noise is {100 * noise:.2g} % of the peak force: at most {100 * _LARGEST_NOISE:g} %; smooth it"
+    if smallest > LARGEST_DROP:
+        most = f"at most {100 * LARGEST_DROP:g} %; record with less noise"
+        yield f"drops below {least}, {100 * smallest:.2g} % of the peak force, cannot be told from noise: {most}"
+    if events.sawtooth < _LEAST_SAWTOOTH:
+        seen = f"the force rises for {events.sawtooth:.2g} times as long as it drops"
+        yield f"{seen}: an oscillation or noise, not stick-slip, where it is at least {_LEAST_SAWTOOTH:g}"
+    if events.samples_per_period < _FEWEST_SAMPLES:
+        seen = f"{events.samples_per_period:.3g} samples from slip to slip"
+        yield f"{seen}: at least {_FEWEST_SAMPLES:g} are needed; record faster, or pull slower"
+    if count < FEWEST:
+        yield f"{count} slips: at least {FEWEST} are needed; record for longer"
+    if events.doubled < (1.0 - LOST) * count:
+        yield (
+            f"{count} drops of at least {least}, but {events.doubled} of at least twice that: how many slips there are "
+            "depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
+        )
+    change, when = _largest_step(events)
+    if change > _STEP:
+        at = with_unit(when, events.time_unit, 4)
+        yield f"the loading rate changes {change:.2g} times at t = {at}, with the speed or the load; fit one part"
+    name, z = _halves(events)
+    if z > _DIFFERENT:
+        yield f"the halves of the trace differ: {name} by {z:.2g} standard errors, at most {_DIFFERENT:g}; fit one part"
 
 
 def _halves(events: Events) -> tuple[str, float]:

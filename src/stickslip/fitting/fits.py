@@ -14,8 +14,8 @@ from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, instance, whole
 from stickslip.fitting import bench
 from stickslip.fitting.events import Events, check, pick_events
-from stickslip.fitting.inference import EDGE, infer
-from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, Unknown, sampled, simulate
+from stickslip.fitting.inference import EDGE, Sample, infer
+from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, sampled, simulate
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
 from stickslip.fitting.tables import DRAWS, SLIPS, Observation, table
 from stickslip.measure.arrays import Array
@@ -31,6 +31,7 @@ POSTERIOR = 300
 MOST_SLIPS = int(SLIPS / 1.25)
 """Slips fitted, at most: a fifth of those in the table may be too small to be seen."""
 Verdict = Literal["identified", "weak", "not identified", "at a bound"]
+_TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {key: row[:2] for key, row in bench.QUANTITIES.items()}
 _IDENTIFIED, _WEAK = 0.5, 0.7
 _WIDE = 10.0
 """An interval whose ends differ by more than this, a factor of three either way, identifies no size."""
@@ -66,18 +67,30 @@ class Interval:
     #: parameter of the model.
     verdict: Verdict | None = None
 
-    parts: tuple[float, float, float] | None = None  #: where the three quantiles lie in the range of the prior, 0 to 1
+    parts: tuple[float, ...] | None = None  #: where the three quantiles lie in the range of the prior, 0 to 1
 
     @classmethod
-    def of(cls, draws: Array, key: str, title: str, unit: str) -> Interval:
-        """Take it from draws."""
+    def of(cls, key: str, draws: Array, parts: Array | None = None) -> Interval:
+        """Take it from draws of a quantity; of a parameter, with where these lie in the range of the prior."""
+        title, unit = _TITLES[key]
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
-        return cls(key=key, title=title, unit=unit, low=low, median=median, high=high)
+        found = cls(key=key, title=title, unit=unit, low=low, median=median, high=high)
+        if parts is None:
+            return found
+        found = replace(found, parts=tuple(np.quantile(parts, (0.05, 0.5, 0.95)).tolist()))
+        verdict: Verdict = "not identified"
+        if max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean())) > _AT_BOUND:
+            verdict = "at a bound"
+        elif found.width < _IDENTIFIED and not (UNKNOWNS[KEYS.index(key)].decades and high > _WIDE * low):
+            verdict = "identified"
+        elif found.width < _WEAK:
+            verdict = "weak"
+        return replace(found, verdict=verdict)
 
     @property
-    def width(self) -> float | None:
-        """Of the interval over that of the prior, in decades where the prior is."""
-        return None if self.parts is None else (self.parts[2] - self.parts[0]) / 0.9
+    def width(self) -> float:
+        """Of the interval over that of the prior, in decades where the prior is; NaN of what is no parameter."""
+        return (self.parts[2] - self.parts[0]) / 0.9 if self.parts else math.nan
 
     def __str__(self) -> str:
         for digits in (2, 3, 4):  # as many as show that the ends differ
@@ -87,21 +100,6 @@ class Interval:
         wide = 0.0 < self.low * _WIDE < self.high
         factor = f", to a factor {math.sqrt(self.high / self.low):.2g} either way" if wide else ""
         return f"{median} ({low} to {high}){factor}"
-
-
-def _parameter(unknown: Unknown, values: Array, parts: Array) -> Interval:
-    """A parameter of the model, with what the trace says of it; parts lie between 0 and 1."""
-    low, middle, high = np.quantile(parts, (0.05, 0.5, 0.95)).tolist()
-    found = replace(Interval.of(values, unknown.key, unknown.title, "1"), parts=(low, middle, high))
-    width = (high - low) / 0.9
-    verdict: Verdict = "not identified"
-    if max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean())) > _AT_BOUND:
-        verdict = "at a bound"
-    elif width < _IDENTIFIED and not (unknown.decades and found.high > _WIDE * found.low):
-        verdict = "identified"
-    elif width < _WEAK:
-        verdict = "weak"
-    return replace(found, verdict=verdict)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -114,11 +112,7 @@ class Fit(Answer):
     strength: Array  #: total contact strength of each draw, in the unit of the force
     predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
     known: bench.Known  #: what was known besides
-    edge: float  #: percentile of the trace's distance from the simulations among those of series drawn from the prior
-    adjusted: bool  #: whether the draws were moved by a regression; not at the edge
-    effective: float  #: number of draws before they were made equally likely
-    invalid: float  #: fraction of the prior that does not stick-slip as the trace does
-    simulations: int
+    sample: Sample  #: the draws before they were made equally likely, and how they were found
     notes: tuple[str, ...]  #: what a reader should know
     delays: bench.Delays | None = None  #: what other speeds say of the delay
     strengthening: bench.Strengthening | None = None  #: what holds say of ageing
@@ -129,14 +123,19 @@ class Fit(Answer):
     @property
     def parameters(self) -> tuple[Interval, ...]:
         """The six parameters of the model, each with what the trace says of it."""
-        parts = self.prior.parts(self.values)
-        return tuple(_parameter(one, self.values[:, i], parts[:, i]) for i, one in enumerate(UNKNOWNS))
+        return tuple(self[key] for key in KEYS)
+
+    @property
+    def quantities(self) -> tuple[Interval, ...]:
+        """All that what is known allows to tell in SI units."""
+        if self.events.force_unit == "1" and "load" not in self.known:
+            return ()
+        return tuple(Interval.of(key, draws) for key, draws in self._in_si().items())
 
     def __getitem__(self, key: str) -> Interval:
         """A parameter of the model, or a quantity in SI units."""
-        if key in KEYS:
-            return self.parameters[KEYS.index(key)]
-        return Interval.of(self.draws(key), key, *bench.QUANTITIES[key][:2])
+        parts = self.prior.parts(self.values)[:, KEYS.index(key)] if key in KEYS else None
+        return Interval.of(key, self.draws(key), parts)
 
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.
@@ -156,13 +155,6 @@ class Fit(Answer):
         """Draws of all quantities that can be told."""
         found = bench.in_si(self.values, self.strength, self.events, self.known)
         return found | ({"delay": self.delays.draws} if self.delays else {})
-
-    @property
-    def quantities(self) -> tuple[Interval, ...]:
-        """All that what is known allows to tell in SI units."""
-        if self.events.force_unit == "1" and "load" not in self.known:
-            return ()
-        return tuple(Interval.of(draws, key, *bench.QUANTITIES[key][:2]) for key, draws in self._in_si().items())
 
     def series(self, row: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Peaks and troughs of a series of slips that one draw makes, in the unit of the force."""
@@ -192,10 +184,6 @@ class Fit(Answer):
         ends = (np.array([low, high, here]) - middle) / (np.maximum(high - low, 1e-12) / 4.0)
         rows = zip(NAMES, p.tolist(), ends.T.tolist(), strict=True)
         return tuple(Standing(name, p, name in FITTED, *places) for name, p, places in rows)
-
-    def surprises(self) -> tuple[str, ...]:
-        """Statistics that the draws do not make: p below .02."""
-        return tuple(one.name for one in self.test if one.p < LOW)
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
@@ -230,26 +218,25 @@ class Fit(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fit as plain numbers, texts and lists."""
-        kept = ("low", "median", "high", "unit", "verdict", "width")
 
         def intervals(found: tuple[Interval, ...]) -> dict[str, Any]:
-            return {one.key: {k: value for k in kept if (value := getattr(one, k)) is not None} for one in found}
+            of_parameters = ("verdict", "width") if found is parameters else ()
+            kept = ("low", "median", "high", "unit", *of_parameters)
+            return {one.key: {name: getattr(one, name) for name in kept} for one in found}
 
+        parameters = self.parameters
         found: dict[str, Any] = plain(
             {
                 "slips": len(self.events),
                 "force_unit": self.events.force_unit,
-                "parameters": intervals(self.parameters),
+                "parameters": intervals(parameters),
                 "quantities": intervals(self.quantities),
                 "known": self.known,
-                "effective_draws": self.effective,
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
                 "delay": self.delays and self.delays.to_dict(),
                 "ageing": self.strengthening,
-                "edge": self.edge,
-                "adjusted": self.adjusted,
-                "invalid": self.invalid,
-                "simulations": self.simulations,
+                "effective_draws": self.sample.effective,
+                **{name: getattr(self.sample, name) for name in ("edge", "adjusted", "invalid", "simulations")},
                 "p_values": self.p_values,
                 "notes": self.notes,
             }
@@ -358,24 +345,31 @@ def fit(
         strength=events.mean_peak / mean_peak[valid],
         predicted=predicted[valid],
         known=given,
-        edge=sample.edge,
-        adjusted=sample.adjusted,
-        effective=float(1.0 / (sample.weights**2).sum()),
-        invalid=sample.invalid,
-        simulations=sample.simulations,
+        sample=sample,
         notes=(),
         strengthening=bench.strengthening_of(holds) if holds else None,
     )
-    surprises = found.surprises()
-    worth_saying = {
-        f"the trace lies at the edge of what the model makes ({found.edge:.3g} percentile, above {EDGE:g}): the draws "
-        "were not moved by a regression, and the intervals are wider than need be": not found.adjusted,
-        **{f"{one.title}: at a bound of its prior": one.verdict == "at a bound" for one in found.parameters},
-        f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
-        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
-        "N is an effective number of independent strength units, inferred from the scatter; not a count of "
-        "asperities": found["contacts"].high < 100,
-    }
-    notes += [words for words, worth in worth_saying.items() if worth]
     delays = bench.delays_of(found.values, found.draws("breaking_displacement"), speeds) if speeds else None
-    return replace(found, notes=tuple(notes), delays=delays)
+    return replace(found, notes=(*notes, *_worth_saying(found)), delays=delays)
+
+
+def _worth_saying(found: Fit) -> list[str]:
+    """What a reader should know of a fit."""
+    notes = []
+    if not found.sample.adjusted:
+        notes.append(
+            f"the trace lies at the edge of what the model makes ({found.sample.edge:.3g} percentile, above {EDGE:g}): "
+            "the draws were not moved by a regression, and the intervals are wider than need be"
+        )
+    notes += [f"{one.title}: at a bound of its prior" for one in found.parameters if one.verdict == "at a bound"]
+    if surprises := [name for name, p in found.p_values.items() if p < LOW]:
+        notes.append(
+            f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
+            f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}"
+        )
+    if found["contacts"].high < 100:
+        notes.append(
+            "N is an effective number of independent strength units, inferred from the scatter; not a count of "
+            "asperities"
+        )
+    return notes

@@ -34,14 +34,19 @@ _LITTLE = 1e-3
 
 
 class Sample(NamedTuple):
-    """Weighted draws of the parameters, as parts of the ranges of the prior; other numbers as in `Fit`."""
+    """Weighted draws of the parameters, as parts of the ranges of the prior, and how they were found."""
 
     parts: Array
     weights: Array
-    edge: float
-    adjusted: bool
-    invalid: float
+    edge: float  #: percentile of the trace's distance from the simulations among those of series drawn from the prior
+    adjusted: bool  #: whether the draws were moved by a regression; not at the edge
+    invalid: float  #: fraction of the prior that does not stick-slip as the trace does
     simulations: int
+
+    @property
+    def effective(self) -> float:
+        """Number of draws that would tell as much if they were equally likely."""
+        return float(1.0 / (self.weights**2).sum())
 
 
 def infer(

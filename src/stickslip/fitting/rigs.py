@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number, whole
-from stickslip.fitting.bench import Known, drawn, in_si, newtons, rate_error, read_known, seconds
+from stickslip.fitting.bench import Known, drawn, in_si, newtons, read_known, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.io.friction import thresholds_of
 from stickslip.io.rig_files import from_document, to_document
@@ -157,7 +157,7 @@ def compared(made: Events, events: Events) -> tuple[str, bool]:
     """Slips that a rig makes beside those of a trace, in words; and whether mean drop and period agree within 90 %."""
     series = [(each.drops, np.diff(each.time[each.peak_at])) for each in (made, events)]
     agrees = True
-    for one, other, more in zip(*series, (0.0, rate_error(events)), strict=True):
+    for one, other, more in zip(*series, (0.0, events.rate_error), strict=True):
         error = math.hypot(more, *(float(x.std()) / (float(x.mean()) * math.sqrt(x.size)) for x in (one, other)))
         agrees &= abs(math.log(float(one.mean() / other.mean()))) <= _NINETY * max(error, 1e-9)
     return f"its own run drops {_said(made)}, the trace {_said(events)}", agrees

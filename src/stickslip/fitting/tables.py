@@ -10,9 +10,10 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError, whole
 from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.model import FLOOR, KEYS, VERSION, Prior, simulate
-from stickslip.fitting.summary import NAMES, statistics
+from stickslip.fitting.summary import statistics
 from stickslip.io import files
 from stickslip.kernels.turning_points import Sampling, larger, observe
 from stickslip.measure.arrays import Array
@@ -80,17 +81,8 @@ def table(
     """Return the table of a prior: from the cache as far as it is there, the rest simulated and kept.
 
     Cut short, it goes on from where it was. The same prior, seed and size give the same table, on any number of cores.
-
-    Parameters
-    ----------
-    prior : Prior
-    draws, slips : int
-        Its size. The usual one takes some minutes once.
-    seed : int
-    executor : Executor, optional
-        Where the blocks are simulated, such as ``Client.get_executor()`` of Dask; by default threads, one per core.
-    progress : callable, optional
-        Is told what part is there.
+    Blocks are simulated by an `executor`, such as ``Client.get_executor()`` of Dask; by default by threads, one per
+    core. `progress` is told what part is there.
 
     Examples
     --------
@@ -110,25 +102,19 @@ def table(
             f"{place}: cannot be made ({error.strerror}); name another folder in STICKSLIP_CACHE"
         ) from None
     paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
-    blocks = {block: found for block, path in enumerate(paths) if (found := _read(path, prior, slips))}
-    missing = [block for block in range(len(paths)) if block not in blocks]
+    blocks = [_read(path, prior, slips) for path in paths]
+    missing = [i for i, block in enumerate(blocks) if block is None]
     if missing:
-        simulate_block(prior, 0, 0, 30, seed)  # compiles, before threads ask for it all at once
+        simulate_block(0, prior, 0, 30, seed)  # compiles, before threads ask for it all at once
+        one = partial(simulate_block, prior=prior, draws=_BLOCK, slips=slips, seed=seed)
         with nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count()) as pool:
-            waiting = {pool.submit(simulate_block, prior, block, _BLOCK, slips, seed): block for block in missing}
-            try:
-                for future in as_completed(waiting):
-                    block = waiting[future]
-                    blocks[block] = future.result()
-                    content = BytesIO()
-                    np.savez(content, allow_pickle=False, **{name: getattr(blocks[block], name) for name in _FIELDS})
-                    files.write(paths[block], content.getvalue())
-                    if progress is not None:
-                        progress(len(blocks) / len(paths))
-            finally:
-                for future in waiting:
-                    future.cancel()
-    return joined([blocks[block] for block in range(len(paths))], draws)
+            for left, (i, block) in enumerate(zip(missing, pool.map(one, missing), strict=True), 1 - len(missing)):
+                blocks[i], content = block, BytesIO()
+                np.savez(content, allow_pickle=False, **{name: getattr(block, name) for name in _FIELDS})
+                files.write(paths[i], content.getvalue())
+                if progress is not None:
+                    progress(1.0 + left / len(paths))
+    return joined([block for block in blocks if block is not None], draws)
 
 
 def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
@@ -137,7 +123,7 @@ def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
     return Table(prior=tables[0].prior, **made)
 
 
-def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> Table:
+def simulate_block(block: int, prior: Prior, draws: int, slips: int, seed: int) -> Table:
     """Simulate one block of the table; what it holds depends on its number and on the seed alone."""
     rng = np.random.default_rng([seed, block])
     return _simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
@@ -193,14 +179,9 @@ class Observation(NamedTuple):
 
         def look(begin: int) -> tuple[Array, Array]:
             rng, some = np.random.default_rng([seed, begin]), range(begin, min(begin + _AT_A_TIME, len(table)))
-            seen = np.empty((len(some), 2, self.slips))
             series = ((table.peaks[i, : table.count[i]], table.troughs[i, : table.count[i]]) for i in some)
-            whole = [self._shows(*each, rng, room) for each, room in zip(series, seen, strict=True)]
-            found, size = np.full((len(some), len(NAMES)), np.nan), np.full(len(some), np.nan)
-            if any(whole):
-                P, T = seen[whole, 0], seen[whole, 1]
-                found[whole], size[whole] = statistics(P, T), P.mean(axis=-1)
-            return found, size
+            P, T = np.stack([self._seen(*each, rng) for each in series], axis=1)
+            return statistics(P, T), P.mean(axis=-1)
 
         looked = _on_all_cores(look, range(0, len(table), _AT_A_TIME))
         found, size = (np.concatenate(each) for each in zip(*looked, strict=True))
@@ -215,16 +196,18 @@ class Observation(NamedTuple):
 
         return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
 
-    def _shows(self, peaks: Series, troughs: Series, rng: np.random.Generator, seen: Array) -> bool:
-        """Sample and pick one series, as `seen`: whether as many slips are as in the trace, on a plateau of n(h)."""
-        if peaks.size <= self.slips:  # the first begins the trace
-            return False
-        P, T = peaks.astype(float), troughs.astype(float)
-        sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
-        if observe(P, T, sampling, rng, seen) < self.slips:
-            return False
-        doubled = PLATEAU * sampling.drop
-        return larger(seen[0], seen[1], doubled, least_rise(doubled, sampling.noise)) >= (1.0 - LOST) * self.slips
+    def _seen(self, peaks: Series, troughs: Series, rng: np.random.Generator) -> Array:
+        """One series, sampled and picked: as many slips as in the trace, on a plateau of n(h), or NaN."""
+        seen = np.empty((2, self.slips))
+        if peaks.size > self.slips:  # the first begins the trace
+            P, T = peaks.astype(float), troughs.astype(float)
+            sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
+            doubled = PLATEAU * sampling.drop
+            rise = least_rise(doubled, sampling.noise)
+            found = observe(P, T, sampling, rng, seen)
+            if found == self.slips and larger(seen[0], seen[1], doubled, rise) >= (1.0 - LOST) * found:
+                return seen
+        return np.full_like(seen, np.nan)
 
 
 def _on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Found]:
