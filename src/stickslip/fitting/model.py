@@ -57,13 +57,9 @@ Range = tuple[float, float]
 class Prior:
     """What is held possible before a trace is seen: each parameter evenly spread over its range, two in decades.
 
-    Parameters
-    ----------
-    contacts, stiffness_ratio : (float, float)
-        Effective number of contacts, and ``K/(N k)``; evenly spread in their logarithms.
-    threshold_std, sliding_force, damping_ratio, track_scatter : (float, float)
-        Standard deviation of the thresholds and force of a sliding contact, over the mean threshold; damping ratio on
-        the driving spring; scatter of the thresholds from slip to slip.
+    They are those of `stickslip.fitting.UNKNOWNS`: effective number of contacts and ``K/(N k)``, evenly spread in their
+    logarithms; standard deviation of the thresholds and force of a sliding contact, over the mean threshold; damping
+    ratio on the driving spring; scatter of the thresholds from slip to slip.
     """
 
     contacts: Range = (5.0, 500.0)
@@ -149,24 +145,8 @@ def synthetic_trace(
 ) -> xr.Dataset:
     """Return a trace of known parameters, as a bench would record it: from rest, sampled, with noise.
 
-    Parameters
-    ----------
-    contacts, threshold_std, sliding_force, stiffness_ratio, damping_ratio, track_scatter : float
-        The truth, as in `Prior`.
-    slips : int
-        How many there are.
-    bench : Bench
-    seed : int
-
-    Returns
-    -------
-    Dataset
-        `spring_force` in N along `time` in s.
-
-    Raises
-    ------
-    InputError
-        If there are hardly any slips with these parameters.
+    The parameters are the truth, as in `Prior`; so many `slips` are there. The Dataset holds `spring_force` in N along
+    `time` in s. Parameters with which there are hardly any slips are refused.
 
     Examples
     --------

@@ -20,6 +20,7 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number, whole
 from stickslip.fitting.bench import Known, drawn, in_si, newtons, read_known, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
+from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.friction import thresholds_of
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
@@ -51,20 +52,20 @@ _LEAST_RATIO = 0.01
 """How much faster the spring is wound up than the force rises, at least, for the difference to say anything."""
 
 _ASSUMED = "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
-KEYS: Mapping[str, tuple[str, str]] = {
-    "slider.mass": ("kg", _ASSUMED),
-    "slider.stiffness": ("N/m", ""),
-    "slider.damping_ratio": ("", "damping_ratio"),
-    "interface.contact_strength": ("N", "from the mean force before a slip"),
-    "interface.breaking_displacement": ("m", "stiffness_ratio"),
-    "interface.thresholds.std": ("", "threshold_std"),
-    "interface.sliding_force": ("N", "sliding_force"),
-    "interface.newborn.mean": ("", "sliding_force"),
-    "interface.track_scatter": ("", "track_scatter"),
-    "interface.delay": ("s", "identified by the force at several speeds"),
-    "drive.velocity": ("m/s", "stiffness_ratio"),
+KEYS: Mapping[str, tuple[str, str, str]] = {
+    "slider.mass": ("mass", "kg", _ASSUMED),
+    "slider.stiffness": ("stiffness", "N/m", ""),
+    "slider.damping_ratio": ("damping_ratio", "", "damping_ratio"),
+    "interface.contact_strength": ("contact_strength", "N", "from the mean force before a slip"),
+    "interface.breaking_displacement": ("breaking_displacement", "m", "stiffness_ratio"),
+    "interface.thresholds.std": ("threshold_std", "", "threshold_std"),
+    "interface.sliding_force": ("sliding_friction", "N", "sliding_force"),
+    "interface.newborn.mean": ("sliding_force", "", "sliding_force"),
+    "interface.track_scatter": ("track_scatter", "", "track_scatter"),
+    "drive.velocity": ("speed", "m/s", "stiffness_ratio"),
+    "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
-"""Keys of a rig file that a fit fills in: the unit of their draws, and how they were found or which parameter tells."""
+"""Keys of a rig file that a fit fills in: what of it, the unit, and how it was found or which parameter tells."""
 _GIVEN = {"slider.stiffness": "stiffness", "slider.mass": "mass", "drive.velocity": "speed"}
 """Keys whose values are not fitted where they are known."""
 
@@ -108,7 +109,7 @@ def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, A
     assumed = {} if "interface.delay" in fitted else {"interface.delay": _NO_DELAY}
     entries = {}
     for path, draws in fitted.items():
-        how = says.get(KEYS[path][1], KEYS[path][1])
+        how = says.get(KEYS[path][2], KEYS[path][2])
         if how.startswith("assumed"):
             assumed[path] = how.removeprefix("assumed: ")
         low, high = (_written(path, value, 3) for value in np.quantile(draws, (0.05, 0.95)).tolist())
@@ -169,28 +170,18 @@ def _said(events: Events) -> str:
 
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
-    """Draws of every key, in SI units."""
+    """Draws of every key but the delay, in SI units."""
     values, events, count = found.values, found.events, len(found)
-    told = {name: _rounded(draws) for name, draws in in_si(values, found.strength, events, known).items()}
-    strength, residual, K = told["contact_strength"], _rounded(values[:, 2]), drawn(known, "stiffness", count)
-    if "mass" in known:
-        mass = drawn(known, "mass", count)
-    else:  # what lets a slip be as short as it was recorded, or anything lighter where slips are not resolved
-        mass = K * (events.slip_samples * events.step * seconds(events) / math.pi) ** 2 * (1.0 - values[:, 4] ** 2)
+    told = {**dict(zip(PARAMETERS, values.T, strict=True)), **in_si(values, found.strength, events, known)}
+    told |= {name: drawn(known, name, count) for name in ("stiffness", "mass", "speed") if name in known}
+    if "mass" not in known:  # what lets a slip be as short as it was recorded, or anything lighter where none is seen
+        lasts = events.slip_samples * events.step * seconds(events)
+        told["mass"] = told["stiffness"] * (lasts / math.pi) ** 2 * (1.0 - told["damping_ratio"] ** 2)
         if events.slip_samples < RESOLVED:
-            mass = mass * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
-    return {
-        "slider.mass": _rounded(mass),
-        "slider.stiffness": K,
-        "slider.damping_ratio": _rounded(values[:, 4]),
-        "interface.contact_strength": strength,
-        "interface.breaking_displacement": told["breaking_displacement"],
-        "interface.thresholds.std": _rounded(values[:, 1]),
-        "interface.sliding_force": strength * residual,
-        "interface.newborn.mean": residual,
-        "interface.track_scatter": _rounded(values[:, 5]),
-        "drive.velocity": _rounded(drawn(known, "speed", count)) if "speed" in known else told["speed"],
-    }
+            told["mass"] = told["mass"] * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
+    draws = {path: _rounded(told[name]) for path, (name, *_) in KEYS.items() if name in told}
+    of_all = draws["interface.contact_strength"] * draws["interface.newborn.mean"]
+    return draws | {"slider.stiffness": told["stiffness"], "interface.sliding_force": of_all}
 
 
 def _rounded(values: Array) -> Array:
@@ -206,7 +197,7 @@ def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
 
 
 def _written(path: str, value: float, digits: int) -> Any:
-    unit = KEYS.get(path, ("", ""))[0]
+    unit = KEYS[path][1] if path in KEYS else ""
     return engineering(value, unit, digits) if unit else float(f"{value:.{digits}g}")
 
 
@@ -356,18 +347,7 @@ class Uncertain(Answer):
 def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | None = None) -> Uncertain:
     """Judge a fitted rig over the draws that its file holds: how often smooth sliding is unstable, at five speeds.
 
-    Parameters
-    ----------
-    rig : Rig
-        With fitted values.
-    most : int
-        Draws judged.
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        If nothing of the rig was fitted.
+    So many draws are judged at most; `InputError` if nothing of the rig was fitted.
     """
     from stickslip.stability import count_unstable
 
@@ -376,26 +356,23 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
     columns = {path: one.draws for path, one in rig.fitted.items() if one.draws}
     if not columns:
         raise InputError(f"rig {rig.name!r}: holds no fitted values with draws; make it with stickslip fit")
-    count = min(most, *(len(draws) for draws in columns.values()))
-    document = to_document(rig)
-    unstable, undecided, reason = np.zeros(len(_SPEEDS)), np.zeros(len(_SPEEDS)), ""
-    if isinstance(rig.interface.delay, OnArrest):
-        undecided, reason = undecided + count, _ON_ARREST
+    count, document = min(most, *(len(draws) for draws in columns.values())), to_document(rig)
+    reason = _ON_ARREST if isinstance(rig.interface.delay, OnArrest) else ""
+    unstable = np.full((count, len(_SPEEDS)), np.nan)  # of each draw at each speed: 1, 0, or not told
     for i in range(0 if reason else count):
         made = _at(document, {path: draws[i] for path, draws in columns.items()}, "a draw")
         smooth = replace(made, interface=replace(made.interface, track_scatter=0.0))  # it is that from slip to slip
         for k, factor in enumerate(_SPEEDS):
             try:
-                unstable[k] += count_unstable(smooth.replace(velocity=made.velocity * factor).natural) > 0
+                unstable[i, k] = count_unstable(smooth.replace(velocity=made.velocity * factor).natural) > 0
             except (InputError, UndecidedError) as error:
-                undecided[k] += 1
                 reason = str(error)
         if progress is not None:
             progress((i + 1) / count)
     return Uncertain(
         draws=count,
         speeds=tuple(rig.velocity * factor for factor in _SPEEDS),
-        unstable=tuple((unstable / count).tolist()),
-        undecided=tuple((undecided / count).tolist()),
+        unstable=tuple((np.nansum(unstable, axis=0) / count).tolist()),
+        undecided=tuple(np.isnan(unstable).mean(axis=0).tolist()),
         reason=reason,
     )

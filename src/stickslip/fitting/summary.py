@@ -89,17 +89,9 @@ def detrended(values: Array) -> Array:
 
 
 def statistics(peaks: Array, troughs: Array) -> Array:
-    """The statistics `NAMES` of series of slips.
+    """The statistics `NAMES` of series of slips, along a new last axis.
 
-    Parameters
-    ----------
-    peaks, troughs : array
-        Force before and after each slip, along the last axis; in any unit.
-
-    Returns
-    -------
-    array
-        The last axis is that of `NAMES`.
+    Forces before and after each slip, along the last axis, are in any unit.
     """
     high = peaks.mean(axis=-1, keepdims=True)
     mean_drop = (peaks - troughs).mean(axis=-1, keepdims=True)
