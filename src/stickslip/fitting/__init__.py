@@ -9,7 +9,7 @@ from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.fits import Fit, Interval, fit
 from stickslip.fitting.model import UNKNOWNS, Bench, Prior, synthetic_trace
 from stickslip.fitting.rigs import Uncertain, over_draws, quick_fit
-from stickslip.fitting.summary import FITTED, HELD_OUT, covariance, statistics
+from stickslip.fitting.summary import FITTED, HELD_OUT, statistics
 from stickslip.fitting.tables import Table, table
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "Table",
     "Uncertain",
     "check",
-    "covariance",
     "fit",
     "over_draws",
     "pick_events",

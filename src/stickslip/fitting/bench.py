@@ -163,15 +163,15 @@ class Delays(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """As plain numbers."""
-        low, median, high = np.quantile(self.draws, (0.05, 0.5, 0.95)).tolist()
-        return {"low": low, "median": median, "high": high, "half_speed": self.half_speed, "misfit": self.misfit}
+        ends = zip(("low", "median", "high"), np.quantile(self.draws, (0.05, 0.5, 0.95)).tolist(), strict=True)
+        return {**dict(ends), "half_speed": self.half_speed, "misfit": self.misfit}
 
     def __str__(self) -> str:
         low, median, high = (engineering(each, "s", 2) for each in np.quantile(self.draws, (0.05, 0.5, 0.95)))
+        half, misfit = engineering(self.half_speed, "m/s", 3), f"{100 * self.misfit:.2g} % of the range"
         return (
-            f"From friction at several speeds: re-attachment delay {median} ({low} to {high}): the friction of "
-            f"attached contacts halves at {engineering(self.half_speed, 'm/s', 3)}; misfit {100 * self.misfit:.2g} % "
-            "of the range"
+            f"From friction at several speeds: re-attachment delay {median} ({low} to {high}); the friction of "
+            f"attached contacts halves at {half}; misfit {misfit}"
         )
 
 
@@ -194,8 +194,7 @@ class Strengthening(Answer):
 
 def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float]:
     """Half-speed, and rms misfit, of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
-    v, F = np.asarray(speeds, dtype=float), np.asarray(forces, dtype=float)
-    _enough("speeds", v)
+    v, F = np.asarray(speeds), np.asarray(forces)
     size, slowest, fastest = float(np.abs(F).max()), float(v.min()), float(v.max())
     low, high = np.array([[slowest / 80.0, 0.0, 0.0], [80.0 * fastest, 1e3 * size, size]])
     starts = [np.array([half, float(np.ptp(F)), float(F.min())]) for half in np.geomspace(slowest, fastest, 5)]
@@ -234,30 +233,21 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Delays:
 def strengthening_of(holds: Pairs) -> Strengthening:
     """Straight line of static friction over the logarithm of the time of rest before."""
     t, F = _pairs("holds", holds, "s", "10 s")
-    _enough("holds", t)
     (slope, _), covariance = np.polyfit(np.log10(t), F, 1, cov=True)
     size = float(F[np.argmin(t)])
     return Strengthening(per_decade=float(slope) / size, error=math.sqrt(covariance[0, 0]) / size, freedom=len(F) - 2)
 
 
-def _enough(place: str, values: Array) -> None:
-    if (count := np.unique(values).size) < _FEWEST[place]:
-        raise InputError(f"{place}: {count} different ones: at least {_FEWEST[place]} are needed", place)
-
-
 def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, Array]:
-    """Pairs of numbers in SI units, or texts with units, of something and a force."""
-    pairs = f"({example!r}, '12 N')"
-    found = []
-    for i, pair in enumerate(sequence(place, given, f"pairs, such as [{pairs}]")):
-        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
-            raise InputError(f"{place}[{i}] = {pair!r}: must be a pair, such as {pairs}", place)
-        first, force = pair
-        found.append(
-            (read_value(f"{place}[{i}]", first, unit, example), read_value(f"{place}[{i}]", force, "N", "12 N"))
-        )
-    columns = np.array(found, dtype=float).reshape(-1, 2).T
-    return columns[0], columns[1]
+    """Pairs of numbers in SI units, or texts with units, of something and a force; of the former enough for a curve."""
+    hint = f"pairs, such as ({example!r}, '12 N')"
+    rows = [sequence(place, pair, hint) for pair in sequence(place, given, hint)]
+    if any(len(row) != 2 for row in rows):
+        raise InputError(f"{place}: must be {hint}", place)
+    found = np.array([(read_value(place, x, unit, example), read_value(place, F, "N", "12 N")) for x, F in rows])
+    if (count := np.unique(found[:, 0]).size) < _FEWEST[place]:
+        raise InputError(f"{place}: {count} different ones: at least {_FEWEST[place]} are needed", place)
+    return found[:, 0], found[:, 1]
 
 
 def read_pairs(path: Path | None) -> Pairs:
@@ -267,8 +257,8 @@ def read_pairs(path: Path | None) -> Pairs:
     rows: list[tuple[object, object]] = []
     text = files.read(path, "table of two columns", largest=1_000_000).decode("utf-8", "replace")
     for at, line in enumerate(text.splitlines(), start=1):
-        cells = re.split(r"\s*[,;]\s*|\s+", line.split("#")[0].strip())
-        if cells == [""] or not (rows or any(re.match(r"[-+]?[.]?\d", cell) for cell in cells)):
+        cells = re.findall(r"[^\s,;]+", line.partition("#")[0])
+        if not cells or not (rows or any(re.match(r"[-+]?[.]?\d", cell) for cell in cells)):
             continue
         try:
             first, second = map(float, cells)

@@ -15,7 +15,7 @@ import xarray as xr
 
 from stickslip.errors import InputError, number, whole
 from stickslip.measure.arrays import Array
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 
 VERSION = 2
 """Of what `simulate` makes of parameters and a seed: a table made by another version is not used."""
@@ -115,7 +115,7 @@ def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class Bench(Record):
     """How a made-up trace is loaded and recorded."""
 
     #: Total contact strength.
@@ -126,9 +126,6 @@ class Bench:
     samples: Annotated[float, Number(above=2)] = 50.0
     #: Standard deviation of white noise, over the mean peak.
     noise: Annotated[float, Number(at_least=0)] = 0.002
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 def synthetic_trace(

@@ -121,11 +121,6 @@ def resampled(peaks: Array, troughs: Array, *, seed: int = 0, resamples: int = _
     return _of(P - means[0][:, None], T - means[1][:, None], fraction + means[0] - means[1])
 
 
-def covariance(peaks: Array, troughs: Array, *, seed: int = 0) -> Array:
-    """Covariance of the statistics `NAMES` of one series of slips, by block bootstrap."""
-    return np.asarray(np.cov(resampled(peaks, troughs, seed=seed), rowvar=False), dtype=float)
-
-
 def comparable(found: Array) -> Array:
     """The fitted statistics on scales on which their scatter is even: logarithms, and Fisher's z of correlations."""
     return np.stack([scale(found[..., i]) for i, (_, scale) in enumerate(_FITTED.values())], axis=-1)
