@@ -259,7 +259,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         if attempt.kind == "undecided":
             yield "attempt, undecided", ""
             continue
-        smooth = attempt.kind in ("smooth sliding", "smooth in one run")
+        smooth = attempt.kind in ("smooth sliding", "smooth in one run, not in all")
         fits = "smooth sliding" in kinds if smooth else kinds != {"smooth sliding"}
         yield "attempt", "" if fits else f"{attempt}: {kinds}"
 

@@ -7,7 +7,7 @@ import logging
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,6 @@ from stickslip.errors import InputError, printable
 from stickslip.progress import bar, log_of
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from stickslip.advise import ElasticPrediction, Prediction
     from stickslip.sweep import Progress
 
@@ -111,12 +109,10 @@ def print_json(value: Any) -> None:
 
 
 def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None) -> None:
-    """Print an answer: the sentence, its evidence, margins, mitigations, and what was assumed."""
+    """Print an answer: the sentence, what is said beneath it, and what of the rig was assumed or fitted."""
     from rich.console import Console
+    from rich.table import Table
     from rich.text import Text
-
-    from stickslip.advise import ElasticPrediction
-    from stickslip.advise import say as words
 
     # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
     # write is no markup.
@@ -125,62 +121,30 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
         Console(highlight=False, markup=False, emoji=False, width=width and times * width) for times in (1, 2)
     )
 
-    def say(line: str, bold: str = "") -> None:
-        indent = "  " if line.startswith("- ") else ""
+    def say(line: str, bold: str = "", indent: str = "") -> None:
         whole = Text.assemble((printable(bold), "bold"), printable(line))
-        for text in whole.wrap(console, console.width - len(indent)):
+        for k, text in enumerate(whole.wrap(console, console.width - len(indent))):
             text.rstrip()
-            console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
-
-    def headed(title: str, rest: str) -> None:
-        console.print()
-        say(rest, title)
-
-    def bullets(title: str, rest: str, lines: Iterable[str]) -> None:
-        for k, line in enumerate(lines):
-            if k == 0:
-                headed(title, rest)
-            say(f"- {line}")
+            console.print(Text(indent if k else "") + text, soft_wrap=True)
 
     rig = found.rig
+    told = [
+        *found.sections,
+        ("Assumed", ", not measured", [f"{key}: {item}" for key, item in rig.assumed.items()]),
+        ("Fitted", " to a trace, with 90 % intervals", [f"{key}: {item}" for key, item in rig.fitted.items()]),
+    ]
     say(f": {found.verdict}", rig.name)
-    if isinstance(found, ElasticPrediction):
-        bullets("By wavelength", ", the softest first (linear stability)", words.waves(found))
-    else:
-        console.print()
-        for line in str(found.regime).splitlines() if found.judged else [f"To measure it, {words.TO_MEASURE}"]:
-            say(line)
-        console.print()
-        tables.print(_table({}, words.numbers(found)))
-        if found.margins:
-            headed("Margins", " of smooth sliding, one parameter varied at a time (linear stability, without noise)")
-            titles = ("parameter", "now", "stability limit below", "stability limit above")
-            tables.print(_table(dict.fromkeys(titles), words.margins(found)))
-        bullets("Mitigations", f"{words.where(found)}, the smallest change first; simulated", words.mitigations(found))
-        bullets("Tried", ", within the range searched", words.attempts(found))
-        for note in words.not_searched(found):
-            headed("", note)
-    if rig.assumed:
-        headed("Assumed", ", not measured")
-        # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
-        key = max(len(key) for key in rig.assumed)
-        said = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key) // 2)
-        how = max(console.width - key - said - 4, 17)
-        widths = {"key": key, "assumed": max(said, len("assumed")), "how to measure it": how}
-        console.print(_table(widths, ((key, item.said, item.how) for key, item in rig.assumed.items())))
-    bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
+    for title, rest, rows in told:
+        if rows:
+            console.print()
+            say(rest, title) if title else None
+        table = Table(box=None, pad_edge=False, show_header=False)
+        for row in rows:
+            if isinstance(row, str):
+                say(f"- {row}" if title else row, indent="  " if title else "")
+            else:
+                table.add_row(*(Text(printable(cell)) for cell in row))
+        if table.rows:
+            tables.print(table)
     if picture is not None:
         console.print(f"\npicture: {picture}", soft_wrap=True)
-
-
-def _table(columns: Mapping[str, int | None], rows: Iterable[Iterable[str]]) -> Table:
-    """Return a table; its columns by title, with their widths where they are set, or without titles."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, show_header=bool(columns))
-    for title, width in columns.items():
-        table.add_column(title, width=width)
-    for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))
-    return table

@@ -14,6 +14,12 @@ from stickslip.words import number
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
 
+
+def part(report: Progress, begin: float, end: float) -> Progress:
+    """What reports on a part of the work, from one fraction of all of it to another."""
+    return lambda share: report(begin + (end - begin) * share)
+
+
 LINES_EVERY = 60.0
 """Seconds between the lines in a log."""
 

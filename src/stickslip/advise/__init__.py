@@ -10,10 +10,9 @@ differ:
 """
 
 from stickslip.advise import say
-from stickslip.advise.answer import Margin, Prediction
+from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
 from stickslip.advise.bands import Band
 from stickslip.advise.chart import chart
-from stickslip.advise.elastic import ElasticPrediction, WaveAnswer
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.prediction import complete, predict
 

@@ -1,4 +1,4 @@
-"""What is predicted for a rig."""
+"""What is predicted for a rig: the records of the answer."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import html
 import math
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from stickslip.advise import say
-from stickslip.advise.bands import OSCILLATES, Band
+from stickslip.advise.bands import OSCILLATES, Band, joined
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.answers import Answer, plain
 from stickslip.measure import Regime
@@ -20,6 +20,42 @@ from stickslip.simulation import Recording
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+    from stickslip.elastic.modes import CriticalLength
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Foretold(Answer):
+    """An answer about a rig: its verdict, and the sections beneath it."""
+
+    _derived: ClassVar[tuple[str, ...]]  # what is told besides the fields
+    verdict: ClassVar[Any]
+    sections: ClassVar[Any]
+
+    rig: Rig
+
+    def __str__(self) -> str:
+        lines = [f"{self.rig.name}: {self.verdict}"]
+        for title, rest, rows in self.sections:
+            told = [f"- {row}" for row in rows if title and isinstance(row, str)]
+            lines += [f"{title}{rest}:", *told] if told else []
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        told = f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.verdict)}</p>"
+        for title, rest, rows in self.sections:
+            cells = [[html.escape(cell) for cell in ([row] if isinstance(row, str) else row)] for row in rows]
+            body = "".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in cells)
+            told += f"<p><b>{title}</b>{html.escape(rest)}</p><table>{body}</table>"
+        return told
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
+        names = ["verdict", "units", *self._derived, *(field.name for field in fields(self))]
+        told = {name: getattr(self, name) for name in names if name not in ("rig", "recording")}
+        assumed = {key: str(item) for key, item in self.rig.assumed.items()}
+        found: dict[str, Any] = plain({"rig": self.rig.name, "velocity": self.rig.velocity, **told, "assumed": assumed})
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +83,7 @@ class Margin:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Prediction(Answer):
+class Prediction(Foretold):
     """What `predict` found; every number in the rig's own units. It prints as its short text.
 
     Attributes
@@ -87,7 +123,9 @@ class Prediction(Answer):
         False where a run of the rig's own contacts leaves linearly stable smooth sliding.
     """
 
-    rig: Rig
+    headline, verdict, sections = property(say.headline), property(say.verdict), property(say.sections)
+    _derived = ("at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude", "relative_amplitude")
+
     recording: Recording
     regime: Regime
     static_friction: float
@@ -163,44 +201,29 @@ class Prediction(Answer):
         return self.regime.peak_to_peak / self.static_friction
 
     @property
-    def headline(self) -> str:
-        """What the rig does at its own speed."""
-        return say.headline(self)
-
-    @property
-    def verdict(self) -> str:
-        """The answer in one sentence."""
-        return say.verdict(self)
-
-    @property
     def at_speeds(self) -> tuple[tuple[float, str], ...]:
         """Each speed at which the rig works, in its own units, and the motion there from a start at rest."""
-        size, found = self.rig.unit("x_s/time"), list[tuple[float, str]]()
-        for speed in (speed * size for speed in self.rig.operation.speeds):
-            there = (band.motion for band in self.bands if band.low <= speed <= band.high)
-            here = math.isclose(speed, self.rig.velocity)
-            found.append((speed, self.regime.kind if here else next(there, "undecided")))
-        return tuple(found)
+        speeds = [speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds]
+        return tuple((speed, self._motion_at(speed)) for speed in speeds)
+
+    def _motion_at(self, speed: float) -> str:
+        if math.isclose(speed, self.rig.velocity):
+            return self.regime.kind
+        return next((band.motion for band in self.bands if band.low <= speed <= band.high), "undecided")
 
     @property
     def between(self) -> tuple[float, float] | None:
         """The range of speeds at which the rig works, in its own units: as given, or those its drive goes through."""
-        size = self.rig.unit("x_s/time")
-        if self.rig.operation.between is not None:
-            low, high = self.rig.operation.between
-            return low * size, high * size
-        through = sorted(abs(v) * size for piece in self.rig.drive.pieces for v in (piece.start, piece.end))
-        return None if through[0] == through[-1] else (max(through[0], self.speeds_searched[0]), through[-1])
+        given, pieces = self.rig.operation.between, self.rig.drive.pieces
+        ends = given or [abs(speed) for piece in pieces for speed in (piece.start, piece.end)]
+        low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
+        return None if low == high else (max(low, self.speeds_searched[0]), high)
 
-    def __str__(self) -> str:
-        return say.text(self)
-
-    def _repr_html_(self) -> str:
-        told = html.escape
-        rows = "".join(f"<tr><td>{told(name)}</td><td>{told(value)}</td></tr>" for name, value in say.numbers(self))
-        items = "".join(f"<li>{told(line)}</li>" for line in say.advice(self))
-        items = f"<ul>{items}</ul>" if items else ""
-        return f"<p><b>{told(self.rig.name)}</b>: {told(self.verdict)}</p><table>{rows}</table>{items}"
+    @property
+    def units(self) -> dict[str, str]:
+        """Names of the units that numbers are in."""
+        names = {p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
+        return names | {"force": self.rig.unit_name("f_s"), "frequency": say.frequency_unit(self.rig)}
 
     def plot(self) -> Figure:
         """Draw the answer: the motion at each speed, the force at the rig's speed, and the margins."""
@@ -208,17 +231,75 @@ class Prediction(Answer):
 
         return plot.prediction(self)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
-        rig = self.rig
-        units = {p.name: rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
-        units |= {"force": rig.unit_name("f_s"), "frequency": say.frequency_unit(rig)}
-        told = {"rig": rig.name, "verdict": self.verdict, "units": units, "velocity": rig.velocity}
-        told |= {name: getattr(self, name) for name in _TOLD}
-        told |= {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("rig", "recording")}
-        found: dict[str, Any] = plain(told | {"assumed": {key: str(item) for key, item in rig.assumed.items()}})
-        return found
+
+@dataclass(frozen=True, kw_only=True)
+class WaveAnswer:
+    """What smooth sliding does to waves of one length; in the rig's own units.
+
+    Attributes
+    ----------
+    name : str
+        The wave, in words.
+    wavelength : float
+        In blocks, along the drive; infinite where blocks in a row move alike, NaN where a wave does not reach into it.
+    stiffness : float
+        Of the rigid slider that the mode amounts to.
+    growth, frequency : float or None
+        Growth rate and frequency (in cycles per time) at the rig's speed; None where nothing decays exponentially.
+    speeds : tuple of (float, float)
+        Ranges of speed in which it grows.
+    """
+
+    name: str
+    wavelength: float
+    stiffness: float
+    growth: float | None
+    frequency: float | None
+    speeds: tuple[tuple[float, float], ...]
 
 
-_TOLD = ("at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude", "relative_amplitude")
-"""Besides the fields."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ElasticPrediction(Foretold):
+    """What `predict` found of an elastic slider, by linear theory; every number in the rig's own units.
+
+    Attributes
+    ----------
+    rig : Rig
+    growing : int
+        Modes that grow at the rig's speed, among the 64 softest.
+    waves : tuple of WaveAnswer
+        Of the five softest modes.
+    critical : CriticalLength or None
+        Of a chain: below which stiffness modes grow, and from which length on.
+    theory_note : str
+        Why the theory has nothing to say, or nothing.
+    speeds_searched : (float, float)
+    """
+
+    verdict, sections = property(say.verdict_on_waves), property(say.sections_on_waves)
+    _derived = ("speeds",)
+
+    growing: int = 0
+    waves: tuple[WaveAnswer, ...] = ()
+    critical: CriticalLength | None = None
+    theory_note: str = ""
+    speeds_searched: tuple[float, float]
+
+    @property
+    def speeds(self) -> tuple[tuple[float, float], ...]:
+        """Ranges of speed in which any mode grows."""
+        pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
+        bands = joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
+        return tuple((band.low, band.high) for band in bands)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Names of the units that numbers are in."""
+        named = {name: self.rig.unit_name(name) for name in ("velocity", "stiffness")}
+        return named | {"wavelength": "blocks"}
+
+    def plot(self) -> Figure:
+        """Draw at which speeds each wave grows."""
+        from stickslip import plot
+
+        return plot.waves(self)

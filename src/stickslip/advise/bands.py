@@ -1,9 +1,12 @@
-"""Ranges with one kind of motion along a parameter; where smooth sliding is stable, as linear theory tells."""
+"""Ranges with one kind of motion along a parameter; where smooth sliding is stable, as linear theory tells.
+
+All along here are factors on what the rig has, so that no unit matters.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,7 +14,6 @@ import numpy as np
 
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model.interface import Interface
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 from stickslip.stability import count_unstable, growth_rate
@@ -22,13 +24,10 @@ PRECISION = 0.05
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
 """What is said of contacts whose linear response is 0."""
 OSCILLATES = ("stick-slip", "sustained oscillation")
-MOTIONS = {
-    **{kind: kind for kind in ("smooth sliding", *OSCILLATES)},
-    "unstable": "linearly unstable",
-    "stable": "linearly stable",
-    "unknown": "not known",
-}
-"""What each kind of motion is called in a sentence."""
+MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
+"""What kinds of motion are called in a sentence, where that is another word."""
+Change = tuple[tuple[Parameter, int], ...]
+"""Parameters that are varied together, by one factor, each up (+1) or down (-1)."""
 _PER_DECADE, _DEAR_PER_DECADE = 16, 6
 """Points at which growing modes are counted; the latter where `is_dear` says so."""
 _NARROW = 1e-3
@@ -66,11 +65,23 @@ class Band:
     @property
     def motion(self) -> str:
         """Its motion in words."""
-        return MOTIONS[self.kind] + (" from rest only" if self.bistable else "")
+        return MOTIONS.get(self.kind, self.kind) + (" from rest only" if self.bistable else "")
 
-    def scaled(self, size: float) -> Band:
-        """The band in a unit that is smaller by a factor."""
-        return replace(self, low=self.low * size, high=self.high * size)
+
+def scaled(bands: Iterable[Band], size: float) -> tuple[Band, ...]:
+    """Bands in a unit that is smaller by a factor."""
+    return tuple(replace(band, low=band.low * size, high=band.high * size) for band in bands)
+
+
+def within(bands: Sequence[Band], low: float, high: float, side: int = 1) -> list[Band]:
+    """What lies of rising bands between two values; on side -1, of their inverses."""
+    if side < 0:
+        bands = [replace(band, low=1.0 / band.high, high=1.0 / band.low) for band in reversed(bands)]
+    return [
+        replace(band, low=max(band.low, low), high=min(band.high, high))
+        for band in bands
+        if max(band.low, low) < min(band.high, high)
+    ]
 
 
 def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
@@ -87,15 +98,15 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     return tuple(found)
 
 
-def is_dear(interface: Interface) -> bool:
+def is_dear(rig: Rig) -> bool:
     """Whether a look at the linear response costs a hundred times as much: contacts age, or heat breaks them."""
-    return interface.ageing is not None or interface.temperature is not None
+    return rig.interface.ageing is not None or rig.interface.temperature is not None
 
 
-def by_theory(setting: Rig) -> str:
+def by_theory(rig: Rig) -> str:
     """What linear theory says of smooth sliding: the kind of a band."""
     try:
-        return "unstable" if count_unstable(setting) else "stable"
+        return "unstable" if count_unstable(rig) else "stable"
     except (InputError, UndecidedError):
         return "unknown"
 
@@ -109,27 +120,38 @@ def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
     return root.real, abs(root.imag) / (2.0 * math.pi)
 
 
-def stability_along(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:
-    """Ranges of a parameter, in natural units, rising, in which smooth sliding is stable throughout, or not.
+def factor_of(change: Change) -> Parameter:
+    """Several parameters varied together, as one: the factor, from where they stand."""
+
+    def varied(rig: Rig, factor: float) -> Rig:
+        for parameter, side in change:
+            rig = parameter.set(rig, parameter.get(rig) * factor**side)
+        return rig
+
+    return Parameter(name=" and ".join(each.name for each, _ in change), unit="1", get=lambda _rig: 1.0, set=varied)
+
+
+def stability_along(rig: Rig, change: Change, low: float, high: float) -> tuple[Band, ...]:
+    """Ranges of the factor of a change, rising, in which smooth sliding is stable throughout, or not.
 
     Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot tell of the whole
     range, unstable ones.
     """
-    density = _DEAR_PER_DECADE if is_dear(setting.interface) else _PER_DECADE
+    factor, density = factor_of(change), _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
     try:
-        found = search(parameter, setting, low, high, density=density, edges_only=True)
-        ends = [low, *(edge.value for edge in found.edges), found.searched[1]]
+        found = search(factor, rig.natural, low, high, density=density, edges_only=True)
+        ends = [low, *(edge.value for edge in found.edges), high]
         growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
         kinds = ["unstable" if modes else "stable" for modes in growing]
     except (InputError, UndecidedError):  # at some value the theory cannot tell
         values = np.geomspace(low, high, 2 + math.ceil(density * math.log10(high / low))).tolist()
-        told = [by_theory(parameter.set(setting, value)) for value in values]
+        told = [by_theory(factor.set(rig, value)) for value in values]
         ends, kinds = [low], [told[0]]
         for (left, one), (right, two) in pairwise(zip(values, told, strict=True)):
             if one != two:
 
                 def has_changed(value: float, before: str = one) -> bool:
-                    return by_theory(parameter.set(setting, value)) != before
+                    return by_theory(factor.set(rig, value)) != before
 
                 ends.append(math.sqrt(math.prod(halved(has_changed, left, right, _NARROW))))
                 kinds.append(two)

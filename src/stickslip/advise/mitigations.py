@@ -3,46 +3,47 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
+from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import PRECISION, Band, by_theory, is_dear, stability_along
+from stickslip.advise.bands import PRECISION, Band, Change, by_theory, factor_of, is_dear, stability_along, within
 from stickslip.advise.runs import Budget, Spent, at_speed, contacts_of, first_smooth, judge, slides_smoothly
 from stickslip.errors import InputError
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.model import FromRest, FromSliding, OnArrest, Start, parameters
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
+from stickslip.progress import Progress
+
+if TYPE_CHECKING:
+    from stickslip.advise.answer import Prediction
 
 RANGE, DEAR_RANGE = 30.0, 10.0
 """Changes are looked for up to this factor."""
-_CLEARANCE = 1.03
-_CLEARANCES = (_CLEARANCE, 1.1, 1.25)
+WIDEST_STD = 0.5
+"""A distribution that is wider, relative to its mean, is no longer one of thresholds about a mean."""
+_CLEARANCES = (1.03, 1.1, 1.25)
 """How far past a linear boundary runs begin; and those that test whether smooth sliding stays."""
 _FOR_AN_ANSWER = 30.0
 """Seconds more, by estimate, that runs may take until a first change is found."""
-WIDEST_STD = 0.5
-"""Relative to the mean."""
-Change = tuple[tuple[Parameter, int], ...]
-"""Parameters that are varied together, by one factor, each up (+1) or down (-1)."""
-Choices = tuple[tuple[Parameter, tuple[int, ...]], ...]
-"""Parameters, and which ways each is turned, that which is looked at first before."""
-TURNABLE: Choices = (
-    (parameters.VELOCITY, (1, -1)),
-    (parameters.STIFFNESS, (1, -1)),
-    (parameters.DAMPING, (1, -1)),
-    (parameters.MASS, (1, -1)),
-    (parameters.LOAD, (-1, 1)),
-)
-"""What can be changed on a machine."""
-OTHERS: Choices = (
-    (parameters.FRICTION, (-1,)),
-    (parameters.CONTACT_STIFFNESS, (1, -1)),
-    (parameters.DELAY, (-1,)),
-    (parameters.STD, (1,)),
-    (parameters.AGEING, (-1, 1)),
-)
+_TURNABLE = {
+    parameters.VELOCITY: (1, -1),
+    parameters.STIFFNESS: (1, -1),
+    parameters.DAMPING: (1, -1),
+    parameters.MASS: (1, -1),
+    parameters.LOAD: (-1, 1),
+}
+"""What can be changed on a machine, and which ways each is turned, that which is looked at first before."""
+_OTHERS = {
+    parameters.FRICTION: (-1,),
+    parameters.CONTACT_STIFFNESS: (1, -1),
+    parameters.DELAY: (-1,),
+    parameters.STD: (1,),
+    parameters.AGEING: (-1, 1),
+}
 """What only another material or surface would change."""
 _PAIRED = {"stiffness": 1, "damping": 1}
 """Ways to turn in pairs, unless runs have shown better ones."""
@@ -74,9 +75,7 @@ class Mitigation:
     @property
     def size(self) -> float:
         """How far the parameters must be varied, as the sum of the logarithms of their factors."""
-        targets = self.stops if self.stops is not None else self.keeps
-        if targets is None:
-            return math.inf
+        targets = self.stops or self.keeps or (math.inf,) * len(self.values)
         return sum(abs(math.log(target / value)) for target, value in zip(targets, self.values, strict=True))
 
 
@@ -89,87 +88,101 @@ class Attempt:
     parameter : str
     value, reached : float
         Where it stands, and the end of the range in the better direction; in the rig's own units.
-    amplitude_before, amplitude : float
-        Peak-to-peak force from rest, as a fraction of static friction, now and at `reached`; None where that was not
-        simulated.
+    amplitude : float or None
+        Peak-to-peak force from rest at `reached`, as a fraction of static friction; None where that was not simulated.
     kind : str
-        Of the motion at `reached`: "smooth in one run" where not all of eight were; where it was not simulated, what
-        linear theory says.
+        Of the motion at `reached`: "smooth in one run, not in all" of eight; where it was not simulated, what linear
+        theory says.
     """
 
     parameter: str
     value: float
     reached: float
-    amplitude_before: float
     amplitude: float | None
     kind: str
 
 
-class Search:
+def mitigated(found: Prediction, theory: Mapping[str, Sequence[Band]], budget: Budget, report: Progress) -> Prediction:
+    """A verdict with changes of one parameter; of two, if none of those that can be turned on a machine suffices."""
+    search = _Search(found, theory, budget)
+    turned = search.single(_TURNABLE)
+    report(0.5)
+    stopping = {change.parameters[0] for change in turned if change.stops}
+    tried = list(search.attempts(stopping))
+    report(0.6)
+    turned += [] if stopping else search.pairs(tried)
+    others = search.single(_OTHERS)
+    helped = {parameters.parameter_named(each.parameters[0]).title for each in (*turned, *others) if each.stops}
+
+    def order(change: Mitigation) -> tuple[bool, float]:
+        return change.stops is None, round(change.size, 3)
+
+    return replace(
+        found,
+        mitigations=(*sorted(turned, key=order), *sorted(others, key=order)),
+        attempts=tuple(tried),
+        not_searched=tuple(title for title in dict.fromkeys(search.left_out) if title not in helped),
+    )
+
+
+def has(rig: Rig, parameter: Parameter) -> bool:
+    """Whether a rig has a parameter that can be varied: natural units have none that only rescales them."""
+    try:
+        return parameter.get(rig) > 0 and not (parameter.rescales and rig.scales is None)
+    except InputError:
+        return False
+
+
+class _Search:
     """The search for changes of one rig, by factors; it stops when its budget is spent, and says what it left out."""
 
-    def __init__(self, rig: Rig, unstable: bool, theory: Mapping[str, Sequence[Band]], budget: Budget) -> None:
-        setting = rig.natural
-        self.rig, self.setting = rig, at_speed(setting, setting.velocity)
-        self.unstable, self.theory, self.budget = unstable, theory, budget
-        self.reserve = _FOR_AN_ANSWER
+    def __init__(self, found: Prediction, theory: Mapping[str, Sequence[Band]], budget: Budget) -> None:
+        self.found, self.rig, self.setting = found, found.rig, at_speed(found.rig.natural)
+        self.theory, self.budget, self.reserve = theory, budget, _FOR_AN_ANSWER
         budget.left += self.reserve
-        self.method = contacts_of(setting)
-        self.range = DEAR_RANGE if is_dear(setting.interface) else RANGE
+        self.method = contacts_of(self.rig)
         self.left_out: list[str] = []
 
-    def single(self, choices: Choices, report: Callable[[float], None]) -> list[Mitigation]:
+    def single(self, choices: Mapping[Parameter, tuple[int, ...]]) -> list[Mitigation]:
         """The smallest change of each of some parameters; of an unstable rig also that which keeps it smooth."""
-        ways = [[((p, side),) for side in sides] for p, sides in choices if self._may_vary(p)]
-        stops: list[tuple[float, Change] | None] = []
+        ways = [[((parameter, side),) for side in choices[parameter]] for parameter in self._varied(choices)]
+        stops = [self._smallest(self._stop, changes) for changes in ways]
         found: list[Mitigation] = []
-        for i, changes in enumerate(ways):
-            report(0.7 * i / len(ways))
-            stops.append(_nearest((self._stop(change), change) for change in changes))
-        for i, (changes, stop) in enumerate(zip(ways, stops, strict=True)):  # with what time is left
-            report(0.7 + 0.3 * i / len(ways))
+        for changes, stop in zip(ways, stops, strict=True):  # with what time is left
             near, below = ([stop[1]], stop[0] / (1.0 + PRECISION) ** 2) if stop else (changes, math.inf)
-            keep = _nearest((self._keep(change, below), change) for change in near if self.unstable)
+            keep = self._smallest(partial(self._keep, below), near if self.found.unstable_modes else [])
             if nearest := stop or keep:
                 found.append(self._mitigation(nearest[1], stop and stop[0], keep and keep[0]))
         return found
 
-    def pairs(self, tried: dict[str, int]) -> list[Mitigation]:
+    def pairs(self, tried: Iterable[Attempt]) -> list[Mitigation]:
         """Two of the parameters that can be turned, each by the same factor, in the directions that did best."""
-        sides = _PAIRED | tried
-        choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides and self._may_vary(p)]
-        found = ((pair, self._stop(pair)) for pair in combinations(choices, 2))
-        return [self._mitigation(pair, factor, None) for pair, factor in found if factor is not None]
+        sides = _PAIRED | {each.parameter: 1 if each.reached > each.value else -1 for each in tried}
+        choices = [(p, sides[p.name]) for p in self._varied(_TURNABLE) if p.name in sides]
+        found = (self._smallest(self._stop, [pair]) for pair in combinations(choices, 2))
+        return [self._mitigation(pair, factor, None) for factor, pair in filter(None, found)]
 
-    def attempts(self, before: float, static_friction: float, mitigated: set[str]) -> dict[Attempt, int]:
-        """The better end of its range, and its side, for each parameter to turn that gives no smooth sliding there."""
-        found: dict[Attempt, int] = {}
-        for parameter, sides in TURNABLE:
-            if parameter.name in mitigated or not self._may_vary(parameter):
-                continue
-            value, size = parameter.get(self.setting), self.rig.unit(parameter.unit)
+    def attempts(self, mitigated: set[str]) -> Iterator[Attempt]:
+        """The better end of its range for each parameter to turn that gives no smooth sliding there."""
+        for parameter in self._varied(_TURNABLE):
             ends = []
-            for side in sides:
-                reached = value * self._furthest(((parameter, side),)) ** side
-                if reached != value:
-                    there = parameter.set(self.setting, reached)
-                    ends.append((*self._oscillation(there, static_friction), reached, side))
+            for change in [((parameter, side),) for side in _TURNABLE[parameter] if parameter.name not in mitigated]:
+                if (furthest := self._furthest(change)) != 1.0:
+                    there = factor_of(change).set(self.setting, furthest)
+                    ends.append((*self._oscillation(there), self.rig.value(parameter) * furthest ** change[0][1]))
             if ends:
-                amplitude, kind, reached, side = min(ends, key=lambda end: (end[0], end[2]))
-                attempt = Attempt(
+                amplitude, kind, reached = min(ends)
+                yield Attempt(
                     parameter=parameter.name,
-                    value=value * size,
-                    reached=reached * size,
-                    amplitude_before=before,
+                    value=self.rig.value(parameter),
+                    reached=reached,
                     amplitude=amplitude if amplitude < math.inf else None,
                     kind=kind,
                 )
-                found[attempt] = side
-        return found
 
-    def _oscillation(self, there: Rig, static_friction: float) -> tuple[float, str]:
+    def _oscillation(self, there: Rig) -> tuple[float, str]:
         """Peak-to-peak force from rest over static friction, and the motion; infinite, and by theory, if it is dear."""
-        theory = by_theory(there)
+        theory, friction = by_theory(there), self.found.static_friction / self.rig.unit("f_s")
         try:
             seen = judge(there, self.method, self.budget)
         except (Spent, InputError):
@@ -177,52 +190,38 @@ class Search:
         kind = str(seen.kind)
         if kind == "smooth sliding":  # too little is seen where slips are fast, or smooth sliding is unstable
             fast = (seen.largest_velocity or 0.0) > SLIP_VELOCITY
-            kind = "undecided" if fast or theory == "unstable" else "smooth in one run"
-        return seen.peak_to_peak / static_friction, kind
+            kind = "undecided" if fast or theory == "unstable" else "smooth in one run, not in all"
+        return seen.peak_to_peak / friction, kind
 
-    def _may_vary(self, parameter: Parameter) -> bool:
-        """Whether a rig has a parameter that can be varied: natural units have none that only rescales them.
+    def _varied(self, choices: Iterable[Parameter]) -> list[Parameter]:
+        """Parameters that the rig has and that may be varied.
 
-        Nor is the damping varied of contacts that re-attach on arrest: a slider that is damped enough never stops, so
-        that none would attach again.
+        The damping of contacts that re-attach on arrest is not: a slider that is damped enough never stops, so that
+        none would attach again.
         """
-        if parameter.rescales and self.rig.scales is None:
-            return False
-        if parameter is parameters.DAMPING and isinstance(self.setting.interface.delay, OnArrest):
-            return False
-        try:
-            return parameter.get(self.setting) > 0
-        except InputError:
-            return False
+        left_out = parameters.DAMPING if isinstance(self.rig.interface.delay, OnArrest) else None
+        return [parameter for parameter in choices if parameter is not left_out and has(self.rig, parameter)]
 
     def _furthest(self, change: Change) -> float:
-        """Largest factor: a distribution wider than half its mean is no longer one of thresholds about a mean."""
-        furthest = self.range
+        """Largest factor."""
+        furthest = DEAR_RANGE if is_dear(self.rig) else RANGE
         for parameter, side in change:
             value = parameter.get(self.setting)
-            if (feasible := self.setting.operation.range_of(parameter.name)) is not None:
-                low, high = feasible
-                furthest = min(furthest, high / value if side > 0 else value / low)
-            if parameter is parameters.STD and side > 0:
-                furthest = min(furthest, WIDEST_STD * self.setting.interface.thresholds.moment(1) / value)
+            low, high = self.rig.operation.range_of(parameter.name) or (value / furthest, value * furthest)
+            if parameter is parameters.STD:
+                high = min(high, WIDEST_STD * self.rig.interface.thresholds.moment(1))
+            furthest = min(furthest, high / value if side > 0 else value / low)
         return furthest
 
     def _ranges(self, change: Change) -> list[Band]:
         """Factors from 1 to the largest at which smooth sliding may be stable: where the theory does not deny it."""
-        furthest = self._furthest(change)
+        furthest, ((parameter, side), *more) = self._furthest(change), change
         if furthest <= 1.0:
             return []
-        ((parameter, side), *more) = change
-        along = self.theory.get(parameter.name)
-        if more or along is None:
-            factors = stability_along(_factor(change), self.setting, 1.0, furthest)
-            return [band for band in factors if band.kind != "unstable"]
-        value, found = parameter.get(self.setting), list[Band]()
-        for band in along[::side]:
-            low, high = (band.low / value, band.high / value) if side > 0 else (value / band.high, value / band.low)
-            if band.kind != "unstable" and high > 1.0 and low < furthest:
-                found.append(replace(band, low=max(low, 1.0), high=min(high, furthest)))
-        return found
+        found = self.theory.get(parameter.name)
+        if more or found is None:
+            found, side = stability_along(self.setting, change, 1.0, furthest), 1
+        return [band for band in within(found, 1.0, furthest, side) if band.kind != "unstable"]
 
     def _promising(self, change: Change) -> list[Band]:
         """These ranges; none for a parameter of a stable rig that does not lead away from a limit on the other side."""
@@ -231,46 +230,45 @@ class Search:
             return ranges
         ((parameter, side),) = change
         behind = ((parameter, -side),)
-        opposite = self._furthest(behind)
-        if ranges[0].high < self._furthest(change) or opposite <= 1.0:
-            return []
-        limited = self._ranges(behind)
-        return ranges if limited and limited[0].high < opposite else []
+        limited = any(band.high < self._furthest(behind) for band in self._ranges(behind)[:1])
+        return ranges if limited and ranges[0].high >= self._furthest(change) else []
+
+    def _smallest(
+        self, find: Callable[[Change], float | None], changes: Iterable[Change]
+    ) -> tuple[float, Change] | None:
+        """The smallest factor that is found, with its change; what costs too much is left out."""
+        found: list[tuple[float, Change]] = []
+        for change in changes:
+            try:
+                factor = find(change)
+            except Spent:
+                self.left_out.append(" and ".join(parameter.title for parameter, _ in change))
+            else:
+                found += [(factor, change)] if factor is not None else []
+        return min(found, key=lambda each: each[0], default=None)
 
     def _stop(self, change: Change) -> float | None:
         """By which factor to vary parameters until stick-slip decays from rest."""
-        try:
-            for band in self._promising(change):
-                if (begin := band.low * _CLEARANCE) < band.high:
-                    factor = first_smooth(self._test(change, FromRest()), begin, band.high, rough=band.low)
-                    if factor is not None:
-                        self.budget.left -= self.reserve
-                        self.reserve = 0.0
-                        return factor
-        except Spent:
-            self.left_out.append(" and ".join(parameter.title for parameter, _ in change))
+        smooth = partial(self._is_smooth, FromRest(), change)
+        for band in self._promising(change):
+            begin = band.low * _CLEARANCES[0]
+            if begin < band.high and (factor := first_smooth(smooth, begin, band.high, band.low)) is not None:
+                self.budget.left -= self.reserve
+                self.reserve = 0.0
+                return factor
         return None
 
-    def _keep(self, change: Change, below: float) -> float | None:
+    def _keep(self, below: float, change: Change) -> float | None:
         """By which factor to vary a parameter until smooth sliding stays, once reached: just past its boundary."""
-        smooth = self._test(change, FromSliding())
-        try:
-            for band in self._promising(change)[:1]:
-                for factor in (band.low * clearance for clearance in _CLEARANCES):
-                    if factor < min(band.high, below) and smooth(factor):
-                        return factor
-        except Spent:
-            pass
+        for band in self._promising(change)[:1]:
+            for factor in (band.low * clearance for clearance in _CLEARANCES):
+                if factor < min(band.high, below) and self._is_smooth(FromSliding(), change, factor):
+                    return factor
         return None
 
-    def _test(self, change: Change, start: Start) -> Callable[[float], bool]:
-        """Whether the rig slides smoothly, by the factor of a change."""
-
-        def smooth(factor: float) -> bool:
-            there = _factor(change).set(self.setting, factor)
-            return by_theory(there) != "unstable" and slides_smoothly(there, self.method, self.budget, start)
-
-        return smooth
+    def _is_smooth(self, start: Start, change: Change, factor: float) -> bool:
+        there = factor_of(change).set(self.setting, factor)
+        return by_theory(there) != "unstable" and slides_smoothly(there, self.method, self.budget, start)
 
     def _mitigation(self, change: Change, stops: float | None, keeps: float | None) -> Mitigation:
         """A change in the rig's own units, from factors."""
@@ -284,19 +282,3 @@ class Search:
             keeps=values(keeps),
             stops=values(stops),
         )
-
-
-def _factor(change: Change) -> Parameter:
-    """Several parameters varied together, as one: the factor, from where they stand."""
-
-    def varied(rig: Rig, factor: float) -> Rig:
-        for parameter, side in change:
-            rig = parameter.set(rig, parameter.get(rig) * factor**side)
-        return rig
-
-    return Parameter(name=" and ".join(each.name for each, _ in change), unit="1", get=lambda _rig: 1.0, set=varied)
-
-
-def _nearest(found: Iterable[tuple[float | None, Change]]) -> tuple[float, Change] | None:
-    """The smallest of the factors that were found, with its change."""
-    return min(((f, change) for f, change in found if f is not None), key=lambda each: each[0], default=None)

@@ -28,19 +28,22 @@ _SHORTEST, _RINGING = 60.0, 10.0
 """... at least this far, in mean thresholds, and until the free slider has rung out, in units of ``1/eta``."""
 _DECAYS, _LONGEST = 6.0, 4.0
 """A last test lasts for so many times 1/decay rate, but not for more than so many runs."""
-_MOST_RUNS = 3
+MOST_RUNS = 3
 """How often a run that cannot be judged is made, each time twice as long."""
 _NO_NOISE = 2.0 * SLIP_VELOCITY
 """Times the velocity of the drive that no noise of contacts in smooth sliding reaches."""
 _PARTS = 10
 """Parts of a run over which the error of a variance is told."""
+_TWICE = math.log(2.0)
+"""Between as much variance and four times as much."""
 _READING = 0.006
 """Seconds that it takes to set up a run and to read it."""
-CONFIDENCE, FRACTION = 0.95, 2.0 / 3.0
-"""Of a change that is advised: at this confidence, at least this fraction of all runs slides smoothly."""
-SEEDS = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(FRACTION))
-"""Runs of other contacts that must all slide smoothly for that: were the fraction smaller, so many would rarely do."""
+SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
+"""Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do."""
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
+
+Steady = Literal["stays", "leaves", "noise"]
+"""What linearly stable smooth sliding does: it stays, noise of the contacts leaves it, or noise is all that is seen."""
 
 
 class Spent(Exception):  # noqa: N818 - not an error: it ends a search
@@ -65,55 +68,53 @@ def cost_of(case: Rig) -> float:
     return estimate(case).seconds + _READING
 
 
-def contacts_of(rig: Rig) -> Contacts:
-    """The contacts that judge a rig: its own, as their noise is its own; for a rig without a number of them, many."""
+def contacts_of(rig: Rig, other: int = 0) -> Contacts:
+    """The contacts that judge a rig, or others of their kind: its own, as their noise is; many if it has no number."""
     own = rig.method if isinstance(rig.method, Contacts) else _USUAL
-    return own if rig.interface.ageing is None else replace(own, count=min(own.count, _MOST_AGED))
-
-
-def others(method: Contacts, other: int) -> Contacts:
-    """Other contacts of the same kind."""
-    return replace(method, seed=method.seed + other)
+    count = own.count if rig.interface.ageing is None else min(own.count, _MOST_AGED)
+    return replace(own, count=count, seed=own.seed + other)
 
 
 # How long
 
 
-def cycle_of(setting: Rig) -> float:
+def cycle_of(rig: Rig) -> float:
     """Travel of the drive in the slowest cycle of a rig: a life of a contact and the loading, or a free oscillation."""
-    slider = setting.slider
-    stretch = setting.interface.threshold_distribution.moment(1)
+    slider, velocity = rig.slider, rig.natural.velocity
+    stretch = rig.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
-    delay = setting.interface.delay.moment(1)
-    detached = setting.velocity * delay if math.isfinite(delay) else 0.0
-    return float(max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, setting.velocity * period))
+    delay = rig.interface.delay.moment(1)
+    detached = velocity * delay if math.isfinite(delay) else 0.0
+    return float(max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, velocity * period))
 
 
-def length_of(setting: Rig) -> float:
+def length_of(rig: Rig) -> float:
     """Travel of the drive after which a run can be judged."""
-    damping, cycles = setting.slider.damping, _CYCLES * cycle_of(setting)
-    ringing = setting.velocity * _RINGING / damping if damping > 0 else 0.0
-    return max(_SHORTEST * setting.interface.threshold_distribution.moment(1), cycles, min(ringing, 5.0 * cycles))
+    damping, cycles = rig.slider.damping, _CYCLES * cycle_of(rig)
+    ringing = rig.natural.velocity * _RINGING / damping if damping > 0 else 0.0
+    return max(_SHORTEST * rig.interface.threshold_distribution.moment(1), cycles, min(ringing, 5.0 * cycles))
 
 
-def until_decayed(setting: Rig) -> float:
+def until_decayed(rig: Rig) -> float:
     """Travel of the drive in which the slowest mode decays, within reason; 0 where nothing is known of modes."""
-    longest = _LONGEST * length_of(setting)
+    longest = _LONGEST * length_of(rig)
     try:
-        rate = growth_rate(setting).real
+        rate = growth_rate(rig.natural).real
     except UndecidedError:  # distributions with heavy tails have no slowest mode: what decays with them may take long
         return longest
     except InputError:
         return 0.0
-    return min(setting.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
+    return min(rig.natural.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
 
 
-def at_speed(setting: Rig, speed: float, distance: float | None = None) -> Rig:
-    """The rig at a constant speed, for as long as it takes to judge a run unless a distance is given."""
-    return replace(setting, drive=constant(speed, (length_of(setting) if distance is None else distance) / speed))
+def at_speed(rig: Rig, factor: float = 1.0, distance: float | None = None) -> Rig:
+    """The rig at a constant speed, a factor on its own, for as long as it takes to judge a run, or for a distance."""
+    speed = factor * rig.natural.velocity
+    there = replace(rig, drive=constant(speed))
+    return replace(there, drive=constant(speed, (length_of(there) if distance is None else distance) / speed))
 
 
-def _longer(case: Rig, lasts: float) -> Rig:
+def _longer(case: Rig, lasts: float = 0.0) -> Rig:
     """The run, with the last piece of its drive so much longer that it takes twice the time, or that which is given."""
     *before, last = case.drive.pieces
     lasts = max(2.0 * case.drive.duration, lasts) - (case.drive.duration - last.duration)
@@ -123,63 +124,21 @@ def _longer(case: Rig, lasts: float) -> Rig:
 # What they tell
 
 
-def until_judged(
-    case: Rig,
-    budget: Budget,
-    *,
-    most: int = _MOST_RUNS,
-    fewest: float = 0.0,
-    long: bool = True,
-    progress: Progress | None = None,
-) -> tuple[Recording, Regime]:
-    """Make a run that ends at a constant speed, and again twice as long while its regime is undecided.
+def watch(
+    case: Rig, budget: Budget, *, most: int = MOST_RUNS, long: bool = True, progress: Progress | None = None
+) -> tuple[Recording, Regime, Steady]:
+    """What a run that ends at a constant speed shows: made again, twice as long, until its regime can be told.
 
-    The caller has paid for the first; the second lasts for the time `fewest` at least; without `long` the first is
-    refused where it takes too long.
+    The caller has paid for the first, which without `long` is refused where it takes too long. Of a linearly stable
+    rig that does not look smooth, further runs tell an oscillation from the noise of its contacts.
     """
-    run = record(case, progress=progress, long=long)
-    seen = regime_of(run)
-    for _ in range(most - 1):
-        if seen.kind != "undecided":
-            break
-        method = contacts_of(case) if isinstance(case.method, Contacts) else case.method
-        case = _longer(replace(case, method=method), fewest)
-        try:
-            budget.pay(case)
-        except Spent:
-            break
-        run = record(case, progress=progress, long=True)
-        seen = regime_of(run)
-    return run, seen
-
-
-def judge(
-    setting: Rig, method: Contacts, budget: Budget, *, start: Start = FromRest(), distance: float | None = None
-) -> Regime:
-    """The regime that a start leads to at the constant speed of a rig, in natural units; runs on until it can be told.
-
-    Raises `Spent` if the budget does not allow for a first run. What cannot be told with what is left is undecided.
-    """
-    case = replace(at_speed(setting, setting.velocity, distance), method=method, start=start)
-    budget.pay(case)
-    run, seen = until_judged(case, budget)
-    if seen.kind in OSCILLATES and by_theory(setting) == "stable":
-        _, seen, _ = about_stable_sliding(run, seen, budget)
-    return seen
-
-
-def about_stable_sliding(
-    run: Recording, seen: Regime, budget: Budget, kinds: tuple[str, ...] = OSCILLATES
-) -> tuple[Recording, Regime, Literal["stays", "leaves", "noise"]]:
-    """What a linearly stable rig does that does not look smooth from rest, and whether smooth sliding stays.
-
-    An oscillation is sustained only if it outlasts the slowest mode. A rig that does the same from rest and from
-    sliding is in its steady state: noise of its contacts has four times the variance with a quarter of them, or else
-    they leave smooth sliding. Where the run from sliding fluctuates less, smooth sliding, once reached, stays.
-    """
+    run, seen = _until_told(case, budget, most, long, progress)
+    few = isinstance(case.method, Contacts)
+    if seen.kind == "smooth sliding" or not few or by_theory(run.rig) != "stable":
+        return run, seen, "stays"
     try:
         run, seen = _outlasting(run, seen, budget)
-        state = "stays" if seen.kind not in kinds else _steady_state(run, seen, budget)
+        state: Steady = "stays" if seen.kind == "smooth sliding" else _steady_state(run, seen, budget)
     except Spent:
         reason = "an oscillation, or noise of its contacts: longer runs would tell"
         return run, replace(seen, kind="undecided", reason=reason), "stays"
@@ -193,42 +152,50 @@ def about_stable_sliding(
     return run, seen, state
 
 
-def _steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["stays", "leaves", "noise"]:
-    """What runs from smooth sliding tell; raises `Spent` if they cost too much, or do not tell."""
-    case, method, begin = run.rig, contacts_of(run.rig), seen.window[0]
-    sliding = replace(case, start=FromSliding(), method=others(method, 1))
-    budget.pay(sliding)
-    (from_rest, error), (from_sliding, other) = _variance(run, begin), _variance(record(sliding, long=True), begin)
-    # Noise that a mode amplifies stays as it is for as long as the mode takes to decay: few values of a variance.
-    judged = case.drive.duration * (1.0 - begin / seen.window[1])
-    few = math.sqrt(2.0 * until_decayed(case.natural) / (_DECAYS * case.natural.velocity * judged))
-    if from_rest - from_sliding > max(math.log(2.0), 3.0 * max(math.hypot(error, other), few)):
-        return "stays"
-    if from_rest - from_sliding > math.log(2.0):
-        raise Spent
-    fewer = replace(sliding, method=replace(others(method, 2), count=max(method.count // 4, 1)))
-    budget.pay(fewer)
-    risen = _variance(record(fewer, long=True), begin)[0] - 0.5 * (from_rest + from_sliding)
-    return "noise" if risen > math.log(2.0) else "leaves"  # twice the variance lies between as much and four times
+def judge(
+    rig: Rig, method: Contacts, budget: Budget, *, start: Start = FromRest(), distance: float | None = None
+) -> Regime:
+    """The regime that a start leads to at the constant speed of a rig; runs on until it can be told.
+
+    Raises `Spent` if the budget does not allow for a first run. What cannot be told with what is left is undecided.
+    """
+    case = replace(at_speed(rig, distance=distance), method=method, start=start)
+    budget.pay(case)
+    return watch(case, budget)[1]
+
+
+def _until_told(
+    case: Rig, budget: Budget, most: int = MOST_RUNS, long: bool = True, progress: Progress | None = None
+) -> tuple[Recording, Regime]:
+    """A run, and its regime; again, twice as long, of no more contacts than judge a rig, while that is undecided."""
+    run = record(case, progress=progress, long=long)
+    for _ in range(most - 1):
+        if (seen := regime_of(run)).kind != "undecided":
+            return run, seen
+        method = contacts_of(case) if isinstance(case.method, Contacts) else case.method
+        case = _longer(replace(case, method=method))
+        try:
+            budget.pay(case)
+        except Spent:
+            return run, seen
+        run = record(case, progress=progress, long=True)
+    return run, regime_of(run)
 
 
 def _outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
     """A run of an oscillation about stable smooth sliding, made longer until that has lasted or decayed.
 
-    It lasts if it does not become weaker any more, after the slowest mode has had time to decay.
+    It lasts if it does not become weaker any more, after the slowest mode has had time to decay. Raises `Spent` if
+    that cannot be told.
     """
-    setting = run.rig.natural
-    needed = until_decayed(setting) / setting.velocity
-    for _ in range(_MOST_RUNS):
+    needed = until_decayed(run.rig) / run.rig.natural.velocity
+    for _ in range(MOST_RUNS + 1):
         if seen.kind not in OSCILLATES or (run.rig.drive.duration >= needed and _is_steady(run, seen)):
             return run, seen
         case = _longer(run.rig, needed)
         budget.pay(case)
-        run, seen = until_judged(case, budget)
-    if seen.kind in OSCILLATES and not _is_steady(run, seen):
-        reason = "the oscillation becomes weaker little by little: a longer run would tell whether it decays"
-        seen = replace(seen, kind="undecided", reason=reason)
-    return run, seen
+        run, seen = _until_told(case, budget)
+    raise Spent
 
 
 def _is_steady(run: Recording, seen: Regime) -> bool:
@@ -236,6 +203,31 @@ def _is_steady(run: Recording, seen: Regime) -> bool:
     begin, end = seen.window
     before, after = _variance(run, begin - (end - begin), begin), _variance(run, begin, end)
     return before[0] - after[0] < 3.0 * math.hypot(before[1], after[1])
+
+
+def _steady_state(run: Recording, seen: Regime, budget: Budget) -> Steady:
+    """What runs from smooth sliding tell; raises `Spent` if they cost too much, or do not tell.
+
+    A rig that does the same from rest and from sliding is in its steady state: noise of its contacts has four times
+    the variance with a quarter of them, or else they leave smooth sliding. Where the run from sliding fluctuates less,
+    smooth sliding, once reached, stays.
+    """
+    case, begin = run.rig, seen.window[0]
+    sliding = replace(case, start=FromSliding(), method=contacts_of(case, 1))
+    budget.pay(sliding)
+    (from_rest, error), (from_sliding, other) = _variance(run, begin), _variance(record(sliding, long=True), begin)
+    # Noise that a mode amplifies stays as it is for as long as the mode takes to decay: few values of a variance.
+    judged = case.drive.duration * (1.0 - begin / seen.window[1])
+    few = math.sqrt(2.0 * until_decayed(case) / (_DECAYS * case.natural.velocity * judged))
+    if from_rest - from_sliding > max(_TWICE, 3.0 * max(math.hypot(error, other), few)):
+        return "stays"
+    if from_rest - from_sliding > _TWICE:
+        raise Spent
+    method = contacts_of(case, 2)
+    fewer = replace(sliding, method=replace(method, count=max(method.count // 4, 1)))
+    budget.pay(fewer)
+    risen = _variance(record(fewer, long=True), begin)[0] - 0.5 * (from_rest + from_sliding)
+    return "noise" if risen > _TWICE else "leaves"
 
 
 def _variance(run: Recording, begin: float, end: float = math.inf) -> tuple[float, float]:
@@ -253,14 +245,15 @@ def rms_over_mean(run: Recording, seen: Regime) -> float:
     return float(force.std() / abs(force.mean()))
 
 
-def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start) -> bool:
+def slides_smoothly(rig: Rig, method: Contacts, budget: Budget, start: Start) -> bool:
     """Whether `SEEDS` runs of other contacts all slide smoothly, one of them until the slowest mode decays."""
-    usual = length_of(setting)
-    long = max(until_decayed(setting), 2.0 * usual)
+    usual = length_of(rig)
+    long = max(until_decayed(rig), 2.0 * usual)
     distances = [usual, long, *[usual] * (SEEDS - 2)]  # what does not slide is most often told by the first, short one
     try:
         for other, distance in enumerate(distances, start=1):
-            seen = judge(setting, others(method, other), budget, start=start, distance=distance)
+            contacts = replace(method, seed=method.seed + other)
+            seen = judge(rig, contacts, budget, start=start, distance=distance)
             # So few contacts that slips are no larger than their noise: how fast the slider goes tells them apart.
             fast = seen.largest_velocity is not None and seen.largest_velocity > _NO_NOISE
             if fast or seen.kind != "smooth sliding":

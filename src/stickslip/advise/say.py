@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import MOTIONS, Band, joined
-from stickslip.advise.runs import SEEDS
+from stickslip.advise.bands import MOTIONS, Band, joined, within
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.model import OnArrest, Slider
 from stickslip.model.parameters import parameter_named
@@ -16,17 +16,20 @@ from stickslip.model.rig import Rig
 from stickslip.words import engineering, number
 
 if TYPE_CHECKING:
-    from stickslip.advise.answer import Prediction
-    from stickslip.advise.elastic import ElasticPrediction
+    from stickslip.advise.answer import ElasticPrediction, Prediction
 
+Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
+"""Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
 _DRAG = 0.05
 """Part of the kinetic friction from which on the drag of the damping is told (a convention)."""
-TO_MEASURE = (
+_TO_MEASURE = (
     "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, the speed "
     "times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: how the static "
     "peak grows with the time of rest)"
 )
-"""How to measure what is missing, where there is no verdict."""
+MOST_MODES = 64
+"""Modes of an elastic slider among which those that grow are counted."""
+_HEAD = ("parameter", "now", "stability limit below", "stability limit above")
 
 
 # Quantities
@@ -64,6 +67,12 @@ def _span(
     return f"from {first} to {last}" + ("" if high_found and high < end else " (or more)")
 
 
+def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
+    """Rate and frequency of a mode."""
+    rate = f"{number(growth)} {rig.unit_name('1/time').replace('1/time', 'per time unit')}"
+    return rate + (f" at {engineering(frequency, frequency_unit(rig), digits)}" if frequency else ", non-oscillatory")
+
+
 # The verdict
 
 
@@ -71,7 +80,7 @@ def verdict(found: Prediction) -> str:
     """The answer in one sentence."""
     rig, parts = found.rig, [headline(found)]
     if found.judged:
-        parts += [_at_which_speeds(found), *_not_known(found)]
+        parts += _by_speed(found)
         parts += [f"at {_speed(rig, v)}: {kind}" for v, kind in found.at_speeds if v != rig.velocity]
         parts += [] if found.between is None else [_over_its_range(found, *found.between)]
     return "; ".join(part for part in parts if part)
@@ -121,59 +130,62 @@ def _spans(found: Prediction) -> tuple[Band, ...]:
             return band
         stable = band.bistable or band.kind == "smooth sliding"
         kind = "unknown" if found.theory_note else "stable" if stable else "unstable"
-        return replace(band, kind=kind, bistable=False)
+        return Band(kind=kind, low=band.low, high=band.high)
 
     return joined(map(spread, found.bands))
 
 
-def _at_which_speeds(found: Prediction) -> str:
-    """Ranges of speed with oscillation, those that only starts at rest reach, and single speeds."""
-    words = []
+def _by_speed(found: Prediction) -> Iterator[str]:
+    """Ranges of speed with oscillation, those that only starts at rest reach, and single speeds; what is not known."""
+    told, where = list[str](), defaultdict[str, list[str]](list)
     for band in _spans(found):
+        where[band.kind].append(_span(found, band.low, band.high, band.low_found, band.high_found))
         if band.kind not in ("smooth sliding", "stable", "unknown"):
             start = " if started from rest" if band.bistable else ""
-            span = _span(found, band.low, band.high, band.low_found, band.high_found)
-            words.append(f"{MOTIONS[band.kind]} {span}{start}")
+            told.append(f"{MOTIONS.get(band.kind, band.kind)} {where[band.kind][-1]}{start}")
     for band in found.bands:
         middle = math.sqrt(band.low * band.high)
         if band.single and not math.isclose(middle, found.rig.velocity, rel_tol=1e-6):
-            words.append(f"{band.kind} seen at {_speed(found.rig, middle)} only")
-    words += [found.theory_note] if found.theory_note else []
+            told.append(f"{band.kind} seen at {_speed(found.rig, middle)} only")
+    told += [found.theory_note] if found.theory_note else []
     known = [band for band in found.bands if band.kind != "unknown"]
-    if not words and known:
-        simulated = found.complete and all(band.kind != "stable" for band in known)
-        kind = "smooth sliding" if simulated else "linearly stable"
-        words.append(f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}")
-    return ", ".join(words)
-
-
-def _not_known(found: Prediction) -> Iterator[str]:
-    """Where starts at rest were not judged, but for a fast answer, and where not even linear theory can tell."""
-    stable, unknown = (
-        " and ".join(_span(found, band.low, band.high) for band in _spans(found) if band.kind == kind)
-        for kind in ("stable", "unknown")
-    )
-    if found.complete and stable:
-        yield f"linearly stable {stable} (starts from rest not judged)"
-    if not found.theory_note and unknown:
-        yield f"{unknown} linear theory cannot tell"
+    if not told and known:
+        kind = "smooth sliding" if found.complete and not where["stable"] else "linearly stable"
+        told.append(f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}")
+    yield ", ".join(told)
+    if found.complete and where["stable"]:
+        yield f"linearly stable {' and '.join(where['stable'])} (starts from rest not judged)"
+    if where["unknown"] and not found.theory_note:
+        yield f"{' and '.join(where['unknown'])} linear theory cannot tell"
 
 
 def _over_its_range(found: Prediction, low: float, high: float) -> str:
     """The motion over the range of speeds at which the rig works, were each of them to last."""
-    rig, inside = found.rig, [band for band in _spans(found) if band.high > low and band.low < high]
-    words = [
-        f"{band.motion} from {_speed(rig, max(low, band.low))}"
-        for before, band in zip([None, *inside], inside, strict=False)
-        if before is None or before.motion != band.motion
-    ]
-    if len(words) == 1:
-        words = [f"{inside[0].motion} throughout"]
+    rig, inside = found.rig, within(_spans(found), low, high)
+    motions = [(motion, next(bands).low) for motion, bands in groupby(inside, key=lambda band: band.motion)]
+    words = [f"{motion} from {_speed(rig, begin)}" for motion, begin in motions]
+    words = [f"{motions[0][0]} throughout"] if len(motions) == 1 else words
     whose = "over its range" if rig.operation.between is not None else "along its drive"
     return f"{whose}, {_speed(rig, low)} to {_speed(rig, high)}: {', '.join(words) or 'undecided'}"
 
 
 # What it rests on
+
+
+def sections(found: Prediction) -> Iterator[Section]:
+    """What is said beneath the verdict."""
+    if found.judged:
+        yield "", "", str(found.regime).splitlines()
+    else:
+        yield "To measure it", "", [_TO_MEASURE]
+    yield "", "", list(numbers(found))
+    if found.margins:
+        about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
+        yield "Margins", about, [_HEAD, *margins(found)]
+    where = quantity(found.rig, found.rig.velocity, "velocity")
+    yield "Mitigations", f" at {where}, the smallest change first; simulated", list(mitigations(found))
+    yield "Tried", ", within the range searched", list(attempts(found))
+    yield "Left out", "", list(not_searched(found))
 
 
 def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
@@ -201,21 +213,13 @@ def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     yield "linear stability of smooth sliding", found.theory_note or state
 
 
-def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
-    """Rate and frequency of a mode."""
-    rate = f"{number(growth)} {rig.unit_name('1/time').replace('1/time', 'per time unit')}"
-    return rate + (f" at {engineering(frequency, frequency_unit(rig), digits)}" if frequency else ", non-oscillatory")
-
-
 def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
     """Parameter, value and stability limits, in words."""
     for each in found.margins:
-        ends = [each.lower, each.upper, each.value, *each.searched]
-        lower, upper, value, low, high = (
-            None if end is None else amount(found.rig, each.parameter, end) for end in ends
-        )
+        ends = [each.value, each.lower, each.upper, *each.searched]
+        value, lower, upper, low, high = ("" if end is None else amount(found.rig, each.parameter, end) for end in ends)
         title = parameter_named(each.parameter).title
-        yield title, str(value), lower or f"none down to {low}", upper or f"none up to {high}"
+        yield title, value, lower or f"none down to {low}", upper or f"none up to {high}"
 
 
 # What would stop it
@@ -227,60 +231,33 @@ def mitigations(found: Prediction) -> Iterator[str]:
     trouble = {"smooth sliding": "the instability", "sustained oscillation": "the oscillation"}
     for each in found.mitigations:
 
-        def to(goal: tuple[float, ...] | None, names: tuple[str, ...] = each.parameters) -> str:
-            said = " and ".join(amount(rig, name, value) for name, value in zip(names, goal or (), strict=False))
-            if goal is not None and names == ("damping",):
-                said += f" (damping ratio {goal[0] / rig.unit('1/time') / (2.0 * rig.slider.frequency):.3g})"
-            return said
+        def said(goal: tuple[float, ...], names: tuple[str, ...] = each.parameters) -> str:
+            words = " and ".join(amount(rig, name, value) for name, value in zip(names, goal, strict=True))
+            if names == ("damping",):
+                words += f" (damping ratio {goal[0] / rig.unit('1/time') / (2.0 * rig.slider.frequency):.3g})"
+            return words
 
-        values, keeps, stops = to(each.values), to(each.keeps), to(each.stops)
-        words = f"{' and '.join(parameter_named(name).title for name in each.parameters)}: from {values}"
-        if keeps:
-            words += f" to {keeps}, and smooth sliding, once reached, stays"
-            words += "; on" if stops else "; from rest, no value was found at which it decays"
-        if stops:
-            words += f" to {stops}, and {trouble.get(found.regime.kind, 'stick-slip')} decays even from rest"
+        words = f"{' and '.join(parameter_named(name).title for name in each.parameters)}: from {said(each.values)}"
+        if each.keeps:
+            words += f" to {said(each.keeps)}, and smooth sliding, once reached, stays"
+            words += "; on" if each.stops else "; from rest, no value was found at which it decays"
+        if each.stops:
+            decays = trouble.get(found.regime.kind, "stick-slip")
+            words += f" to {said(each.stops)}, and {decays} decays even from rest"
         yield words
-
-
-_CHANGES = {
-    "stiffness": ("a stiffer spring", "a softer spring"),
-    "velocity": ("faster", "slower"),
-    "mass": ("a heavier slider", "a lighter slider"),
-    "damping": ("more damping", "less damping"),
-    "delay": ("slower re-attachment", "faster re-attachment"),
-    "std": ("more scattered thresholds", "less scattered thresholds"),
-    "ageing": ("slower ageing", "faster ageing"),
-    "contact_stiffness": ("stiffer contacts", "softer contacts"),
-    "normal_load": ("more load", "less load"),
-}
-
-
-def change(names: tuple[str, ...], before: tuple[float, ...], after: tuple[float, ...]) -> str:
-    """A change of parameters, as one would say it: "a softer spring, by 33 %"."""
-    parts = []
-    for name, old, new in zip(names, before, after, strict=True):
-        more, less = _CHANGES.get(name, (f"more {name}", f"less {name}"))
-        ratio = new / old
-        by = f"{ratio:.2g} times" if ratio >= 1.95 else f"by {100 * abs(ratio - 1.0):.2g} %"
-        parts.append(f"{more if ratio > 1 else less}, {f'1/{1 / ratio:.2g} of it' if ratio <= 1 / 2.1 else by}")
-    return " and ".join(parts)
 
 
 def attempts(found: Prediction) -> Iterator[str]:
     """How far each parameter goes that does not give smooth sliding within the range searched."""
+    now = found.relative_amplitude
     for each in found.attempts:
-        way = "up" if each.reached > each.value else "down"
-        there = f"{way} to {amount(found.rig, each.parameter, each.reached)}"
+        there = f"{'up' if each.reached > each.value else 'down'} to {amount(found.rig, each.parameter, each.reached)}"
         if each.amplitude is None:
             told = f"{there} {MOTIONS.get(each.kind, each.kind)}; not simulated there, as runs take long"
         else:
-            now = f"now {100 * each.amplitude_before:.0f} %"
-            after = f"{100 * each.amplitude:.0f} % of static friction peak to peak, {now}"
-            better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
+            better = "better" if each.amplitude < 0.9 * now else "no better"
+            after = f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * now:.0f} %"
             told = f"no smooth sliding found {there}; there it is {better} ({each.kind}, {after})"
-            if each.kind == "smooth in one run":
-                told = f"{there} {each.kind} ({after}), but not found to be in {SEEDS} of {SEEDS}"
         yield f"{parameter_named(each.parameter).title}: {told}"
 
 
@@ -294,28 +271,6 @@ def not_searched(found: Prediction) -> Iterator[str]:
         if any(mitigation.stops for mitigation in found.mitigations):
             yield "where stick-slip decays the slider never stops, so that it slides with no contact attached"
         yield "damping was not varied: enough of it keeps any slider from stopping, and contacts from re-attaching"
-
-
-def where(found: Prediction) -> str:
-    """At which of several speeds changes were tried, in words; nothing for a rig that works at one."""
-    several = found.between is not None or len(found.at_speeds) > 1
-    return f" at {quantity(found.rig, found.rig.velocity, 'velocity')}" if several else ""
-
-
-def advice(found: Prediction) -> list[str]:
-    """All that was found, tried and left out, a sentence each."""
-    return [*mitigations(found), *attempts(found), *not_searched(found)]
-
-
-def text(found: Prediction) -> str:
-    """The short text that a prediction prints as."""
-    lines = [f"{found.rig.name}: {verdict(found)}"]
-    if not found.judged:
-        return "\n".join([*lines, TO_MEASURE])
-    told = [f"- {line}" for line in advice(found)]
-    if told and where(found):
-        lines.append(f"what would stop it{where(found)}:")
-    return "\n".join([*lines, *told])
 
 
 # Elastic sliders
@@ -334,11 +289,16 @@ def verdict_on_waves(found: ElasticPrediction) -> str:
         where = f"linearly unstable, so stick-slip or oscillation, {_grows(found, found.speeds)}"
     here = "smooth sliding is linearly stable at every wavelength"
     if found.growing:
-        first = max(found.waves, key=lambda wave: wave.growth if wave.growth is not None else -math.inf)
-        count = f"{found.growing}{' or more' if found.at_least else ''}"
+        first = max(found.waves, key=lambda wave: -math.inf if wave.growth is None else wave.growth)
+        count = f"{found.growing}{' or more' * (found.growing == MOST_MODES)}"
         modes = "mode of smooth sliding grows" if found.growing == 1 else "modes of smooth sliding grow"
         here = f"{count} {modes}, fastest: {first.name}"
     return f"{where}; at {_speed(found.rig, found.rig.velocity)}: {here}"
+
+
+def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
+    """What is said beneath the verdict."""
+    yield "By wavelength", ", the softest first (linear stability)", list(waves(found))
 
 
 def waves(found: ElasticPrediction) -> Iterator[str]:

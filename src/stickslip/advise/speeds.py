@@ -1,16 +1,19 @@
-"""At which speeds a rig slides smoothly, and at which it does not."""
+"""At which speeds a rig slides smoothly, and at which it does not; as factors on its own speed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+
+import numpy as np
 
 from stickslip.advise.bands import OSCILLATES, PRECISION, Band, is_dear, joined
 from stickslip.advise.runs import Budget, Spent, at_speed, contacts_of, cost_of, judge
 from stickslip.errors import InputError
 from stickslip.model.rig import Rig
+from stickslip.progress import Progress
 
 RANGE, DEAR_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
@@ -18,6 +21,12 @@ _APART = 3.0
 """Speeds on the grid lie within this factor of each other."""
 _DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
+
+
+def works_at(rig: Rig) -> list[float]:
+    """The speeds at which a rig works, and the ends of a range of them."""
+    speeds = [*rig.operation.speeds, *(rig.operation.between or ())]
+    return [speed / rig.natural.velocity for speed in speeds]
 
 
 def range_of_speeds(rig: Rig) -> tuple[float, float]:
@@ -28,35 +37,32 @@ def range_of_speeds(rig: Rig) -> tuple[float, float]:
     if rig.velocity <= 0:
         backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
         raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
-    through = [abs(v) for piece in rig.drive.pieces for v in (piece.start, piece.end) if v != 0]
-    through += [*rig.operation.speeds, *(rig.operation.between or ())]
-    widest = DEAR_RANGE if is_dear(rig.interface) else RANGE
+    ends = [abs(v) / rig.natural.velocity for piece in rig.drive.pieces for v in (piece.start, piece.end) if v != 0]
+    through, widest = [*ends, *works_at(rig)], DEAR_RANGE if is_dear(rig) else RANGE
     return min(through) / widest, max(through) * widest
 
 
 class Survey:
     """Runs from rest at speeds over the whole range: a grid first, then by halving where two neighbours differ.
 
-    It knows the motion at speeds, in natural units; what was not simulated, or could not be judged, is called neither
-    smooth nor stick-slip.
+    It knows the motion at speeds; what was not simulated, or could not be judged, is called neither smooth nor
+    stick-slip.
     """
 
-    def __init__(self, setting: Rig, linear: tuple[Band, ...], here: str) -> None:
-        self._setting, self._method, self._linear = setting, contacts_of(setting), linear
-        self.known: dict[float, str] = {setting.velocity: here}
+    def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
+        self._rig, self._method, self._linear = rig, contacts_of(rig), linear
+        self.known: dict[float, str] = {1.0: here}
 
-    def look(self, budget: Budget, report: Callable[[float], None]) -> None:
+    def look(self, budget: Budget, report: Progress) -> None:
         """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
-        own, operation = self._setting.velocity, self._setting.operation
         grid = [speed for i in range(len(self._linear)) for speed in self._grid(i)]
-        grid = [speed for speed in grid if not math.isclose(speed, own, rel_tol=PRECISION)]
-        grid.sort(key=lambda speed: abs(math.log(speed / own)))
-        places = [*operation.speeds, *(operation.between or ()), *grid]
+        grid = [speed for speed in grid if not math.isclose(speed, 1.0, rel_tol=PRECISION)]
+        grid.sort(key=lambda speed: abs(math.log(speed)))
+        places = [*works_at(self._rig), *grid]
         for i, speed in enumerate(places):
             report(0.7 * i / len(places))
             self.known.setdefault(speed, "")  # not known yet
             self._try(speed, budget)
-        report(0.7)
         while (change := self._widest_change()) is not None and self._try(change, budget):
             pass
         report(1.0)
@@ -70,15 +76,14 @@ class Survey:
             low = low * nearest if i > 0 else low
             high = high / nearest if i + 1 < len(self._linear) else high
         count = max(math.ceil(math.log(high / low) / math.log(_APART)), 1)
-        if band.kind == "stable":
-            return [low, *(low * (high / low) ** (k / count) for k in range(1, count)), high]  # ends to the last digit
-        return [low * (high / low) ** ((k + 0.5) / count) for k in range(count)]
+        speeds: list[float] = np.geomspace(low, high, 2 * count + 1).tolist()
+        return speeds[::2] if band.kind == "stable" else speeds[1::2]
 
     def _try(self, speed: float, budget: Budget) -> bool:
         """Simulate at a speed, if that has not been done; whether it is not too dear."""
         if self.known.get(speed):
             return True
-        there = at_speed(self._setting, speed)
+        there = at_speed(self._rig, speed)
         if cost_of(replace(there, method=self._method)) > _DEAREST:
             return False
         try:

@@ -12,6 +12,7 @@ from stickslip import advise, cycles, stability
 from stickslip.errors import InputError, UndecidedError, number, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
+from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
@@ -130,7 +131,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         )
         steps = [
             {
-                "title": f"{advise.say.change(mitigation.parameters, mitigation.values, values)}: {outcome}",
+                "title": f"{_change(mitigation, values)}: {outcome}",
                 "to": ", ".join(
                     f"{advise.say.amount(rig, name, before)} to {advise.say.amount(rig, name, value)}"
                     for name, before, value in zip(mitigation.parameters, mitigation.values, values, strict=True)
@@ -153,3 +154,10 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "not_searched": " ".join(advise.say.not_searched(found)),
         "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }
+
+
+def _change(mitigation: advise.Mitigation, values: tuple[float, ...]) -> str:
+    """By which factors parameters are changed, in words."""
+    before = zip(mitigation.parameters, mitigation.values, strict=True)
+    factors = [(name, new / old) for (name, old), new in zip(before, values, strict=True)]
+    return " and ".join(f"{parameter_named(name).title} × {factor:.2g}" for name, factor in factors)

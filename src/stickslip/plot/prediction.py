@@ -116,29 +116,22 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
 
 def _margins(ax: Axes, answer: Prediction) -> None:
     """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
-    singles = [each for each in answer.mitigations if len(each.parameters) == 1]
-    names = [margin.parameter for margin in answer.margins]
-    names += dict.fromkeys(each.parameters[0] for each in singles if each.parameters[0] not in names)
-    here = _COLOURS["unstable"] if answer.unstable_modes else _COLOURS["smooth sliding"]
-    there = _COLOURS["smooth sliding"] if answer.unstable_modes else _COLOURS["unstable"]
+    stops = {each.parameters[0]: each for each in answer.mitigations if each.stops and len(each.parameters) == 1}
+    names = list(dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops]))
     widest = 1.0
     for k, margin in enumerate(answer.margins):
-        low, high = (end / margin.value for end in margin.searched)
-        widest = max(widest, high, 1.0 / low)
-        lower = low if margin.lower is None else margin.lower / margin.value
-        upper = high if margin.upper is None else margin.upper / margin.value
-        for a, b, colour in ((low, lower, there), (lower, upper, here), (upper, high, there)):
-            if b > a:
-                ax.barh(k, b - a, left=a, color=colour, **_BAR)
+        colours = [_COLOURS["unstable"], *[_COLOURS["smooth sliding"]] * len(margin.stable)]
+        for (low, high), colour in zip(
+            np.array([margin.searched, *margin.stable]) / margin.value, colours, strict=True
+        ):
+            ax.barh(k, high - low, left=low, color=colour, **_BAR)
+            widest = max(widest, high, 1.0 / low)
         for edge in (margin.lower, margin.upper):
             if edge is not None:
                 ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
-    mark: Any = {"color": VERMILLION, "markersize": 5, "markeredgecolor": "white", "linestyle": "none"}
-    mark |= {"clip_on": False, "label": "mitigation (simulated)"}
-    for each in singles:
-        if each.stops is not None:
-            at = each.stops[0] / each.values[0]
-            ax.plot(at, names.index(each.parameters[0]), "D", **mark)
+    mark: Any = {"color": VERMILLION, "markersize": 5, "markeredgecolor": "white", "clip_on": False}
+    for name, each in stops.items():
+        ax.plot(each.stops[0] / each.values[0], names.index(name), "D", label="mitigation (simulated)", **mark)
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest))
     ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
