@@ -337,7 +337,6 @@ def test_a_direct_effect_that_is_missing_is_told_with_its_size():
     direct = (1.0 / (1.0 / kappa - 1.0 / 0.5) / s).real  # a dashpot in series with them
     assert fit.contact_stiffness == pytest.approx(0.5)
     assert fit.reason.startswith(f"no direct effect: a = {direct:.2g} at high frequency")
-    assert ss.rate_and_state(THERMAL, 1.0, step=None).law == "slip"
 
 
 ROWS = [
@@ -517,7 +516,6 @@ REFUSED = [
         r"Langevin\.newborn = 0 with Interface\.temperature: .*; give newborn > 0",
     ),
     (lambda: ss.kinetic_friction(THERMAL, 0.0), "no slow limit is left"),
-    (lambda: ss.rate_and_state(AGEING, 1.0, step=None), "which law it is takes a step up and down"),
     (lambda: exported(THERMAL, "tandem"), "knows the ageing law only"),
     (lambda: exported(contacts(width=None, delay=0.1), "qdyn"), "is not rate-and-state"),
     (lambda: exported(AGEING, "qdyn", area=None), "area: is missing"),

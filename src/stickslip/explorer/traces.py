@@ -281,7 +281,7 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
         "notes": list(found.notes),
         "overlay": _predicted(found, events),
         "drops": _drops(found, events),
-        "test": [{**one._asdict(), "here": min(max(one.here, -4.0), 4.0)} for one in found.test],
+        "test": found.test.assign(here=found.test["here"].clip(-4.0, 4.0)).reset_index().to_dict("records"),
     }
 
 

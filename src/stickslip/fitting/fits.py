@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from stickslip.answers import Answer, plain
@@ -38,17 +39,6 @@ _WIDE = 10.0
 _AT_BOUND, _NEAR = 0.1, 0.02
 LOW = 0.02
 """p-values below this are told of."""
-
-
-class Standing(NamedTuple):
-    """A statistic of the trace and the range of 95 % of the draws, from their median in a quarter of that range."""
-
-    name: str
-    p: float  # two-sided
-    fitted: bool
-    low: float
-    high: float
-    here: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,20 +160,23 @@ class Fit(Answer):
         return sampled(peaks, troughs, events.loading_rate, events.step, events.noise, rng)
 
     @property
-    def p_values(self) -> dict[str, float]:
-        """How likely each statistic is to lie further out than that of the trace, by series of the draws; two-sided."""
-        return {one.name: one.p for one in self.test}
+    def test(self) -> pd.DataFrame:
+        """Each statistic of the trace among those of series of the draws, from their median in quarters of their range.
 
-    @property
-    def test(self) -> tuple[Standing, ...]:
-        """Each statistic of the trace among those of series of the draws."""
+        ``p`` is two-sided; ``low`` and ``high`` are the ends of the range of 95 %, ``here`` is the trace.
+        """
         made, here = self.predicted, self.events.statistics
         least = np.minimum((made >= here).mean(axis=0), (made <= here).mean(axis=0))
-        p = np.clip(2.0 * least, 1.0 / len(made), 1.0)
         low, middle, high = np.quantile(made, (0.025, 0.5, 0.975), axis=0)
         ends = (np.array([low, high, here]) - middle) / (np.maximum(high - low, 1e-12) / 4.0)
-        rows = zip(NAMES, p.tolist(), ends.T.tolist(), strict=True)
-        return tuple(Standing(name, p, name in FITTED, *places) for name, p, places in rows)
+        p, fitted = np.clip(2.0 * least, 1.0 / len(made), 1.0), [name in FITTED for name in NAMES]
+        columns = dict(zip(("low", "high", "here"), ends, strict=True))
+        return pd.DataFrame({"p": p, "fitted": fitted, **columns}, index=pd.Index(NAMES, name="name"))
+
+    @property
+    def p_values(self) -> dict[str, float]:
+        """How likely each statistic is to lie further out than that of the trace, by series of the draws; two-sided."""
+        return dict(self.test["p"])
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
@@ -198,7 +191,7 @@ class Fit(Answer):
         }
         return tuple(what for what, missing in wanted.items() if missing)
 
-    def rig(self, *, name: str = "fitted rig", mass: object = None, speed: object = None) -> Rig:
+    def rig(self, *, name: str = "fitted rig") -> Rig:
         """The rig: the most central draw whose own run makes the trace; what was fitted has its interval and draws.
 
         Raises
@@ -208,7 +201,7 @@ class Fit(Answer):
         """
         from stickslip.fitting.rigs import rig_of
 
-        return rig_of(self, name=name, mass=mass, speed=speed)
+        return rig_of(self, name)
 
     def plot(self) -> Figure:
         """Draw the trace above a simulated one, the test, and the parameters within their prior."""

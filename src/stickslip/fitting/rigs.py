@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number, whole
-from stickslip.fitting.bench import Known, drawn, in_si, newtons, read_known, seconds
+from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.friction import thresholds_of
@@ -66,24 +66,17 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
 """Keys of a rig file that a fit fills in: what of it, the unit, and how it was found or which parameter tells."""
-_GIVEN = {"slider.stiffness": "stiffness", "slider.mass": "mass", "drive.velocity": "speed"}
-"""Keys whose values are not fitted where they are known."""
 
 
-def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) -> Rig:
+def rig_of(found: Fit, name: str) -> Rig:
     """The rig behind a trace, at the draw nearest to the medians whose own run makes its drops and period."""
-    more = {key: value for key, value in (("mass", mass), ("speed", speed)) if value is not None}
-    known = {**found.known, **read_known(more)}
-    if "stiffness" not in known:
-        raise InputError(
-            "fit: a rig needs the stiffness of the driving spring, without which a force trace tells no length; give "
-            "it as known={'stiffness': '350 N/m'}, or --stiffness on the command line"
-        )
+    known = found.known
+    found.draws("breaking_displacement")  # refused without the stiffness of the spring: no length is known
     exact, draws = (_draws(found, one) for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known))
     order, nearest = _from_the_centre(exact)[:_TRIED].tolist(), ""
     delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
     for delay in (*delays, {}):
-        fitted = {path: values for path, values in (draws | delay).items() if _GIVEN.get(path) not in known}
+        fitted = {path: values for path, values in (draws | delay).items() if KEYS[path][0] not in known}
         document = _document(found, name, fitted)
         for i in order:
             document["simulation"] = {"contacts": max(round(float(found.values[i, 0])), 1)}

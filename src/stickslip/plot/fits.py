@@ -78,7 +78,7 @@ def fitted(found: Fit) -> Figure:
 
 def _draw_test(ax: Axes, found: Fit) -> None:
     """The statistics of the trace among those of series of the draws, in standard deviations of the latter."""
-    for row, one in enumerate(found.test):
+    for row, one in enumerate(found.test.reset_index().itertuples()):
         at = -row - (0.0 if one.fitted else 0.6)
         colour = style.VERMILLION if one.p < _LOW else style.BLACK
         ax.plot([one.low, one.high], [at, at], color=style.SKY, linewidth=4)

@@ -73,10 +73,11 @@ def export_rate_and_state(
         raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
     si = fit.in_units(scales)
     speed = engineering(si.velocity, "m/s")
-    step = "a small step" if si.step is None else f"a step from {speed} to {engineering(si.velocity * si.step, 'm/s')}"
+    faster = engineering(si.velocity * si.step, "m/s")
     notes = (
         f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
-        f"Fit of the {si.law} law to {step} over six breaking displacements; forces are those of all contacts.",
+        f"Fit of the {si.law} law to a step from {speed} to {faster} over six breaking displacements; forces are those "
+        "of all contacts.",
         *str(si).splitlines(),
     )
     template = resources.files(__package__) / "templates" / f"{program}.txt"

@@ -41,7 +41,7 @@ class RateAndStateFit(WithErrors):
     """
 
     law: Law  #: "ageing" or "slip", whose distance changes less between a step up and a step down
-    a: Annotated[Estimate, Number("f_s")]  #: of the step that was asked for, or of a small one where `step` is None
+    a: Annotated[Estimate, Number("f_s")]  #: of the step that was asked for; of a small one where it is not like them
     b: Annotated[Estimate, Number("f_s")]  #: evolution effect; ``a`` is the direct one
     distance: Annotated[Estimate, Number("x_s")]  #: ``D``, over which the state evolves
     misfit: float  #: of a small step: rms over the range of the force
@@ -54,7 +54,7 @@ class RateAndStateFit(WithErrors):
     healing: Annotated[float | None, Number("f_s")]
 
     velocity: Annotated[float, Number("x_s/time")]  #: of smooth sliding before the step
-    step: float | None  #: ratio of the velocities
+    step: float  #: ratio of the velocities
     kinetic_friction: Annotated[float, Number("f_s")]  #: force in smooth sliding
     contact_stiffness: Annotated[float, Number("k")]  #: of the attached contacts
 
@@ -133,7 +133,7 @@ def rate_and_state(
     interface: Interface,
     velocity: float = 1.0,
     *,
-    step: float | None = 10.0,
+    step: float = 10.0,
     law: Literal["best", "ageing", "slip"] = "best",
 ) -> RateAndStateFit:
     """Say whether an interface is rate-and-state-like, with which parameters, and what these get wrong.
@@ -149,8 +149,8 @@ def rate_and_state(
     interface : Interface
     velocity : float
         Of smooth sliding before the step, in ``x_s`` per time.
-    step : float, optional
-        Ratio of the velocities, above 1; None for a small step.
+    step : float
+        Ratio of the velocities, above 1.
     law : {"best", "ageing", "slip"}
         Which law to fit.
 
@@ -163,8 +163,6 @@ def rate_and_state(
     ------
     InputError
         If there is no smooth sliding, its response is not known, or friction does not change with the velocity.
-    UndecidedError
-        If `law` is "best" and `step` None while thresholds age or contacts wait: two laws describe a small step alike.
 
     Examples
     --------
@@ -175,7 +173,7 @@ def rate_and_state(
     """
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    step = step if step is None else number("step", step, above=1, hint="ratio of the velocities")
+    step = number("step", step, above=1, hint="ratio of the velocities")
     laws, ageing = laws_to_fit(law), interface.ageing
     if respond(interface).inert:
         raise InputError(
@@ -187,21 +185,12 @@ def rate_and_state(
     if not failing:
         low, high = (_small(interface, v)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
         drift = ((high - low) / fit.value).tolist()
-        told = "{} changes by {:.3g} % over a decade of velocity; must be below {:g} %"
-        changes = zip(DRIFTS.items(), drift, strict=True)
-        failing = next(
-            (told.format(name, 100 * now, 100 * most) for (name, most), now in changes if abs(now) >= most), ""
-        )
+        for (name, most), now in zip(DRIFTS.items(), drift, strict=True):
+            told = f"{name} changes by {100 * now:.3g} % over a decade of velocity; must be below {100 * most:g} %"
+            failing = failing or (told if abs(now) >= most else "")
     chosen, step_misfit, asymmetry = laws[0], None, None
-    if not failing and step is not None:
+    if not failing:
         chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, fit.value)
-    elif not failing and law == "best":
-        # Without ageing contacts remember slip alone, and so does the slip law.
-        if ageing is not None or interface.delay.moment(1) > 0:
-            raise UndecidedError(
-                "law = 'best': which law it is takes a step up and down; give step, or say law='ageing' or law='slip'"
-            )
-        chosen = "slip"
     spring, (a, b, distance) = contact_stiffness(interface, speed), fit.estimates()
     try:
         exact = critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)))
@@ -218,15 +207,16 @@ def rate_and_state(
         asymmetry=asymmetry,
         healing=ageing.slope if isinstance(ageing, LogarithmicGrowth) else None,
         velocity=speed,
-        step=None if step_misfit is None else step,
+        step=step,
         kinetic_friction=kinetic_friction(interface, speed),
         contact_stiffness=spring,
         critical_stiffness=RateAndState(law=chosen, a=a, b=b, distance=distance).critical_stiffness(spring),
         exact_critical_stiffness=exact,
         holds=not failing,
         reason=failing
-        or f"misfit {100 * misfit:.2g} %; over a decade a changes by {100 * drift[0]:.2g} %, "
-        f"b by {100 * drift[1]:.2g} %, D by {100 * drift[2]:.2g} %",
+        or "misfit {:.2g} %; over a decade a changes by {:.2g} %, b by {:.2g} %, D by {:.2g} %".format(
+            *(100.0 * part for part in (misfit, *drift))
+        ),
     )
 
 
