@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import median_filter
 
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace
@@ -24,7 +23,10 @@ if TYPE_CHECKING:
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles
-_WAYS = (("up", "v1", "v2"), ("down", "v2_down", "v1_down"))  # where stick-slip sets in, and where it ends
+_WAYS = (("up", "speeding up", "v1", "v2"), ("down", "slowing down", "v2_down", "v1_down"))
+"""Each way: the velocities at which stick-slip sets in, and at which it ends."""
+_USUAL = {"level": (0.4, "f_s", "spring_force"), "window": (4.0, "x_s", "displacement")}
+"""Values that are usual, the unit that they are in, and the variable of a run that has this unit."""
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
@@ -61,7 +63,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         sets in again, and the last at which it ends. Each is NaN where it was not seen; the attribute ``notes``
         says why. Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity`
         there, and the times `begin`, `middle` and `end` of the window. Along ``velocity``, where the drive
-        goes up and then down: `up` and `down`, the peak to peak on either way, and `difference`, down less up.
+        goes up and then down: `up` and `down`, the peak to peak on either way.
         Attributes ``level``, ``window`` (travel of the drive over the longest one), ``notes``.
 
     Raises
@@ -85,55 +87,46 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     level = number(
         "level", _usual(run, rig, "level") if level is None else level, above=0, hint="in the unit of spring_force"
     )
-    oscillation = _oscillation(run, trace, rig, level, window)
-    t, drive = trace.t, trace.drive
-    top = _turning_time(t, drive)
-    height, begin, middle, end = (np.asarray(oscillation[name]) for name in ("peak_to_peak", "begin", "middle", "end"))
-    on = _settled(height > level, _PARTS // 2)
+    seen = _oscillation(run, trace, rig, level, window)
+    height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", "begin", "middle", "end"))
+    top = _turning_time(trace.t, trace.drive)
+    on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
     starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
-    notes: list[str] = []
     # What the start leaves behind only decays, and within some tens of windows.
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
-    transient = float(middle[min(_LONGEST_TRANSIENT * _PARTS, middle.size - 1, *grown[:1].tolist())])
-    transient = min(transient, *starts[:1].tolist(), np.inf)
+    transient = middle[min([*grown[:1], _LONGEST_TRANSIENT * _PARTS, middle.size - 1])]
+    counted = (stops > min([*starts[:1], transient])) | (trace.t[0] >= top)
+    notes = []
     if on[0]:
-        state = f"until v = {np.interp(stops[0], t, trace.sign * drive):.3g}" if stops.size else "all along"
-        whose = "" if stops.size and stops[0] > transient else ": the state the run was started in"
-        notes.append(f"the force oscillates above the level from the start {state}{whose}")
-    found: dict[str, float] = {}
-    for (way, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
+        notes.append("the force oscillates above the level from the start")
+        if stops.size and not counted[0]:
+            until = trace.sign * np.interp(stops[0], trace.t, trace.drive)
+            notes[-1] += f" until v = {until:.3g}: the state the run was started in"
+    velocities = {}
+    for (way, _, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
         here = starts[(starts > first) & (starts <= last)]
-        there = stops[(stops > first) & (stops <= last) & ((stops > transient) | (t[0] >= top))]
-        seen = {onset: here[:1], ending: there[-1:]}
-        found |= {
-            name: trace.sign * float(np.interp(at[0], t, drive)) if at.size else np.nan for name, at in seen.items()
-        }
-        missing = [name for name, at in seen.items() if not at.size]
+        there = stops[(stops > first) & (stops <= last) & counted]
+        missing = []
+        for name, what, at in ((onset, "sets in", here[:1]), (ending, "ends", there[-1:])):
+            value = trace.sign * float(np.interp(at[0], trace.t, trace.drive)) if at.size else np.nan
+            velocities[name] = (f"stick-slip {what} on the way {way}", value)
+            missing += [] if at.size else [name.replace("_down", "'")]
+        inside = on[(middle > first) & (middle <= last)]
         if missing:
-            inside = on[(middle > first) & (middle <= last)]
-            moves, what = (t[0] < top, "speeds up") if way == "up" else (top < t[-1], "slows down")
-            reasons = (
-                (not moves, f"the drive never {what}"),
-                (not inside.size, f"less than a window of travel on the way {way}"),
-                (not inside.any(), f"no stick-slip all the way {way}"),
-                (inside.all(), f"stick-slip all the way {way}"),
-                (True, f"it does not {'set in' if onset in missing else 'end'} on the way {way}"),
-            )
-            why = next(reason for holds, reason in reasons if holds)
-            notes.append(f"{' and '.join(missing).replace('_down', chr(39))} not seen: {why}")
+            why = f"{'' if inside.any() else 'no '}stick-slip all the way {way}"
+            if not inside.size:
+                why = f"less than a window of travel on the way {way}"
+            elif inside.any() and not inside.all():
+                why = f"it goes on to the end of the way {way}, or was there before"
+            notes.append(f"{' and '.join(missing)} not seen: {why}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
-    speed = dict(oscillation["drive_velocity"].attrs)
-    named = {
-        name: ((), found[name], speed | {"long_name": f"stick-slip {what} on the way {way}"})
-        for way, *names in _WAYS
-        for name, what in zip(names, ("sets in", "ends"), strict=True)
-    }
+    unit = seen["drive_velocity"].attrs["units"]
     return (
-        oscillation.assign(named)
-        .merge(_hysteresis(oscillation, top), combine_attrs="override")
-        .assign_attrs(level=level, window=float(oscillation.attrs["window"]), notes="; ".join(notes))
+        seen.assign({name: labelled(text, (), value, unit) for name, (text, value) in velocities.items()})
+        .merge(_both_ways(seen, top), combine_attrs="override")
+        .assign_attrs(level=level, notes="; ".join(notes))
     )
 
 
@@ -147,7 +140,7 @@ def _rig_of(run: xr.Dataset) -> Rig | None:
 
 def _usual(run: xr.Dataset, rig: Rig | None, name: str) -> float:
     """The usual level or window in the unit of the run, from what it was made of."""
-    value, scale, of = {"level": (0.4, "f_s", "spring_force"), "window": (4.0, "x_s", "displacement")}[name]
+    value, scale, of = _USUAL[name]
     if rig is not None:
         return value * rig.unit(scale)
     unit = str(run[of].attrs.get("units", "")) if of in run else ""
@@ -179,35 +172,68 @@ def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float, w
         raise UndecidedError(
             f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows{each}: run it longer"
         )
-    few = UndecidedError(f"transitions: fewer than {_PARTS} samples in some window{each}: record more often")
-    if gone[-1] * _PARTS > trace.t.size:
-        raise few
-    begin = np.arange(int(gone[-1] * _PARTS)) / _PARTS
+    begin = np.arange(min(int(gone[-1] * _PARTS), trace.t.size)) / _PARTS
     begins = np.searchsorted(gone, begin)
-    if np.any(np.diff(begins) < 1):
-        raise few
+    if begin.size == trace.t.size or np.any(np.diff(begins) < 1):
+        raise UndecidedError(f"transitions: fewer than {_PARTS} samples in some window{each}: record more often")
     high, low = (
         extreme.reduce(np.lib.stride_tricks.sliding_window_view(extreme.reduceat(trace.force, begins), _PARTS), axis=1)
         for extreme in (np.maximum, np.minimum)
     )
     begin = begin[: high.size]
-    place, times = (
-        np.array([np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)]) for of in (travel, trace.t)
-    )
-    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+    place, times = ([np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)] for of in (travel, trace.t))
     velocity = trace.sign * np.interp(times[1], trace.t, trace.drive)
+    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+    columns = {
+        "peak_to_peak": ("peak to peak of the spring force", high - low, "spring_force"),
+        "drive_velocity": ("velocity of the drive", velocity, "drive_velocity"),
+        "begin": ("time at which the window begins", times[0], "time"),
+        "middle": ("time at the middle of the window", times[1], "time"),
+        "end": ("time at which the window ends", times[2], "time"),
+    }
     return xr.Dataset(
-        {
-            "peak_to_peak": labelled("peak to peak of the spring force", "travel", high - low, units["spring_force"]),
-            "drive_velocity": labelled("velocity of the drive", "travel", velocity, units["drive_velocity"]),
-        }
-        | {
-            name: labelled(f"time at the {name} of the window", "travel", at, units["time"])
-            for name, at in zip(("begin", "middle", "end"), times, strict=True)
-        },
-        coords={"travel": labelled("travel of the drive", "travel", place[1], units.get("displacement", ""))},
-        attrs={"window": float(np.max(place[2] - place[0]))},
+        {name: labelled(text, "travel", values, units[of]) for name, (text, values, of) in columns.items()},
+        {"travel": labelled("travel of the drive", "travel", place[1], units.get("displacement", ""))},
+        {"window": float(np.max(place[2] - place[0]))},
     )
+
+
+def _turning_time(t: Array, drive: Array) -> float:
+    """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
+    if np.ptp(drive) <= CONSTANT_DRIVE * float(drive.max()):
+        raise UndecidedError(
+            f"transitions: the drive keeps its velocity ({drive[-1]:.4g}); ramp it, or ask for the regime"
+        )
+    margin = 1e-3 * float(drive.max())
+    peaks, _ = turning_points(np.concatenate([[0.0], drive, [0.0]]), margin)
+    if len(peaks) > 1:
+        raise UndecidedError(
+            f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
+            "run.sel(time=slice(from, to))"
+        )
+    fastest = np.flatnonzero(drive >= drive.max() - margin)
+    return float(t[fastest[0]] if fastest[0] == 0 else t[fastest[-1]])
+
+
+def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
+    """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
+    import xarray as xr
+
+    speed, force = np.abs(seen["drive_velocity"].values), seen["peak_to_peak"].values
+    ways = [seen["middle"].values <= top, seen["middle"].values > top]
+    if min(np.count_nonzero(way) for way in ways) < 2:
+        return xr.Dataset()
+    low, high = max(speed[way].min() for way in ways), min(speed[way].max() for way in ways)
+    if not low < high:
+        return xr.Dataset()
+    grid = np.linspace(low, high, 201)
+    found = {}
+    for (name, how, *_), way in zip(_WAYS, ways, strict=True):
+        order = np.argsort(speed[way], kind="stable")
+        values = np.interp(grid, speed[way][order], force[way][order])
+        text, unit = f"peak to peak of the force, drive {how}", seen["peak_to_peak"].attrs["units"]
+        found[name] = labelled(text, "velocity", values, unit)
+    return xr.Dataset(found, {"velocity": ("velocity", grid, dict(seen["drive_velocity"].attrs))})
 
 
 def in_words(run: xr.Dataset) -> str:
@@ -220,73 +246,13 @@ def in_words(run: xr.Dataset) -> str:
         found = transitions(run)
     except (InputError, UndecidedError) as error:
         return f"{begin}; {error}"
-
-    def speed(name: str) -> str:
-        value, unit = float(found[name]), str(found[name].attrs.get("units", ""))
-        return "" if np.isnan(value) else engineering(value, "m/s", 3) if unit == "m/s" else f"{value:.3g}"
-
     said = []
-    for way, onset, ending in (("speeding up", "v1", "v2"), ("slowing down", "v2_down", "v1_down")):
-        sets_in, ends = speed(onset), speed(ending)
+    for _, how, *names in _WAYS:
+        sets_in, ends = (
+            engineering(value, found[name].attrs["units"], 3) if np.isfinite(value := float(found[name])) else ""
+            for name in names
+        )
         if sets_in or ends:
-            from_where = f"sets in at {sets_in}" if sets_in else "is there from the start"
-            said.append(f"{way}, it {from_where} and {f'ends at {ends}' if ends else 'persists to the end'}")
-    if said:
-        return f"{begin}; stick-slip: {'; '.join(said)}"
-    return f"{begin}; {found.attrs['notes']}"
-
-
-def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:
-    """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
-    import xarray as xr
-
-    middle, speed = np.asarray(oscillation["middle"].values), np.abs(np.asarray(oscillation["drive_velocity"].values))
-    force = np.asarray(oscillation["peak_to_peak"].values)
-    branches = [(speed[way], force[way]) for way in (middle <= top, middle > top)]
-    if any(v.size < 2 for v, _ in branches):
-        return xr.Dataset()
-    low, high = max(float(v.min()) for v, _ in branches), min(float(v.max()) for v, _ in branches)
-    if not low < high:
-        return xr.Dataset()
-    grid = np.linspace(low, high, 201)
-    up, down = (np.interp(grid, v[order], f[order]) for v, f in branches for order in [np.argsort(v, kind="stable")])
-    unit = oscillation["peak_to_peak"].attrs["units"]
-    name = "peak to peak of the force, drive"
-    return xr.Dataset(
-        {
-            "up": labelled(f"{name} speeding up", "velocity", up, unit),
-            "down": labelled(f"{name} slowing down", "velocity", down, unit),
-            "difference": labelled("peak to peak down less up", "velocity", down - up, unit),
-        },
-        coords={"velocity": ("velocity", grid, dict(oscillation["drive_velocity"].attrs))},
-    )
-
-
-def _turning_time(t: Array, drive: Array) -> float:
-    """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
-    drive = np.abs(drive)
-    margin = 1e-3 * float(drive.max())
-    if np.ptp(drive) <= CONSTANT_DRIVE * float(drive.max()):
-        raise UndecidedError(
-            f"transitions: the drive keeps its velocity ({drive[-1]:.4g}); ramp it, or ask for the regime"
-        )
-    peaks, _ = turning_points(np.concatenate([[0.0], drive, [0.0]]), max(margin, 1e-300))
-    if len(peaks) > 1:
-        raise UndecidedError(
-            f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
-            "run.sel(time=slice(from, to))"
-        )
-    fastest = np.flatnonzero(drive >= drive.max() - margin)
-    return float(t[fastest[0]] if fastest[0] == 0 else t[fastest[-1]])
-
-
-def _settled(on: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
-    """Pass over states shorter than so many steps, from the start onwards."""
-    edges = np.concatenate([[0], np.flatnonzero(on[1:] != on[:-1]) + 1, [on.size]])
-    result = on.copy()
-    state = bool(on[0])
-    for begin, end in itertools.pairwise(edges):
-        if end - begin >= shortest or end == on.size:
-            state = bool(on[begin])
-        result[begin:end] = state
-    return result
+            onset = f"sets in at {sets_in}" if sets_in else "is there from the start"
+            said.append(f"{how}, it {onset} and {f'ends at {ends}' if ends else 'persists to the end'}")
+    return f"{begin}; stick-slip: {'; '.join(said)}" if said else f"{begin}; {found.attrs['notes']}"
