@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -20,16 +19,13 @@ Field = Literal["velocity", "attached", "force", "displacement"]
 
 FIELDS = {"velocity": "velocity", "attached": "attached", "force": "friction_force", "displacement": "displacement"}
 """What can be mapped, and the variable of a run that holds it."""
-
-
 _TOLD = 5
 """Fronts that are told of."""
 _FEWEST = 3
 """Blocks of the smallest event that is."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrontMap:
+class FrontMap(NamedTuple):
     """A quantity of all blocks in time, averaged over pixels; of the velocity, the largest size in each.
 
     `time` and `block` are the edges of the pixels; block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
@@ -49,23 +45,20 @@ def front_map(
         raise InputError(f"{who}: what = {shown(what)}: must be one of {', '.join(FIELDS)}")
     field = on_blocks(run, FIELDS[what], who)
     values = np.asarray(field.values, dtype=float)
-    values = np.abs(values) if what == "velocity" else values
     time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
-    edges = []
-    for axis, pieces in enumerate(most):
-        size = values.shape[axis]
-        starts = np.unique(np.linspace(0, size, min(pieces, size) + 1).astype(int))
-        reduce = np.maximum if what == "velocity" else np.add
-        values = reduce.reduceat(values, starts[:-1], axis=axis)
-        if what != "velocity":
-            values = values / np.expand_dims(np.diff(starts), 1 - axis)
-        edges.append(starts)
-    return FrontMap(
-        values=values,
-        time=np.append(time, time[-1])[edges[0]],
-        block=np.append(block, block[-1] + 1)[edges[1]] - 0.5,
-        variable=field,
-    )
+    edges = [
+        np.unique(np.linspace(0, size, min(pieces, size) + 1).astype(int))
+        for size, pieces in zip(values.shape, most, strict=True)
+    ]
+    if what == "velocity":
+        values = np.abs(values)
+    for axis, starts in enumerate(edges):
+        if what == "velocity":
+            values = np.maximum.reduceat(values, starts[:-1], axis=axis)
+        else:
+            values = np.add.reduceat(values, starts[:-1], axis=axis) / np.expand_dims(np.diff(starts), 1 - axis)
+    times, blocks = np.append(time, time[-1])[edges[0]], np.append(block, block[-1] + 1)[edges[1]]
+    return FrontMap(values, times, blocks - 0.5, field)
 
 
 def in_words(run: xr.Dataset) -> list[str]:
@@ -74,31 +67,29 @@ def in_words(run: xr.Dataset) -> list[str]:
         return []
     rig, unit = rig_of(run), str(run["time"].attrs.get("units", ""))
     body, last = rig.natural.slider, run.sizes["block"] - 1
+    told = rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []
     said = []
-    if isinstance(body, Chain):
-        sound = body.sound_speed * rig.unit("1/time")
-        found = [row for row in rows(fronts(run), "front", most=_TOLD) if np.isfinite(row["front_speed"])]
-        for row in found:
+    for row in told:
+        natural = row["front_speed"] / rig.unit("1/time")
+        if isinstance(body, Chain) and np.isfinite(natural):
             stop = "arrested there" if 0 < row["last_block"] < last else "the end"
             speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
             if body.spacing is not None:
-                natural = row["front_speed"] / rig.unit("1/time") * body.spacing
-                speed = f"{rig.in_units(natural, 'velocity', 3)} ({speed})"
+                speed = f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
             said.append(
                 f"front from t = {in_unit(row['start'], unit)}: blocks {row['first_block']} to {row['last_block']}, "
-                f"{stop}; {speed}, {row['front_speed'] / sound:.3g} of the speed of sound"
+                f"{stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of sound"
             )
     large = [row for row in rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _FEWEST]
     text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_FEWEST} blocks"
-    if not large and (distance := distance_to_the_first_break(rig)) is not None:
-        text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"
-    elif large:
+    if large:
         longest = max(large, key=lambda row: float(row["blocks"]))
-        force = str(run["spring_force"].attrs.get("units", ""))
         text += (
             f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {in_unit(longest['start'], unit)}, "
-            f"force drop {in_unit(longest['drop'], force, 3)}"
+            f"force drop {in_unit(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"
         )
+    elif (distance := distance_to_the_first_break(rig)) is not None:
+        text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"
     return [*said, text]
 
 

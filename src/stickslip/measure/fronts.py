@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ _FAST = 10.0  # blocks in an event are so many times faster than the drive ...
 _SLOWEST = 0.01  # ... or, where it stands still, faster than this part of the fastest block of the run
 _BREAKING = 0.01  # a block that holds takes part if it breaks more than this part of its contacts while it is fast
 _IN_TIME = np.array([[0, 1, 0]] * 3)  # neighbours in time, for tables of samples and blocks
+
+Row = tuple[float, ...]
 
 
 def fronts(run: xr.Dataset) -> xr.Dataset:
@@ -58,16 +61,14 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
     >>> int(found.blocks[0])
     100
     """
-    import xarray as xr
-
-    _check(run, "fronts", "first_break")
-    time, half = (np.asarray(run[name].values, dtype=float) for name in ("first_break", "half_detached"))
-    unit = str(run["first_break"].attrs.get("units", ""))
-    rows = []
+    units = _checked(run, "fronts", "first_break")
+    time = np.asarray(run["first_break"].values, dtype=float)
+    speed, unit, rows = np.full(time.size, np.nan), units["first_break"], list[Row]()
+    for block in range(_WINDOW, time.size - _WINDOW):
+        speed[block] = _speed(time[block - _WINDOW : block + _WINDOW + 1])
     if np.isfinite(time).any():
         origin = int(np.nanargmin(time))
-        rows = [*_pieces(time, origin, 1), *_pieces(time, origin, -1)]
-        rows.sort(key=lambda row: row[3])
+        rows = sorted([*_pieces(time, origin, 1), *_pieces(time, origin, -1)], key=lambda row: row[3])
     columns = (
         ("first_block", "1", "block on which the front starts"),
         ("last_block", "1", "last block that it reaches"),
@@ -76,23 +77,9 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
         ("end", unit, "time at which it reaches its last block"),
         ("front_speed", f"1/{unit}", "speed of the front, in blocks"),
     )
-    return xr.Dataset(
-        {
-            "first_break": ("block", time, dict(run["first_break"].attrs)),
-            "half_detached": ("block", half, dict(run["half_detached"].attrs)),
-            "speed": labelled("speed of the front, in blocks", "block", local_speed(time), f"1/{unit}"),
-            **_table("front", columns, rows),
-        },
-        {"block": run["block"]},
-    )
-
-
-def local_speed(time: Array) -> Array:
-    """Speed at which a front passes each block, from its times at five blocks around; NaN where one is missing."""
-    speed = np.full(time.size, np.nan)
-    for block in range(_WINDOW, time.size - _WINDOW):
-        speed[block] = _speed(time[block - _WINDOW : block + _WINDOW + 1])
-    return speed
+    along = {"speed": labelled("speed of the front, in blocks", "block", speed, f"1/{unit}")}
+    kept = run[["first_break", "half_detached"]].reset_coords(drop=True).drop_attrs(deep=False)
+    return kept.assign(along | _table("front", columns, rows))
 
 
 def _speed(times: Array) -> float:
@@ -101,28 +88,22 @@ def _speed(times: Array) -> float:
     return 1.0 / each if each != 0.0 else float("inf")
 
 
-def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
+def _pieces(time: Array, origin: int, way: int) -> list[Row]:
     """Fronts that run one way from a block: first and last block, their count, start, end and speed."""
     line = time[origin::way]
-    missing = ~np.isfinite(line)
-    line = line[: int(np.argmax(missing)) if missing.any() else line.size]
-    waits = np.diff(line)
-    starts = [0]
+    line = line[: int(np.append(np.isnan(line), True).argmax())]
+    waits, starts, rows = np.diff(line), [0], list[Row]()
     for i in range(1, waits.size):
         before = np.abs(waits[max(starts[-1], i - _BEFORE) : i])
         if before.size >= _FEWEST and waits[i] > _WAIT * float(np.median(before)):
             starts.append(i + 1)
-    ends = [*(start - 1 for start in starts[1:]), line.size - 1]
-    found: list[tuple[float, ...]] = []
-    for start, end in zip(starts, ends, strict=True):
-        if way < 0 and end == 0:
-            continue  # the front that runs the other way holds this block
-        many, speed = end - start + 1, np.nan
-        if many >= _FEWEST:
-            under_way = line[start + (end - start) // 5 : end + 1]  # the first fifth is still getting under way
-            speed = abs(float(slope(np.arange(float(under_way.size)), under_way)))
-        found.append((origin + way * start, origin + way * end, many, line[start], line[end], speed))
-    return found
+    for start, beyond in itertools.pairwise([*starts, line.size]):
+        end = beyond - 1
+        if way > 0 or end > 0:  # else the front that runs the other way holds this block
+            under_way = line[start + (end - start) // 5 : beyond]  # the first fifth is still getting under way
+            speed = _speed(under_way) if beyond - start >= _FEWEST else np.nan
+            rows.append((origin + way * start, origin + way * end, beyond - start, line[start], line[end], speed))
+    return rows
 
 
 def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
@@ -164,7 +145,7 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
     import xarray as xr
     from scipy import ndimage
 
-    _check(run, "events", "broken")
+    units = _checked(run, "events", "broken")
     time = np.asarray(run["time"].values, dtype=float)
     if time.size < 3:
         raise InputError("events: needs a run of at least three samples; record it more often")
@@ -183,16 +164,13 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
     breaks = np.bincount(spells.ravel(), np.diff(broken, axis=0).ravel()) > _BREAKING
     hangs = np.bincount(spells[np.minimum(attached[1:], attached[:-1]) < 0.5], minlength=many + 1) > 0
     active = (breaks | hangs)[spells] & (spells > 0)
-    shape = _shape(run)
-    grid = active.reshape(active.shape[0], *shape)
-    # What lies within a sample and a block of each other is one event.
-    about = np.ones((3,) * grid.ndim, np.int64)
+    # What lies within a sample and a block of each other, in its row or in the next, is one event.
+    along = int(run["along"].max()) + 1 if "along" in run.coords else run.sizes["block"]
+    grid = active.reshape(time.size - 1, -1, along)
+    about = np.ones((3, 3, 3), np.int64)
     labels, count = ndimage.label(ndimage.binary_dilation(grid, about), about)
-    labels = np.where(active, np.asarray(labels).reshape(active.shape), 0)
-    rows = []
+    labels, rows = np.where(active, np.asarray(labels).reshape(active.shape), 0), list[Row]()
     for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
-        if where is None:
-            continue
         first, last = where[0].start, where[0].stop
         mine = labels[first:last] == label
         gone = (np.diff(broken[first : last + 1], axis=0) * mine).sum(axis=0)
@@ -200,21 +178,14 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
             continue
         part = np.flatnonzero(mine.any(axis=0) & ((gone >= 0.5) | (attached[first] < 0.5)))
         arrival = _half_times(time[first : last + 1], X[first : last + 1, part])
-        origin = part[int(np.argmin(arrival))]
-        rows.append(
-            (
-                time[first],
-                time[last],
-                origin,
-                part.size,
-                float((X[last] - X[first])[part].sum()),
-                force[first] - force[last],
-                float(np.abs(V[first : last + 1][:, part]).max()),
-                _speed_of(arrival) if len(shape) == 1 else np.nan,
-            )
-        )
-    rows.sort()
-    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+        origin = int(np.argmin(arrival))
+        side = max((arrival[origin:], arrival[origin::-1]), key=len)  # on which more blocks follow
+        runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
+        moment = float((X[last] - X[first])[part].sum())
+        fastest = float(np.abs(V[first : last + 1][:, part]).max())
+        front = _speed(side) if runs else np.nan
+        drop = force[first] - force[last]
+        rows.append((time[first], time[last], part[origin], part.size, moment, drop, fastest, front))
     columns = (
         ("start", units["time"], "time at which the event starts"),
         ("end", units["time"], "time at which it ends"),
@@ -226,13 +197,13 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
         ("front_speed", f"1/{units['time']}", "speed of the front, in blocks"),
     )
     return xr.Dataset(
-        _table("event", columns, rows),
+        _table("event", columns, sorted(rows)),
         {"event": np.arange(len(rows))},
         {"count": len(rows), "velocity": float(velocity)},
     )
 
 
-def _table(along: str, columns: Sequence[tuple[str, str, str]], rows: Sequence[tuple[float, ...]]) -> dict[str, Any]:
+def _table(along: str, columns: Sequence[tuple[str, str, str]], rows: Sequence[Row]) -> dict[str, Any]:
     """The variables of a table: name, unit and long name of each column, with its values; blocks are counted."""
     values = np.array(rows, dtype=float).reshape(len(rows), len(columns)).T
     return {
@@ -241,33 +212,20 @@ def _table(along: str, columns: Sequence[tuple[str, str, str]], rows: Sequence[t
     }
 
 
-def _check(run: xr.Dataset, who: str, needed: str) -> None:
+def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
+    """The units of the variables of a run, if it is one of an elastic slider."""
     import xarray as xr
 
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")
-
-
-def _shape(run: xr.Dataset) -> tuple[int, ...]:
-    """Blocks in a row, or rows and blocks in each."""
-    size = run.sizes["block"]
-    along = int(run["along"].max()) + 1 if "along" in run.coords else size
-    return (size,) if along == size else (size // along, along)
+    return {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
 
 
 def _half_times(time: Array, X: Array) -> Array:
     """When each block has gone half of its way."""
-    level = 0.5 * (X[0] + X[-1])
+    level, block = 0.5 * (X[0] + X[-1]), np.arange(X.shape[1])
     after = np.maximum(np.argmax((X - level) * (X[-1] - X[0]) >= 0, axis=0), 1)
-    block = np.arange(X.shape[1])
-    low, high = X[after - 1, block], X[after, block]
-    part = np.where(high != low, (level - low) / np.where(high != low, high - low, 1.0), 1.0)
+    low, rise = X[after - 1, block], X[after, block] - X[after - 1, block]
+    part = np.divide(level - low, rise, out=np.ones_like(rise), where=rise != 0.0)
     return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
-
-
-def _speed_of(arrival: Array) -> float:
-    """Speed from the block that slips first, to the side where more blocks follow; NaN if they slip at once."""
-    origin = int(np.argmin(arrival))
-    side = max((arrival[origin:], arrival[origin::-1]), key=len)
-    return _speed(side) if side.size >= _FEWEST and side[-1] > side[0] else float("nan")
