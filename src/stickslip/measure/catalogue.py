@@ -88,12 +88,10 @@ def regime_and_drops(
     """Return what `regime` and `drops` do, from one look at the data."""
     import xarray as xr
 
-    trace = Trace.of(data)
+    trace = since(Trace.of(data), after)
     if minimum_drop is not None:
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
-    if after is not None:
-        trace = since(trace, after)
-    seen = with_coefficient(over_the_window(trace, after), data)
+    seen = with_coefficient(over_the_window(trace, whole=after is None), data)
     parts = (find_strokes(trace) if trace.drive is None else []) or [trace]
     tables = [_table(data, part, _drops_beside(seen, part, minimum_drop), seen.drops_are) for part in parts]
     if len(tables) == 1:

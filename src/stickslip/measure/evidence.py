@@ -10,15 +10,14 @@ from typing import Literal
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
-from stickslip.measure.arrays import Array, Trace, memory, slope, without_line
-from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles
+from stickslip.measure.arrays import Trace, memory, slope, without_line
+from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles, spectral_line
 from stickslip.measure.slips import (
     FEWEST_IN_A_DROP,
     SLIP_VELOCITY,
     Slips,
     fast_ones,
     is_white,
-    kurtosis,
     mean_and_std,
     speeds,
     weighted_median,
@@ -41,6 +40,34 @@ _SLOPES = 0.1  # relative error to which a loading rate is read
 _MANY = 100_000  # slopes that are enough
 
 Source = Literal["theory", "statistics", "convention"]
+
+TESTS: dict[str, tuple[str, float, Source]] = {
+    "drops": ("drops that stand out of the noise", 1, "statistics"),
+    "size": ("swing over the largest force", TINY, "convention"),
+    "cycles": ("cycles in the window", FEWEST_CYCLES, "convention"),
+    "resolved": ("samples in a drop", FEWEST_IN_A_DROP, "convention"),
+    "shrinks": ("drops shrink: logarithm of their change", -STEADY, "statistics"),
+    "grows": ("drops grow: logarithm of their change", STEADY, "statistics"),
+    "small": ("range of the second half over the largest force", SMALL, "convention"),
+    "paused": ("longest pause over what chance allows", FEWEST_CYCLES, "statistics"),
+    "period": ("correlation at one period", PERIODIC, "convention"),
+    "even": ("variation of the cycles", JITTER, "theory"),
+    "fast": ("largest slider velocity over the drive's", SLIP_VELOCITY, "theory"),
+    "phase": ("part of the time in drops", SLIP_PHASE, "theory"),
+    "held": ("part of the time at the full loading rate", MOST, "convention"),
+    "contacts": ("scatter over the noise of the contacts", ERRORS, "theory"),
+    "normal": ("kurtosis of the force", NORMAL, "theory"),
+    "enough": ("cycles, to tell an oscillation from noise", ENOUGH, "statistics"),
+    "slight": ("three standard deviations over the mean", LARGEST_NOISE, "convention"),
+    "strong": ("the same, of slips of single contacts", ERRORS * STEADY, "statistics"),
+    "line": ("swing of a spectral line over the largest force", TINY, "statistics"),
+    # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
+    "masks": ("scatter over the largest force", SMALL / math.sqrt(12.0), "convention"),
+    "unfinished": ("range over what noise may show", 1.0, "statistics"),
+    "drifts": ("range of a straight line over that of the force", MOST, "convention"),
+}
+"""What is asked, the limit, and its source, by short names; chance allows for more where an error is known."""
+_AT_MOST = {"shrinks", "small", "even", "phase", "slight"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +109,7 @@ class Evidence:
     periodic: bool
     swing: float
     trend: float
-    trend_error: float
+    line: float  # period of a spectral line
     tests: dict[str, Criterion]
     facts: set[str]
 
@@ -91,109 +118,81 @@ class Evidence:
         return self.tests[name].statistic if name in self.tests else math.nan
 
 
-class _Tests(dict[str, Criterion]):
-    """The tests that were made; one of what is not known is none."""
-
-    def make(self, key: str, name: str, value: float, limit: float, source: Source, *, most: bool = False) -> None:
-        if not math.isnan(value):
-            passed = bool(value <= limit if most else value >= limit)
-            self[key] = Criterion(name=name, statistic=value, limit=limit, source=source, passed=passed)
-
-
-def _over(value: float, other: float) -> float:
-    return value / other if other else math.nan
-
-
 def gather(trace: Trace, found: Slips) -> Evidence:
-    """Take the numbers of a window, and make the tests."""
-    force, friction, noise, tests = trace.force, abs(trace.largest), found.noise, _Tests()
+    """Take the numbers of a window, and make the tests; there is none of what is not known."""
+    force, friction, noise = trace.force, abs(trace.largest) or 1.0, found.noise
     cycles, periodic = _cycles(trace, found)
-    scatter = float(without_line(force, trace.t).std())
-    swing = peak_to_peak = float(np.ptp(force))
+    rest = without_line(force, trace.t)
+    scatter, range_, drift = float(rest.std()), float(np.ptp(force)), slope(force, trace.t) * float(np.ptp(trace.t))
+    swing = range_
     if periodic and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
         swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - noise**2, 0.0)))
-    tests.make("drops", "drops that stand out of the noise", found.size, 1, "statistics")
-    tests.make("size", "swing over the largest force", _over(swing, friction), TINY, "convention")
+    values: dict[str, float] = {
+        "drops": found.size,
+        "size": swing / friction,
+        "cycles": 0,
+        "drifts": abs(drift) / (max(range_, 2.0 * found.smallest / MOST) or 1.0),
+    }
+    limits, slips, trend, line = {name: limit for name, (_, limit, _) in TESTS.items()}, False, math.nan, math.nan
     if found.size:
-        slips, trend, error = _of_drops(tests, trace, found, cycles, periodic, scatter)
-    else:
-        slips, trend, error = False, math.nan, math.nan
-        # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
-        tests.make(
-            "masks", "scatter over the largest force", _over(scatter, friction), SMALL / math.sqrt(12.0), "convention"
+        values["resolved"] = samples = float(np.median(found.trough - found.peak))
+        values["phase"] = phase = found.slip_phase(trace)
+        values["held"] = full = math.nan if trace.contacts else held(trace, noise)
+        # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
+        # irregular one, that it rises at one rate for most of the time, too.
+        slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
+        if (fastest := speeds(trace, found)) is not None:
+            values["fast"] = speed = weighted_median(fastest, found.drops**2)
+            if speed >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP:
+                slips = speed >= SLIP_VELOCITY
+        count = cycles.count if periodic else (fast_ones(trace, found) if slips else found).size
+        if cycles.correlation >= PERIODIC and not slips:  # a cycle may have more than one drop
+            count = min(count, cycles.count)
+        values["cycles"] = count
+        trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
+        allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
+        limits |= {"shrinks": -allowed, "grows": allowed}
+        values["paused"], limits["paused"] = _pause(trace, found, cycles, periodic)
+        change, relative = (
+            math.log(trend) if trend > 0 else 0.0,
+            ERRORS * scatter / (abs(float(force.mean())) or 1e-300),
         )
-        least = math.nan if is_white(trace, noise, cycles) else max(2.0 * found.smallest, SMALL * friction)
-        tests.make("unfinished", "range over what noise may show", _over(peak_to_peak, least), 1.0, "statistics")
-    drift = abs(slope(force, trace.t)) * float(np.ptp(trace.t))
-    range_ = max(peak_to_peak, 2.0 * found.smallest / MOST)
-    tests.make("drifts", "range of a straight line over that of the force", _over(drift, range_), MOST, "convention")
+        values |= {"shrinks": change, "grows": change, "small": float(np.ptp(force[force.size // 2 :])) / friction}
+        values |= {"period": cycles.correlation, "even": cycles.variation, "enough": count}
+        values |= {"contacts": _excess(trace, scatter), "slight": relative, "strong": relative}
+        values["normal"] = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
+    elif not is_white(trace, noise, cycles):
+        values["unfinished"] = range_ / max(2.0 * found.smallest, SMALL * friction)
+    if not found.size:
+        values["masks"] = scatter / friction
+    if not (periodic or slips):
+        line, size = spectral_line(trace.t, force, CHANCE)
+        values["line"] = size / friction
+    tests = {
+        key: Criterion(
+            name=name,
+            statistic=values[key],
+            limit=limits[key],
+            source=source,
+            passed=bool(values[key] <= limits[key] if key in _AT_MOST else values[key] >= limits[key]),
+        )
+        for key, (name, _, source) in TESTS.items()
+        if not math.isnan(values.get(key, math.nan))
+    }
     facts = {name for name, made in tests.items() if made.passed}
-    is_noise = "contacts" in tests and "contacts" not in facts
+    chance = "contacts" in tests and "contacts" not in facts
     more = {
         "slips": slips,
         "periodic": periodic,
-        "lasts": periodic or "contacts" in facts,
+        "lasts": periodic or "contacts" in tests,
         "alone": trace.velocity is None,
-        "chance": is_noise,
-        "noise": is_noise and ("normal" in facts or not periodic),
+        "chance": chance,
+        "noise": chance and ("normal" in facts or not periodic),
     }
+    facts |= {name for name, holds in more.items() if holds}
     return Evidence(
-        found=found,
-        cycles=cycles,
-        periodic=periodic,
-        swing=swing,
-        trend=trend,
-        trend_error=error,
-        tests=tests,
-        facts=facts | {name for name, holds in more.items() if holds},
+        found=found, cycles=cycles, periodic=periodic, swing=swing, trend=trend, line=line, tests=tests, facts=facts
     )
-
-
-def _of_drops(
-    tests: _Tests, trace: Trace, found: Slips, cycles: Cycles, periodic: bool, scatter: float
-) -> tuple[bool, float, float]:
-    """Make the tests of drops: whether they are slips, how their sizes change, and the error of that."""
-    force, friction, noise, mean = trace.force, abs(trace.largest), found.noise, abs(float(trace.force.mean()))
-    samples, fastest = float(np.median(found.trough - found.peak)), speeds(trace, found)
-    speed = math.nan if fastest is None else weighted_median(fastest, found.drops**2)
-    phase, full = found.slip_phase(trace), math.nan if trace.contacts else held(trace, noise)
-    # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
-    # irregular one, that it rises at one rate for most of the time, too.
-    slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
-    if speed >= SLIP_VELOCITY or (samples >= FEWEST_IN_A_DROP and not math.isnan(speed)):
-        slips = speed >= SLIP_VELOCITY
-    count = (fast_ones(trace, found) if slips else found).size
-    if periodic or (cycles.correlation >= PERIODIC and not slips):  # a cycle may have more than one drop
-        count = cycles.count if periodic else min(cycles.count, count)
-    trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
-    change = math.log(trend) if trend > 0 else 0.0
-    allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
-    relative = _over(ERRORS * scatter, mean) if mean else math.inf
-    left = float(np.ptp(force[force.size // 2 :]))
-    tests.make("cycles", "cycles in the window", count, FEWEST_CYCLES, "convention")
-    tests.make("resolved", "samples in a drop", samples, FEWEST_IN_A_DROP, "convention")
-    tests.make("shrinks", "drops shrink: logarithm of their change", change, -allowed, "statistics", most=True)
-    tests.make("grows", "drops grow: logarithm of their change", change, allowed, "statistics")
-    tests.make("paused", "longest pause over what chance allows", *_pause(trace, found, cycles, periodic), "statistics")
-    tests.make("period", "correlation at one period", cycles.correlation, PERIODIC, "convention")
-    tests.make("even", "variation of the cycles", cycles.variation, JITTER, "theory", most=True)
-    tests.make("fast", "largest slider velocity over the drive's", speed, SLIP_VELOCITY, "theory")
-    tests.make("phase", "part of the time in drops", phase, SLIP_PHASE, "theory", most=True)
-    tests.make("held", "part of the time at the full loading rate", full, MOST, "convention")
-    tests.make("contacts", "scatter over the noise of the contacts", _excess(trace, scatter), ERRORS, "theory")
-    tests.make("normal", "kurtosis of the force", kurtosis(force), NORMAL, "theory")
-    tests.make("enough", "cycles, to tell an oscillation from noise", count, ENOUGH, "statistics")
-    tests.make("slight", "three standard deviations over the mean", relative, LARGEST_NOISE, "convention", most=True)
-    tests.make("strong", "the same, of slips of single contacts", relative, ERRORS * STEADY, "statistics")
-    tests.make(
-        "small",
-        "range of the second half over the largest force",
-        _over(left, friction),
-        SMALL,
-        "convention",
-        most=True,
-    )
-    return slips, trend, error
 
 
 def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
@@ -201,15 +200,14 @@ def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
     cycles = found.cycles
     if cycles.periodic or found.size < FEWEST_CYCLES:
         return cycles, cycles.periodic
-    drops = found.drops
-    if mean_and_std(np.diff(found.times))[2] < JITTER and mean_and_std(drops)[2] < 2.0 * JITTER:
+    if mean_and_std(np.diff(found.times))[2] < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER:
         return replace(cycles, begins=found.peak, times=found.times, period=float(np.diff(found.times).mean())), True
     if trace.velocity is None:
         turning = np.sort(np.concatenate([found.peak, found.trough]))
         at, level = (0.5 * (values[turning[1:]] + values[turning[:-1]]) for values in (trace.t, trace.force))
         inner = slice(int(turning[0]), int(turning[-1]) + 1)
-        rest = trace.force[inner] - np.interp(trace.t[inner], at, level)
-        if (other := find_cycles(trace.t[inner], rest)).periodic:
+        other = find_cycles(trace.t[inner], trace.force[inner] - np.interp(trace.t[inner], at, level))
+        if other.periodic:
             return other, True
     return cycles, False
 
@@ -217,29 +215,28 @@ def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
 def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips: bool) -> tuple[float, float]:
     """Amplitude in the second half of the window over the first, and the error of its logarithm.
 
-    From the ranges of cycles, the drops of slips, or, of what is neither, the fluctuation in parts of the window.
+    From the drops, where they are slips or cycles; else from the range of each cycle, or, of what is neither, the
+    fluctuation in parts of the window.
     """
     begin, end, sizes, times = trace.t[0], trace.t[-1], found.drops, found.times
-    if periodic and abs(found.size - cycles.count) > 1:
-        edges = np.arange(cycles.times[0], end, cycles.period)
-        parts = itertools.pairwise(np.searchsorted(trace.t, edges).tolist())
-        sizes, times = np.array([np.ptp(trace.force[i : j + 1]) for i, j in parts]), edges[:-1]
-    elif not periodic and (not slips or found.size < FEWEST_CYCLES):
+    if abs(found.size - cycles.count) > 1 if periodic else not slips or found.size < FEWEST_CYCLES:
         edges = np.linspace(begin, end, 2 * FEWEST_CYCLES + 1)
-        parts = itertools.pairwise(np.searchsorted(trace.t, edges).tolist())
-        sizes, times = np.array([trace.force[i:j].std() if j > i else 0.0 for i, j in parts]), edges[:-1]
+        if periodic:
+            edges = np.arange(cycles.times[0], end, cycles.period)
+        pieces = np.searchsorted(trace.t, edges).tolist()
+        parts = [trace.force[i : j + 1] for i, j in itertools.pairwise(pieces)]
+        sizes, times = np.array([np.ptp(part) if periodic else part.std() for part in parts]), edges[:-1]
     times, sizes = times[sizes > 0], np.log(sizes[sizes > 0])
     if sizes.size < FEWEST_CYCLES:
         return math.nan, math.nan
     at = (times - times.mean()) / (end - begin)
-    slope = float(at @ sizes / (at @ at))
-    rest = sizes - sizes.mean() - slope * at
-    power = float(rest @ rest)
+    change = slope(sizes, at)
+    rest = without_line(sizes, at)
     # Slow wandering of the drops (few contacts, or a boundary near by) makes them worth fewer independent ones.
     alike = min(memory(rest), 0.9)
-    error = math.sqrt(power / (sizes.size - 2) / float(at @ at) * (1 + alike) / (1 - alike))
+    error = math.sqrt(float(rest @ rest) / (sizes.size - 2) / float(at @ at) * (1 + alike) / (1 - alike))
     few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS  # by Student: few parts tell their scatter badly
-    return math.exp(0.5 * slope), 0.5 * few * error
+    return math.exp(0.5 * change), 0.5 * few * error
 
 
 def _excess(trace: Trace, scatter: float) -> float:
@@ -268,37 +265,31 @@ def _pause(trace: Trace, found: Slips, cycles: Cycles, periodic: bool) -> tuple[
     _, _, variation = mean_and_std(waits[waits <= FEWEST_CYCLES * usual])
     shape = 1.0 / max(variation, 0.01) ** 2 if math.isfinite(variation) else 1.0
     chance = float(gammainccinv(shape, CHANCE / waits.size)) / shape
-    return float(waits.max()) / usual, max(chance, float(FEWEST_CYCLES))
+    longest = float(waits.max())
+    if periodic:  # a drop that noise hides leaves no pause of the cycles
+        longest = min(longest, float(np.diff([trace.t[0], *cycles.times, trace.t[-1]]).max()))
+    return longest / usual, max(chance, float(FEWEST_CYCLES))
 
 
 def held(trace: Trace, noise: float) -> float:
     """Part of the time in which the force rises at its full rate, within a quarter: the slider is held then.
 
-    The rate is that of the slopes which most of the fast rises have; slopes are taken over as many samples as read it
-    to a tenth. Not a number where the noise leaves none.
+    The rate is that of the slopes which most of the fast rises have; slopes, differences of the means of two windows
+    side by side, are taken over as many samples as read it to a tenth. Not a number where the noise leaves none.
     """
     force, step = trace.force, (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    total = np.concatenate([[0.0], np.cumsum(force - force.mean())])
-
-    def slopes(rate: float) -> Array:
-        """Differences of the means of two windows side by side."""
-        half = (
-            max(math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)), 1)
-            if rate > 0
-            else force.size
-        )
-        if 24 * half > force.size:
-            return np.empty(0)
-        begin = np.arange(0, total.size - 2 * half, max(1, force.size // _MANY))
-        first, second = ((total[at + half] - total[at]) / half for at in (begin, begin + half))
-        return np.asarray((second - first) / (half * step))
-
-    rate = float(np.quantile(np.diff(force), 0.9)) / step
+    total, slopes = np.concatenate([[0.0], np.cumsum(force - force.mean())]), np.diff(force) / step
     for _ in range(20):
-        if not (slope := slopes(rate)).size:
+        rate = float(np.quantile(slopes, 0.9))
+        if not rate > 0:
             return math.nan
-        rate = float(np.quantile(slope, 0.9))
+        half = max(math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)), 1)
+        if 24 * half > force.size:
+            return math.nan
+        begin = np.arange(0, total.size - 2 * half, max(1, force.size // _MANY))
+        slopes = (total[begin + 2 * half] - 2.0 * total[begin + half] + total[begin]) / (half**2 * step)
+    rate = float(np.quantile(slopes, 0.9))
     for _ in range(20):
-        near = slope[np.abs(slope - rate) < 0.25 * rate]
+        near = slopes[np.abs(slopes - rate) < 0.25 * rate]
         rate = float(near.mean()) if near.size else rate
-    return float(np.mean(slope > 0.75 * rate))
+    return float(np.mean(slopes > 0.75 * rate))

@@ -101,7 +101,9 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
         end = beyond - 1
         if way > 0 or end > 0:  # else the front that runs the other way holds this block
             under_way = line[start + (end - start) // 5 : beyond]  # the first fifth is still getting under way
-            speed = _speed(under_way) if beyond - start >= _FEWEST else np.nan
+            speed = np.nan
+            if beyond - start >= _FEWEST:
+                speed = abs(slope(np.arange(float(under_way.size)), under_way))
             rows.append((origin + way * start, origin + way * end, beyond - start, line[start], line[end], speed))
     return rows
 

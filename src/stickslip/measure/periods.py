@@ -19,6 +19,8 @@ _HALF = 0.5  # the first peak of the autocorrelation above this part of the high
 _BESIDE = 1.4  # ... which is the highest peak up to this many times further: ringing puts smaller ones beside it
 _TOGETHER = 0.7  # of a period: rises closer than this belong to one cycle (ringing crosses the levels again)
 
+_BESIDE_A_LINE, _NEXT = 12, 2  # frequencies that a line is held against, and left out on either side of it
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cycles:
@@ -98,12 +100,39 @@ def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.i
     return risen, t[risen] - passed * (t[risen] - t[risen - 1])
 
 
-def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
-    """Lag and height of the peak of the autocorrelation that belongs to one period; NaN and 0 if there is none."""
+def spectral_line(t: Array, force: Array, chance: float) -> tuple[float, float]:
+    """Period and swing, peak to peak, of the highest line of a spectrum; NaN and 0 if noise may show it by chance.
+
+    A line is held against the `_BESIDE_A_LINE` frequencies beside it, two next to it left out: of noise of any colour
+    that is even there, ``(1 + x/n)^-n`` of all ordinates exceed `x` times the mean of `n` others by chance.
+    """
+    power = np.abs(fft.rfft(_evenly(t, force)))[1:] ** 2 / t.size**2
+    first, others = _BESIDE_A_LINE // 2 + _NEXT, float(_BESIDE_A_LINE)
+    if power.size <= 2 * first:
+        return math.nan, 0.0
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    at = np.arange(first, power.size - first)
+    near = total[at + _NEXT + 1] - total[at - _NEXT]
+    beside = total[at + first + 1] - total[at - first] - near
+    best = int(np.argmax(power[at] / np.maximum(beside, 1e-300)))
+    exceeds = power[at[best]] / max(float(beside[best]), 1e-300)
+    if power.size * (1.0 + exceeds) ** -others > chance:
+        return math.nan, 0.0
+    period = float((t[-1] - t[0]) / (at[best] + 1))
+    return period, 4.0 * math.sqrt(max(float(near[best] - beside[best] * (2 * _NEXT + 1) / others), 0.0))
+
+
+def _evenly(t: Array, force: Array) -> Array:
+    """A force at even steps, less the straight line through it."""
     size, step = t.size, (t[-1] - t[0]) / (t.size - 1)
     if float(np.ptp(np.diff(t))) > 0.01 * step:
         force = np.interp(t[0] + step * np.arange(size), t, force)
-    rest = without_line(force, np.arange(size, dtype=float))
+    return without_line(force, np.arange(size, dtype=float))
+
+
+def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
+    """Lag and height of the peak of the autocorrelation that belongs to one period; NaN and 0 if there is none."""
+    size, step, rest = t.size, (t[-1] - t[0]) / (t.size - 1), _evenly(t, force)
     lags = max(size // 2, 3)
     spectrum = fft.rfft(rest, fft.next_fast_len(size + lags, real=True))
     power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]

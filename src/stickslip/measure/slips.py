@@ -122,13 +122,6 @@ def resolution(force: Array) -> float:
     return step if float(np.mean(off < 0.1)) > 0.99 else 0.0
 
 
-def kurtosis(force: Array) -> float:
-    """Fourth moment over the squared variance: 3 of what is normally distributed, 1.5 of a sine."""
-    squares = np.square(force - force.mean())
-    variance = float(squares.mean())
-    return float(np.mean(squares * squares)) / variance**2 if variance > 0 else math.nan
-
-
 def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
     """Whether a force shows white noise about a line and nothing else: no more of it, and no period."""
     rest, chance = without_line(trace.force, trace.t), WHITE / math.sqrt(trace.t.size)

@@ -32,57 +32,37 @@ LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
 MOST_STROKES = 0.75  # part of the strokes that must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
-_DEEPEST = 3  # how often a part of a record is parted again
 
 SMOOTH: Kind = "smooth sliding"
 SLIPS: Kind = "stick-slip"
 LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
 
-_MIRRORED = (
-    "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the command "
-    "line, flip=True in read_trace)"
-)
 _LOADING = "the force still {moves}, by {drift} in the window, and shows no complete slip; {more}"
-_TINY = "the force oscillates by {swing}, peak to peak"
-_NOISE = "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"
-_CHANGES = "the {motion} {changes}, by a factor {trend} from one half of the window to the other"
-_PERSIST = "{manner} slips that persist: {how}"
-_STEP = "from t = {since} on, the drops are {times} times as large"
-_LASTS = "{manner}, {part}, peak to peak; {sticks}"
-_AMPLE = "the force fluctuates by {part}, without a period"
+_HIDDEN = "a period of {line} stands out of noise of {part}, which hides whether it is slips: record more often"
+_DOUBT = "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"
 
 RULES: tuple[tuple[str, Kind, str], ...] = (
-    ("standing", OPEN, "the drive stands still"),
-    ("changing", OPEN, "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"),
-    ("mirrored", OPEN, _MIRRORED),
-    ("constant", OPEN, "the force never changes: is the sensor connected?"),
-    ("-drops -size", SMOOTH, "the force fluctuates by {part}"),
-    ("-drops drifts", OPEN, _LOADING),
-    ("-drops unfinished", OPEN, "too short: the force oscillates, but shows no complete drop in the window; {more}"),
-    ("-drops masks", OPEN, "noise of {part} between samples masks any oscillation, and slips: record more often"),
-    ("-drops", SMOOTH, "the force shows noise only, {part}"),
-    ("-cycles -slips -size", SMOOTH, _TINY),
+    ("-cycles -slips -size", SMOOTH, "the force fluctuates by {swing}, peak to peak"),
+    ("-cycles line", OPEN, _HIDDEN),
     ("-cycles drifts", OPEN, _LOADING),
+    ("-drops -unfinished masks", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
+    ("-drops -unfinished", SMOOTH, "the force shows noise only, {part}"),
     ("-cycles", OPEN, "too short: {count} of the {fewest} complete cycles that a verdict needs; about {missing} more"),
     ("noise slips strong", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
-    ("noise slight", SMOOTH, f"{_AMPLE}: no more than the noise of {{contacts}} contacts"),
-    ("noise -shrinks", LASTS, f"{_LASTS}; as expected from the noise of {{contacts}} contacts"),
-    ("chance -noise -enough", OPEN, _NOISE),
+    ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
+    ("chance -noise -enough", OPEN, _DOUBT),
     ("turns", OPEN, "{parts}"),
-    ("step slips", SLIPS, f"{_PERSIST}; {_STEP}"),
-    ("step periodic", LASTS, f"{_LASTS}: {{how}}; {_STEP}"),
-    ("shrinks small -slips", SMOOTH, f"{_CHANGES}, and is down to {{left}}"),
-    ("shrinks", OPEN, f"{_CHANGES}; {{more}} whether it persists"),
-    ("slips grows", SLIPS, f"{_PERSIST}; the slips still grow"),
-    ("slips", SLIPS, _PERSIST),
-    ("grows", OPEN, f"{_CHANGES}; {{more}}"),
-    ("-size", SMOOTH, _TINY),
+    ("shrinks small -slips", SMOOTH, "{changes}, and is down to {left}"),
+    ("shrinks", OPEN, "{changes}; {more} whether it persists"),
+    ("slips", SLIPS, "{manner} slips that persist: {how}"),
+    ("grows", OPEN, "{changes}; {more}"),
+    ("-size", SMOOTH, "the force oscillates by {swing}, peak to peak"),
     ("-resolved", OPEN, "drops of {part} last fewer than {samples} samples: record more often"),
-    ("lasts alone normal", OPEN, _NOISE),
-    ("lasts", LASTS, f"{_LASTS}: {{how}}"),
-    ("normal slight", SMOOTH, f"{_AMPLE}, as slow noise does"),
-    ("-slight", OPEN, f"{_AMPLE}: too much for noise, and no slips that stand out; {{more}}"),
+    ("periodic alone normal", OPEN, _DOUBT),
+    ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}: {how}"),
+    ("line", OPEN, _HIDDEN),
+    ("normal slight", SMOOTH, "{ample}, as slow noise does"),
     ("", OPEN, "irregular oscillation of {part} that is neither slips nor noise: {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
@@ -95,6 +75,9 @@ class Segment:
     kind: Kind
     begin: float
     end: float
+
+
+Parts = tuple[Segment, ...]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -124,14 +107,10 @@ class Regime(Answer):
         Ratio of the drops in the second half of the window to those in the first, from a straight line
         through their logarithms (of the standard deviation of the force in parts of the window, where it has
         neither slips nor a period); 1 is steady.
-    trend_error : float
-        Standard error of ``ln(trend)``; NaN where it is not known.
     cycles : int
         Complete cycles in the window; of a force that is not periodic, complete drops.
     period, period_variation : float
         Mean time of a cycle, and its coefficient of variation; NaN with too few cycles.
-    correlation : float
-        Autocorrelation of the force at one period: 1 for what repeats, near 0 for noise.
     drop, drop_variation : float
         Mean force drop, and its coefficient of variation.
     slip_phase : float
@@ -140,14 +119,10 @@ class Regime(Answer):
         Standard deviation of the noise from sample to sample, in the unit of the force.
     drive_velocity : float or None
         Mean velocity of the drive in the window; None where it is not known.
-    peak_velocity : float or None
-        Largest slider velocity in a typical (median) cycle, over the drive's velocity.
     largest_velocity : float or None
         Largest slider velocity in the window, over the drive's velocity.
     stuck : float or None
         Fraction of the time in which the slider is slower than a twentieth of the drive.
-    attached_peak_to_peak : float or None
-        Largest less smallest fraction of attached contacts.
     mean_mu, static_mu : float or None
         With a normal load: the coefficient of friction, on average in the window and at most in all of the data.
     quantity, time_unit, force_unit : str
@@ -169,20 +144,16 @@ class Regime(Answer):
     mean_force: float
     static_friction: float
     trend: float
-    trend_error: float
     cycles: int
     period: float
     period_variation: float
-    correlation: float
     drop: float
     drop_variation: float
     slip_phase: float
     noise: float
     drive_velocity: float | None = None
-    peak_velocity: float | None = None
     largest_velocity: float | None = None
     stuck: float | None = None
-    attached_peak_to_peak: float | None = None
     mean_mu: float | None = None
     static_mu: float | None = None
     quantity: str = "force"
@@ -273,7 +244,7 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     InputError
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
-    return with_coefficient(over_the_window(Trace.of(data), after), data)
+    return with_coefficient(over_the_window(since(Trace.of(data), after), whole=after is None), data)
 
 
 def with_coefficient(seen: Regime, data: xr.Dataset) -> Regime:
@@ -287,13 +258,14 @@ def with_coefficient(seen: Regime, data: xr.Dataset) -> Regime:
 
 def regime_of(run: Recording) -> Regime:
     """Return the regime of a run that has not become a Dataset; the same as of the Dataset."""
-    return over_the_window(Trace.of_recording(run), None)
+    return over_the_window(Trace.of_recording(run))
 
 
-def since(trace: Trace, after: float) -> Trace:
-    """What comes after a time; `InputError` if that is next to nothing."""
-    begin = number("after", after, hint="a time, in the unit of t")
-    late = trace.part(begin)
+def since(trace: Trace, after: float | None) -> Trace:
+    """What comes after a time, if one is given; `InputError` if that is next to nothing."""
+    if after is None:
+        return trace
+    late = trace.part(begin := number("after", after, hint="a time, in the unit of t"))
     if late.t.size < FEWEST_READINGS:
         raise InputError(
             f"after = {begin:g}: fewer than {FEWEST_READINGS} samples lie after it; the data end at t = {trace.t[-1]:g}"
@@ -301,13 +273,11 @@ def since(trace: Trace, after: float) -> Trace:
     return late
 
 
-def over_the_window(trace: Trace, after: float | None) -> Regime:
-    """Choose the window, and judge it; of a test that goes to and fro, its strokes."""
-    if after is not None:
-        trace = since(trace, after)
+def over_the_window(trace: Trace, *, whole: bool = True) -> Regime:
+    """Choose the window in all of the data, or take what was chosen, and judge it; of a bench, with notes."""
     if trace.drive is None:
-        return _of_a_bench(trace, loaded=after is not None)
-    if after is not None:
+        return _of_a_bench(trace, whole=whole)
+    if not whole:
         return _judge(trace)
     differs = np.flatnonzero(np.abs(trace.drive - trace.drive[-1]) > CONSTANT_DRIVE * abs(trace.drive[-1]))
     first = int(differs[-1]) + 1 if differs.size else 0
@@ -316,10 +286,8 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
     begin, end = trace.t[first], trace.t[-1]
     late, longer = (trace.part(end - parts * LATE_PART * (end - begin)) for parts in (1, 2))
     found = find_slips(late) if late.t.size >= FEWEST_READINGS else None
-    if found is None or found.size <= FEWEST_CYCLES:
-        more = find_slips(longer)
-        if found is None or 0 < found.size < more.size:
-            late, found = longer, more
+    if found is None or 0 < found.size <= FEWEST_CYCLES:
+        late, found = longer, find_slips(longer)
     seen = _judge(late, found)
     if seen.kind not in (SLIPS, LASTS) or not end - begin < LONG_TRANSIENT * seen.period:
         return seen
@@ -327,37 +295,30 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
     return replace(seen, reason=f"{seen.reason} ({caution})")
 
 
-def _of_a_bench(trace: Trace, *, loaded: bool) -> Regime:
+def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
     """Judge a force alone: its longest stretch without a gap, once it is loaded, or its strokes; with notes."""
-    trace, notes = _without_gaps(trace)
+    notes, gaps = [], trace.gaps.tolist()
+    if gaps:
+        begin, end = (words.number(trace.t[i]) for i in (gaps[0], gaps[0] + 1))
+        notes.append(f"no readings from t = {begin} to {end} {trace.time_unit}".rstrip())
+        notes[0] += f", and {len(gaps) - 1} more gaps" * (len(gaps) > 1)
+        starts = [0, *(gap + 1 for gap in gaps)]
+        stretches = [trace.part(*trace.t[[i, j]]) for i, j in zip(starts, [*starts[1:], -1], strict=True)]
+        longest = max(stretches, key=lambda part: float(np.ptp(part.t)))
+        if longest.t.size >= FEWEST_READINGS:
+            trace = longest
+            notes[0] += ": the longest stretch without a gap was judged"
     if strokes := find_strokes(trace):
         seen = _of_strokes(strokes)
     else:
         usual = float(np.median(trace.force[trace.force.size // 2 :]))
         late = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
-        window = trace if loaded or late.t.size < FEWEST_READINGS else late
+        window = late if whole and late.t.size >= FEWEST_READINGS else trace
         seen, rate = _judge(window), slope(window.force, window.t)
         if seen.kind != OPEN and abs(rate) * np.ptp(window.t) > MOST * np.ptp(window.force):
             unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-            notes += (f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),)
+            notes.append(f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip())
     return replace(seen, notes=(*seen.notes, *notes, *about_the_sensor(trace.force)))
-
-
-def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
-    """Return the longest stretch that was recorded without a gap, and what to say of the gaps."""
-    gaps = trace.gaps.tolist()
-    if not gaps:
-        return trace, ()
-    begin, end = (words.number(trace.t[i]) for i in (gaps[0], gaps[0] + 1))
-    told = f"no readings from t = {begin} to {end} {trace.time_unit}".rstrip()
-    told += f", and {len(gaps) - 1} more gaps" * (len(gaps) > 1)
-    edges = itertools.pairwise([0, *(gap + 1 for gap in gaps), trace.t.size])
-    enough = [edge for edge in edges if edge[1] - edge[0] >= FEWEST_READINGS]
-    if not enough:
-        return trace, (told,)
-    first, beyond = max(enough, key=lambda edge: float(trace.t[edge[1] - 1] - trace.t[edge[0]]))
-    longest = trace.part(float(trace.t[first]), float(np.nextafter(trace.t[beyond - 1], math.inf)))
-    return longest, (f"{told}: the longest stretch without a gap was judged",)
 
 
 def _of_strokes(strokes: list[Trace]) -> Regime:
@@ -375,12 +336,14 @@ def _of_strokes(strokes: list[Trace]) -> Regime:
     return replace(typical, kind=kind, reason=reason, window=window)
 
 
-def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
+def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     found = find_slips(trace) if found is None else found
     seen = gather(trace, found)
-    stuck, drive = _stuck(trace), None if trace.drive is None else float(trace.drive.mean())
-    kind, reason, segments = _verdict(trace, seen, stuck, depth)
+    stuck, drive = None, None if trace.drive is None else float(trace.drive.mean())
+    if trace.velocity is not None and drive:
+        stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
+    kind, reason, segments = _verdict(trace, seen, stuck, in_parts=in_parts)
     slips = fast_ones(trace, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
@@ -395,20 +358,16 @@ def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
         mean_force=trace.sign * float(trace.force.mean()),
         static_friction=abs(trace.largest),
         trend=seen.trend,
-        trend_error=seen.trend_error,
         cycles=count,
         period=period,
         period_variation=variation,
-        correlation=seen.cycles.correlation,
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
         noise=found.noise,
         drive_velocity=None if drive is None else trace.sign * drive,
-        peak_velocity=seen.value("fast") if "fast" in seen.tests else largest,
         largest_velocity=largest,
         stuck=stuck,
-        attached_peak_to_peak=None if trace.attached is None else float(np.ptp(trace.attached)),
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
@@ -417,78 +376,72 @@ def _judge(trace: Trace, found: Slips | None = None, depth: int = 0) -> Regime:
     )
 
 
-def _stuck(trace: Trace) -> float | None:
-    """Part of the time in which the slider sticks."""
-    if trace.velocity is None or trace.drive is None or not trace.drive.mean():
-        return None
-    return float(np.mean(np.abs(trace.velocity) < STUCK * abs(float(trace.drive.mean()))))
-
-
-def _verdict(trace: Trace, seen: Evidence, stuck: float | None, depth: int) -> tuple[Kind, str, tuple[Segment, ...]]:
+def _verdict(trace: Trace, seen: Evidence, stuck: float | None, *, in_parts: bool) -> tuple[Kind, str, Parts]:
     """Kind, reason and parts, by the first rule that fits."""
-    segments: tuple[Segment, ...] = ()
-    facts, said = seen.facts | _about_the_bench(trace, seen.found), _in_words(trace, seen, stuck)
-    if depth < _DEEPEST and "cycles" in facts and facts & {"slips", "periodic"}:
-        if "paused" in facts:
-            segments = _around_the_pause(trace, seen, depth)
-            if segments:
-                facts, said = facts | {"turns"}, said | {"parts": _parts_in_words(trace, segments)}
-        elif "shrinks" in facts and (step := _step(seen.found)):
-            since, drops = float(seen.found.times[step]), seen.found.drops
-            before, after = (
-                _judge(part, depth=depth + 1).kind for part in (trace.part(trace.t[0], since), trace.part(since))
-            )
-            if before == after != OPEN:
-                facts = facts | {"step"}
-                said |= {
-                    "since": trace.time_in_words(since),
-                    "times": f"{np.median(drops[step:]) / np.median(drops[:step]):.2g}",
-                }
+    if fault := _fault(trace, seen.found):
+        return OPEN, fault, ()
+    segments: Parts = ()
+    facts, said = seen.facts, _in_words(trace, seen, stuck)
+    if in_parts and "cycles" in facts and facts & {"slips", "periodic"}:
+        if "paused" in facts and (segments := _around_pauses(trace, seen)):
+            facts, said["parts"] = facts | {"turns"}, _parts_in_words(trace, segments)
+        elif "shrinks" in facts and (step := _step(trace, seen.found)):
+            facts, said["how"] = facts - {"shrinks"}, f"{said['how']}; {step}"
     kind, reason = next(
         (kind, reason)
         for conditions, kind, reason in RULES
         if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
     )
-    return kind, reason.format_map(said), segments if reason == "{parts}" else ()
+    return kind, reason.format_map(said), segments
 
 
-def _about_the_bench(trace: Trace, found: Slips) -> set[str]:
+def _fault(trace: Trace, found: Slips) -> str:
     """What forbids a verdict: a drive that does not move evenly, a sensor that is turned, or does not move at all."""
     if trace.drive is None:
-        mirrored = {"mirrored"} if is_mirrored(trace, found) else set()
-        return mirrored if np.ptp(trace.force) else {"constant"}
-    low, high = float(trace.drive.min()), float(trace.drive.max())
-    if high == low == 0.0:
-        return {"standing"}
-    return {"changing"} if high - low > 2.0 * CONSTANT_DRIVE * max(abs(low), abs(high)) else set()
+        if is_mirrored(trace, found):
+            return (
+                "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on "
+                "the command line, flip=True in read_trace)"
+            )
+        return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
+    if not trace.drive.any():
+        return "the drive stands still"
+    if np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
+        return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
+    return ""
 
 
 def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
-    span, force, friction = float(np.ptp(trace.t)), float(np.ptp(trace.force)), abs(trace.largest)
-    count = int(seen.tests["cycles"].statistic) if seen.found.size else 0
+    span, facts = float(np.ptp(trace.t)), seen.facts
+    count = int(seen.value("cycles"))
 
     def part(of: float) -> str:
-        return f"{100 * of / friction:.3g} % of the largest force" if friction else "a force of 0"
+        return f"{100 * of / (abs(trace.largest) or 1.0):.3g} % of the largest force"
 
     how = f"slip phase: {100 * seen.value('phase'):.0f} % of the cycle"
-    if "fast" in seen.facts or ("fast" in seen.tests and "resolved" in seen.facts):
+    if "fast" in facts or ("fast" in seen.tests and "resolved" in facts):
         how = f"the slider reaches {seen.value('fast'):.3g} times the velocity of the drive in a typical cycle"
-    elif "held" in seen.tests and not seen.facts & {"phase", "periodic"}:
+    elif "held" in seen.tests and not facts & {"phase", "periodic"}:
         how = f"the force rises at its full rate for {100 * seen.value('held'):.0f} % of the time"
+    if "noise" in facts:
+        how += f"; as expected from the noise of {trace.contacts} contacts"
+    elif {"slips", "grows"} <= facts:
+        how += "; the slips still grow"
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
-        sticks = (
-            "the slider never sticks" if stuck < STICKS else f"the slider sticks for {100 * stuck:.0f} % of the time"
-        )
-    drift, each = slope(trace.force, trace.t) * span, span / max(count, 1)
+        sticks = f"the slider {'never sticks' if stuck < STICKS else f'sticks for {100 * stuck:.0f} % of the time'}"
+    drift, each, swing = slope(trace.force, trace.t) * span, span / max(count, 1), part(float(np.ptp(trace.force)))
     # So long that there are enough cycles, and a trend shows, or the rest of the oscillation that was begun.
     more = trace.time_in_words(max(ENOUGH / max(count, 1), 2.0) * span)
-    regular = seen.facts & {"slips", "periodic"} or "normal" not in seen.facts
+    motion = "oscillation" if facts & {"slips", "periodic"} or "normal" not in facts else "fluctuation"
+    changes = "decays" if seen.trend < 1.0 else "still grows"
     return {
-        "part": part(force),
+        "part": swing,
         "swing": part(seen.swing),
-        "left": part(seen.value("small") * friction),
+        "left": part(seen.value("small") * (abs(trace.largest) or 1.0)),
+        "ample": f"the force fluctuates by {swing}, without a period",
+        "line": trace.time_in_words(seen.line),
         "count": count,
         "fewest": FEWEST_CYCLES,
         "samples": FEWEST_IN_A_DROP,
@@ -496,9 +449,7 @@ def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, ob
         "manner": "periodic" if seen.periodic else "irregular",
         "how": how,
         "sticks": sticks,
-        "motion": "oscillation" if regular else "fluctuation",
-        "changes": "decays" if seen.trend < 1.0 else "still grows",
-        "trend": f"{seen.trend:.2g}",
+        "changes": f"the {motion} {changes}, by a factor {seen.trend:.2g} from one half of the window to the other",
         "moves": "rises" if drift > 0 else "falls",
         "drift": trace.force_in_words(abs(drift)),
         "missing": trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each)),
@@ -506,47 +457,54 @@ def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, ob
     }
 
 
-def _around_the_pause(trace: Trace, seen: Evidence, depth: int) -> tuple[Segment, ...]:
-    """The parts of a record with a pause among its slips, each judged by itself; none if they are of one kind."""
-    found = seen.found
+def _around_pauses(trace: Trace, seen: Evidence) -> Parts:
+    """The parts of a record with pauses among its slips, each judged by itself; none if they are of one kind."""
+    found, pause = seen.found, seen.tests["paused"]
     limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
-    longest = int(np.argmax(np.diff(limits)))
-    begin, end = limits[longest : longest + 2]
-    usual = (end - begin) / seen.value("paused")
-    begin = float(trace.t[found.end[longest - 1]]) if longest else float(trace.t[0])
-    end = float(end - usual if longest < found.size else end)  # before the force rises again
+    waits = np.diff(limits)
+    usual = float(waits.max()) / pause.statistic
+    edges, pauses = [float(trace.t[0])], []
+    for i in np.flatnonzero(waits >= pause.limit * usual):
+        begin = float(trace.t[found.end[i - 1]]) if i else float(trace.t[0])
+        end = float(limits[i + 1]) - (usual if i < found.size else 0.0)  # before the force rises again
+        edges += [begin, end]
+        pauses.append(begin)
     segments: list[Segment] = []
-    for edges in itertools.pairwise([float(trace.t[0]), begin, end, math.inf]):
-        part = trace.part(*edges)
-        if part.t.size < FEWEST_READINGS:
-            continue
-        each = _judge(part, depth=depth + 1)
-        if each.kind == OPEN and not each.segments and edges[0] != begin:
-            continue
-        segments += each.segments or (Segment(kind=each.kind, begin=each.window[0], end=each.window[1]),)
+    for begin, end in itertools.pairwise([*edges, math.inf]):
+        part = trace.part(begin, end)
+        if part.t.size >= FEWEST_READINGS:
+            each = _judge(part, in_parts=False)
+            if each.kind != OPEN or begin in pauses:
+                segments.append(Segment(kind=each.kind, begin=each.window[0], end=each.window[1]))
     groups = [list(group) for _, group in itertools.groupby(segments, key=lambda segment: segment.kind)]
     merged = tuple(replace(group[0], end=group[-1].end) for group in groups)
     return merged if len(merged) > 1 and {each.kind for each in merged} & {SLIPS, LASTS} else ()
 
 
-def _parts_in_words(trace: Trace, segments: tuple[Segment, ...]) -> str:
+def _parts_in_words(trace: Trace, segments: Parts) -> str:
     if len(segments) > FEWEST_CYCLES:
         return f"slips and pauses take turns, in {len(segments)} parts: judge each by itself"
-    names = ["nothing" if segment.kind == OPEN else segment.kind for segment in segments]
     ends = [f" up to t = {trace.time_in_words(segment.end)}" for segment in segments[:-1]]
-    told = ", then ".join(map("".join, itertools.zip_longest(names, ends, fillvalue="")))
-    return f"{told}: judge each part by itself"
+    told = [
+        f"{'nothing' if each.kind == OPEN else each.kind}{end}" for each, end in zip(segments, [*ends, ""], strict=True)
+    ]
+    return f"{', then '.join(told)}: judge each part by itself"
 
 
-def _step(found: Slips) -> int:
-    """The slip at which the drops change at once, if a step fits them better than a line, by three errors; else 0."""
-    size = np.log(found.drops)
+def _step(trace: Trace, found: Slips) -> str:
+    """Since when drops are smaller, if a step fits better than a line, by three errors, and both parts are alike."""
+    size, at = np.log(found.drops), found.times - found.times.mean()
     if size.size < 2 * FEWEST_CYCLES:
-        return 0
+        return ""
     count = np.arange(1, size.size)
     gain = np.cumsum(size - size.mean())[:-1] ** 2 * size.size / (count * (size.size - count))
     gain[: FEWEST_CYCLES - 1] = gain[size.size - FEWEST_CYCLES :] = 0.0
-    at = found.times - found.times.mean()
     best = int(np.argmax(gain))
     power = max(float(np.sum((size - size.mean()) ** 2)) - float(gain[best]), 0.0) / max(size.size - 2, 1)
-    return best + 1 if gain[best] - float(at @ size) ** 2 / float(at @ at) > ERRORS**2 * power else 0
+    if gain[best] - float(at @ size) ** 2 / float(at @ at) <= ERRORS**2 * power:
+        return ""
+    since = float(found.times[best + 1])
+    before, after = (_judge(part, in_parts=False).kind for part in (trace.part(trace.t[0], since), trace.part(since)))
+    times = np.median(found.drops[best + 1 :]) / np.median(found.drops[: best + 1])
+    told = f"from t = {trace.time_in_words(since)} on, the drops are {times:.2g} times as large"
+    return told if before == after != OPEN else ""
