@@ -582,7 +582,7 @@ def initial_state(model: Model, delays: Delays, x: Array, weight: Array, since: 
     return _summed(state, count, velocity)
 
 
-def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_d: float) -> State:
+def sliding_state(model: Model, delays: Delays, velocity: float, limits: Limits, step: float, f_d: float) -> State:
     """Put a slider at 0 in steady sliding on its contacts: newborns taken along step by step until none is left."""
     mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
     state, way = _empty(model, delays, 1024, 0.0), step
@@ -607,6 +607,8 @@ def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_
     part = 0.5 * np.diff(place, prepend=0.0)
     part = part[:count] + 0.5 * np.diff(place)
     cycle = float((part * left).sum()) + velocity * mean
+    if step > 1.01 * limits.broken * cycle:  # so many would break in it
+        return sliding_state(model, delays, velocity, limits, limits.broken * cycle, f_d)
     state = _empty(model, delays, 2 * count + 256, velocity / cycle)
     back, cohort = place[count - 1 :: -1], state.cohort
     cohort[PLACE, :count], cohort[SINCE, :count] = -back, -back / velocity

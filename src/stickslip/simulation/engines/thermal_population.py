@@ -66,7 +66,7 @@ class ThermalPopulation(Cohorts):
         if beginning.sliding:
             self._cap(beginning.velocity)
             model, step = self._case.model, 0.5 * reach * model.width
-            self._state = kernel.sliding_state(model, delays, beginning.velocity, step, interface.sliding_force)
+            self._state = kernel.sliding_state(model, delays, beginning.velocity, limits, step, interface.sliding_force)
             self._state.motion.velocity = beginning.slider_velocity
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
