@@ -16,6 +16,7 @@ from numba import njit
 
 import stickslip as ss
 from stickslip.simulation import estimate
+from stickslip.simulation.engines.blocks import _STEP
 
 BLOCKS, STEPS = 200, 2_000
 
@@ -87,7 +88,13 @@ def run_of_blocks(count: int) -> tuple[float, float, float]:
         case = replace(rig, drive=ss.constant(speed, duration=duration), output=ss.Output(interval=duration))
         begin = time.process_time()
         run = ss.simulate(case, long=True)
-        found.append((time.process_time() - begin, estimate(case).block_steps, float(run["broken"][-1].sum()) * count))
+        found.append(
+            (
+                time.process_time() - begin,
+                estimate(case).parts[0].seconds / _STEP,
+                float(run["broken"][-1].sum()) * count,
+            )
+        )
     (first, steps_0, _), (quiet, steps_1, _), (busy, steps_2, breaks) = found
     step = (quiet - first) / (steps_1 - steps_0)
     return step, max(busy - first - step * (steps_2 - steps_0), 0.0) / breaks, breaks / steps_2

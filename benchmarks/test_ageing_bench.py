@@ -7,8 +7,9 @@ import pytest
 
 from stickslip.kernels._jit import jit
 from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.hazard import NONE
 from stickslip.kernels.langevin import Langevin
-from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
+from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, awake
 from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.kernels.oscillator import Slider
 from stickslip.kernels.stepping import Course
@@ -56,7 +57,8 @@ def fast(duration, step=0.04, reach=0.1, seed=1):
     contacts, langevin = Contacts(x, f, np.full(COUNT, -np.inf)), Langevin(RATE, 1.0, STD)
     times = np.arange(1, round(duration / 0.05) + 1) * 0.05
     course = Course(Quadratic(0.0, 0.0, 1.0, 0.0), Slider(STIFFNESS, MASS, DAMPING), times, step / RATE**2, reach)
-    return advance_contacts(np.zeros(4), contacts, course, langevin, np.zeros(1), rng)[:, 2]
+    sleep = awake(contacts, 0.0, 0.0)
+    return advance_contacts(np.zeros(4), contacts, sleep, course, langevin, NONE, np.zeros(1), rng)[:, 2]
 
 
 def forty():

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.kernels.drive import STILL
 from stickslip.kernels.langevin import Langevin, Life
-from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
+from stickslip.kernels.langevin_contacts import aged_threshold, crossing, reflected
 from stickslip.kernels.langevin_response import excursions, life_transforms
 from stickslip.kernels.langevin_steady import life_moments, steady_friction, steady_moments
-from stickslip.kernels.oscillator import RIGID
-from stickslip.kernels.stepping import Course
 from stickslip.paper.cases import FIG8
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
@@ -44,10 +41,8 @@ def rigidly(interface, method, drive, times, start=ss.FromSliding()):
 @pytest.mark.eq(13, 15, 16)
 def test_thresholds_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate_squared_t():
     rng, n, rate, lag = np.random.default_rng(3), 20_000, 1.3, 0.4
-    contacts = Contacts(np.zeros(n), np.abs(rng.normal(1.0, STD, n)), np.full(n, -np.inf))
-    f, before = contacts.threshold, contacts.threshold.copy()
-    course = Course(STILL, RIGID, np.array([0.5 * lag, lag]), 0.04 / rate**2, 0.05)
-    advance_contacts(np.zeros(4), contacts, course, ONE._replace(rate=rate), np.zeros(1), rng)
+    before = rng.normal(1.0, STD, n)
+    f = np.array([aged_threshold(each, lag, ONE._replace(rate=rate), rng) for each in before])
     assert abs(f.mean() - 1.0) < 4 * STD / sqrt(n)
     assert abs(f.std() - STD) < 4 * STD / sqrt(2 * n)
     expected = exp(-(rate**2) * lag)

@@ -20,7 +20,7 @@ from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
 from stickslip.model.newborn import stretching_nodes
-from stickslip.simulation import LABELS, initial_nodes, pull_rigidly
+from stickslip.simulation import LABELS, pull_rigidly
 
 Array = NDArray[np.float64]
 
@@ -220,7 +220,7 @@ def _solved(interface: Interface, distance: float, velocity: float, points: int)
     distribution, born, sliding_force = interface.threshold_distribution, interface.newborn, interface.sliding_force
     # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
     jumps = any(0 < knot < math.inf for knot in distribution.knots)
-    stretchings, weight = initial_nodes(interface, finer=16 if jumps else 1)
+    stretchings, weight = stretching_nodes(interface.initial, interface.threshold_distribution, 16 if jumps else 1)
     work = stretchings.size * float(points)
     if work > _MOST_WORK:
         raise InputError(

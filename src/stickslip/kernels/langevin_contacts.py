@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import inlined, jit
-from .hazard import NONE, Hazard, log_rate, rate
+from .hazard import Hazard, log_rate, rate
 from .langevin import Langevin
-from .oscillator import Load, Motion
+from .oscillator import Load
 from .stepping import COLUMNS, LOSS, Course, Stroke, attached_now, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
@@ -161,7 +161,7 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 
 
 @inlined
-def _aged(f: float, time: float, langevin: Langevin, rng: np.random.Generator) -> float:
+def aged_threshold(f: float, time: float, langevin: Langevin, rng: np.random.Generator) -> float:
     """Threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
     e = np.exp(-langevin.rate * langevin.rate * time)
     return float(langevin.mean + (f - langevin.mean) * e + langevin.std * np.sqrt(1.0 - e * e) * rng.standard_normal())
@@ -294,7 +294,7 @@ def _age(
         if attach[i] <= now:
             left, x, f = stroke.dt, base[i] + X, threshold[i]
             if sleep.seen[i] < now:
-                f = _aged(f, now - sleep.seen[i], langevin, rng)
+                f = aged_threshold(f, now - sleep.seen[i], langevin, rng)
                 margin = f - abs(x) - max(f - mean, 0.0)
                 if margin > 3.0 * abs(dX) and SLEEP * margin * margin > noise * stroke.dt:  # on it sleeps
                     threshold[i], sleep.seen[i], sleep.until[i] = f, now, now + SLEEP * margin * margin / noise
@@ -352,21 +352,7 @@ def awake(contacts: Contacts, time: float, X: float) -> Sleep:
 
 
 @jit
-def _wake(contacts: Contacts, sleep: Sleep, here: Motion, langevin: Langevin, rng: np.random.Generator) -> None:
-    """Bring stretchings and thresholds to the present."""
-    x = contacts.stretching
-    for i in range(x.size):
-        x[i] += here.X
-        if contacts.attach[i] > here.time:
-            x[i] = 0.0
-        elif sleep.seen[i] < here.time:
-            contacts.threshold[i] = max(
-                _aged(contacts.threshold[i], here.time - sleep.seen[i], langevin, rng), abs(x[i])
-            )
-
-
-@jit
-def go_on(
+def advance_contacts(
     state: Floats,
     contacts: Contacts,
     sleep: Sleep,
@@ -376,16 +362,19 @@ def go_on(
     delays: Floats,
     rng: np.random.Generator,
 ) -> Floats:
-    """Go on along a course, which may break off, as `advance_contacts` does, with contacts that go on sleeping.
+    """Advance N ageing contacts and the slider along a course, Eqs. (11) and (13)-(16); returns the samples.
 
-    `sleep` is that of `awake`; at a temperature, with a `hazard`, newborns must have strength.
+    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking inside
+    the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary the exact
+    distribution of the margin after any number of breaks (`reflected`). A longest step of ``0.04/rate^2`` is converged
+    to 2e-3 in steady motion, with a reach of 0.02 mean thresholds with a slider and inf for steady rigid motion.
+    `state` (see `stepping`), `contacts` and `sleep`, that of `awake` at first, are changed; each break draws one of the
+    `delays`, ``[0.]`` for none. With a delay, or at a temperature (a `hazard`), newborns must have strength.
     """
     n = contacts.stretching.size
     here = begin(course, state)
-    total, count = sleep.total[0], 0
-    for i in range(n):
-        if contacts.attach[i] <= here.time:
-            count += 1
+    total = sleep.total[0]
+    _, count = attached_now(contacts.stretching, contacts.attach, here.time)
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
     filled, taken = fill(course, samples, 0, here, load, here.time, count / n), 0
@@ -405,30 +394,3 @@ def go_on(
     keep(state, here, load.loss)
     sleep.total[0] = total
     return samples[:filled]
-
-
-def advance_contacts(
-    state: Floats,
-    contacts: Contacts,
-    course: Course,
-    langevin: Langevin,
-    delays: Floats,
-    rng: np.random.Generator,
-    hazard: Hazard = NONE,
-) -> Floats:
-    """Advance N ageing contacts and the slider to the last of the course's times, Eqs. (11) and (13)-(16).
-
-    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking inside
-    the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary the exact
-    distribution of the margin after any number of breaks (`reflected`). A longest step of ``0.04/rate^2`` is converged
-    to 2e-3 in steady motion, with a reach of 0.02 mean thresholds with a slider and inf for steady rigid motion.
-    `state` (see `stepping`) and `contacts` are changed; each break draws one of the `delays`, ``[0.]`` for none.
-    Returns the samples.
-    """
-    if langevin.newborn <= 0.0 and np.max(delays) > 0.0:
-        raise ValueError("a delay after breaking needs a newborn threshold above 0")
-    here = begin(course, state)
-    sleep = awake(contacts, here.time, here.X)
-    samples = go_on(state, contacts, sleep, course, langevin, hazard, delays, rng)
-    _wake(contacts, sleep, begin(course, state), langevin, rng)
-    return samples

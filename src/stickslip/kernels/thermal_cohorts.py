@@ -73,7 +73,6 @@ class Model(NamedTuple):
     low: float
     node: Array  # shape (n,): strengths at which the hazard is followed; none where one number is enough
     weight: Array  # shape (n,)
-    capped: bool  # whether a contact may meet its threshold before it breaks; nodes always look
     width: float  # stretching over which rates change
 
 
@@ -231,10 +230,8 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
     if model.node.size > 0:
         cohort[TRIAL_REACH, j] = cohort[REACH, j]
         return _follow_nodes(state, model, j, age, dt, x, dX)
-    reach = cohort[REACH, j]
-    if model.capped:
-        factor, addend, _, _ = grown(model.growth, age + dt)
-        reach = max(reach, (abs(x + dX) - addend) / factor)
+    factor, addend, _, _ = grown(model.growth, age + dt)
+    reach = max(cohort[REACH, j], (abs(x + dX) - addend) / factor)
     cohort[TRIAL_REACH, j] = reach
     if model.hazard.attempts == 0.0:
         return value_at(model.thresholds, max(reach, 0.0))

@@ -5,31 +5,12 @@ makes the Dataset.
 """
 
 from stickslip.simulation.engines import Beginning, Leg
-from stickslip.simulation.engines.beginnings import initial_nodes
+from stickslip.simulation.engines.base import engine_of as check_method
 from stickslip.simulation.engines.panels import Panels
 from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
-from stickslip.simulation.run import Recording, check_method, pull_rigidly, record, rerun, rig_of, simulate
+from stickslip.simulation.run import Recording, estimate, pull_rigidly, record, rerun, rig_of, simulate
 from stickslip.simulation.steps_and_holds import slide_hold_slide, velocity_step
-from stickslip.simulation.work import Work, estimate
 
-__all__ = [
-    "LABELS",
-    "Beginning",
-    "Leg",
-    "Panels",
-    "Recording",
-    "Work",
-    "check_method",
-    "estimate",
-    "follow_leg",
-    "initial_nodes",
-    "labelled",
-    "pull_rigidly",
-    "record",
-    "rerun",
-    "rig_of",
-    "simulate",
-    "slide_hold_slide",
-    "velocity_step",
-]
+__all__ = ["LABELS", "Beginning", "Leg", "Panels", "Recording", "check_method", "estimate", "follow_leg", "labelled"]
+__all__ += ["pull_rigidly", "record", "rerun", "rig_of", "simulate", "slide_hold_slide", "velocity_step"]

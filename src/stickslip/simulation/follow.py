@@ -11,7 +11,8 @@ from stickslip.errors import InputError
 from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
 from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
 from stickslip.progress import Progress
-from stickslip.simulation.engines import MOTION, Engine, Leg, Stretchings
+from stickslip.simulation.engines import Engine, Leg, Stretchings
+from stickslip.simulation.engines.base import MOTION
 
 Array = NDArray[np.float64]
 

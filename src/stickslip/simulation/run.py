@@ -25,24 +25,14 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
-from stickslip.model import (
-    ElasticBody,
-    Interface,
-    MasterEquation,
-    Method,
-    OnArrest,
-    Output,
-    Population,
-    Slider,
-    Start,
-)
+from stickslip.model import ElasticBody, Interface, MasterEquation, Method, OnArrest, Output, Population, Slider, Start
 from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of, labelled
-from stickslip.simulation.work import estimate
+from stickslip.simulation.work import Work, course_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,7 +102,10 @@ def simulate(
     >>> run.spring_force.units
     'N'
     """
-    return record(rig, method=method, start=start, output=output, progress=progress, long=long).dataset()
+    instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
+    changes = {"method": method, "start": start, "output": output}
+    told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
+    return record(told, progress=progress, long=long).dataset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,35 +123,30 @@ class Recording:
         return self.rig.in_its_units(dataset_of(self.track, case.slider, case.output.bins, provenance, self.marks))
 
 
-def record(
-    rig: Rig,
-    *,
-    method: Method | None = None,
-    start: Start | None = None,
-    output: Output | None = None,
-    progress: Progress | bool | None = None,
-    long: bool = False,
-) -> Recording:
+def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = False) -> Recording:
     """Run a rig, as `simulate` does, whose arguments these are."""
-    instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
-    changes = {"method": method, "start": start, "output": output}
-    told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
-    case = told.natural
+    case = rig.natural
     _check(case)
     _check_arrest(case)
+    instance("simulate: long", long, bool, "True or False")
+    work = estimate(rig)
+    if not long:
+        work.check()
+    work.announce()
     solver = engine_of(case.interface, case.method, case.slider)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
-    instance("simulate: long", long, bool, "True or False")
-    work = estimate(told)
-    if not long:
-        work.check(silent=not progress)
-    work.announce()
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     with reporting(progress, "simulate") as report:
         engine = solver(beginning, case.method)
         origin = beginning.drive_position(engine.contact_force())
         track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
-    return Recording(told, track, engine.marks())
+    return Recording(rig, track, engine.marks())
+
+
+def estimate(rig: Rig) -> Work:
+    """Return what a run of a rig would take; `InputError` if no solver takes it."""
+    engine = engine_of(rig.interface, rig.method, rig.slider)
+    return Work(rig=rig, parts=engine.cost(rig, rig.method, course_of(rig)))
 
 
 def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> xr.Dataset:
@@ -249,11 +237,6 @@ def _check_arrest(rig: Rig) -> None:
             f"below {most:.2g}, or a Delay",
             "Slider.damping",
         )
-
-
-def check_method(interface: Interface, method: object, slider: object = None) -> None:
-    """Raise `InputError` if there is no engine for the method on the interface, or it cannot take it."""
-    engine_of(interface, method, slider)
 
 
 def _sample_times(slider: Slider | ElasticBody, drive: Drive, output: Output, angle: float) -> Array:

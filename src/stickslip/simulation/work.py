@@ -1,4 +1,7 @@
-"""How long a run would take, said before it starts.
+"""How long a run would take, said before it starts: each engine says it by part, for what it follows.
+
+The costs are those of one core of a desktop machine, measured in CPU time of runs; another may take a third or three
+times as long.
 
 >>> import stickslip as ss
 >>> from stickslip.simulation import estimate
@@ -9,13 +12,17 @@ True
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from stickslip.errors import InputError
+from stickslip.model import FromSliding, Slider
+from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.progress import in_time
-from stickslip.simulation.cost import Part, course_of
-from stickslip.simulation.engines.base import engine_of
 
 LONGEST = 3600.0
 """Seconds that a run may take without being asked for."""
@@ -23,8 +30,30 @@ ANNOUNCED = 60.0
 """Seconds above which a run is announced."""
 LARGEST = 4e9
 """Bytes that it may take."""
-MOST_BLOCK_STEPS = 1e9
-"""Steps of a block of an elastic slider that a run may take without telling how far it is."""
+
+_RADIAN = 6e-7
+"""Seconds a radian of the slider's oscillation takes."""
+_SAMPLE = 4e-7, 200.0
+"""Seconds and bytes a sample takes."""
+_SAMPLES_PER_RADIAN, _FEWEST_SAMPLES, _MOST_SAMPLES = 10.0, 2e3, 5e4
+"""Samples of a run whose output does not say."""
+
+
+class Part(NamedTuple):
+    """One kind of work in a run: `what` in words, and the number of the rig that it grows with, to a `power`.
+
+    `key` is that of a rig file, `value` in natural units, of a `quantity` or a pure number;
+    `instead` says what else to do.
+    """
+
+    key: str
+    value: float
+    quantity: str | None
+    power: float
+    what: str
+    seconds: float
+    bytes: float = 0.0
+    instead: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +73,6 @@ class Work:
         """Memory."""
         return sum(part.bytes for part in self.parts)
 
-    @property
-    def block_steps(self) -> float:
-        """Steps of blocks of an elastic slider."""
-        return sum(part.block_steps for part in self.parts)
-
     def announce(self) -> None:
         """Log one line of what a run of more than a minute will take; unless told otherwise, on standard error."""
         if self.seconds > ANNOUNCED:
@@ -61,42 +85,96 @@ class Work:
         seconds: float = LONGEST,
         bytes: float = LARGEST,
         otherwise: str = "ask for it all the same: long=True (--long)",
-        *,
-        silent: bool = False,
     ) -> None:
-        """Raise `InputError` if the work is more than this; the message names what to change, and `otherwise`.
-
-        Runs that are `silent` about how far they are do not take more than 1e9 steps of blocks, either.
-        """
-        if silent and self.block_steps > MOST_BLOCK_STEPS:
-            raise InputError(
-                f"drive duration = {self._said_time()}: {self.block_steps:.2g} steps of blocks would take about "
-                f"{in_time(self.seconds)} without a word; pass progress=..., or ask for it all the same: long=True"
+        """Raise `InputError` if the work is more than this; the message names what to change, and `otherwise`."""
+        of_time, of_memory = [part.seconds for part in self.parts], [part.bytes for part in self.parts]
+        said = in_time(self.seconds), f"{self.bytes / 1e9:.2g} GB"
+        for spent, most, amount in ((of_time, seconds, said[0]), (of_memory, bytes, said[1])):
+            if (excess := sum(spent) / most) <= 1:
+                continue
+            share, worst = max(zip(spent, self.parts, strict=True), key=lambda part: part[0])
+            allowed = worst.value * max(share / most, 1.0) ** (-1.0 / worst.power)
+            given, bound = (
+                f"{value:.4g}" if worst.quantity is None else self.rig.in_units(value, worst.quantity)
+                for value in (worst.value, allowed)
             )
-        if (excess := self.seconds / seconds) > 1:
-            worst = max(self.parts, key=lambda part: part.seconds)
-            amount, share = f"{worst.what} would take about {in_time(self.seconds)}", worst.seconds / seconds
-        elif (excess := self.bytes / bytes) > 1:
-            worst = max(self.parts, key=lambda part: part.bytes)
-            amount, share = f"{worst.what} would take about {self.bytes / 1e9:.2g} GB", worst.bytes / bytes
-        else:
-            return
-        allowed = worst.value * max(share, 1.0) ** (-1.0 / worst.power)
-        bound = "at most" if worst.power > 0 else "at least"
-        raise InputError(
-            f"{worst.key} = {self._said(worst, worst.value)}: {amount}; {worst.instead}give {bound} "
-            f"{self._said(worst, allowed)}, or a drive {excess:.2g} times shorter; or {otherwise}",
-            worst.key,
-        )
-
-    def _said_time(self) -> str:
-        return self.rig.in_units(self.rig.drive.duration, "time")
-
-    def _said(self, part: Part, value: float) -> str:
-        return f"{value:.4g}" if part.quantity is None else self.rig.in_units(value, part.quantity)
+            raise InputError(
+                f"{worst.key} = {given}: {worst.what} would take about {amount}; {worst.instead}give at "
+                f"{'most' if worst.power > 0 else 'least'} {bound}, or a drive {excess:.2g} times shorter; "
+                f"or {otherwise}",
+                worst.key,
+            )
 
 
-def estimate(rig: Rig) -> Work:
-    """Return what a run of a rig would take; `InputError` if no solver takes it."""
-    engine = engine_of(rig.interface, rig.method, rig.slider)
-    return Work(rig=rig, parts=engine.cost(rig, rig.method, course_of(rig)))
+class Course(NamedTuple):
+    """What contacts and slider go through in a run; pieces of the drive that end on a condition are taken as a whole.
+
+    `distance` is the way of the drive and `shaken` that of a slider that a perturbation has set ringing, in mean
+    thresholds, and `lives` how often a contact breaks. The slider turns by so many radians, and rings for `ringing` and
+    `rung` of them, before it smooths out and where it sticks.
+    """
+
+    distance: float
+    lives: float
+    shaken: float = 0.0
+    turns: float = 0.0
+    ringing: float = 0.0
+    rung: float = 0.0
+
+
+def course_of(rig: Rig) -> Course:
+    """Return what a run goes through."""
+    slider, duration, pieces = rig.slider, rig.drive.duration, rig.drive.pieces
+    mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
+    distance = sum(_way(piece) for piece in pieces) / mean
+    lives = sum(_lives(piece, mean, delay) for piece in pieces)
+    if not isinstance(slider, Slider) or slider.mass == 0:
+        return Course(distance, lives)
+    frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
+    # A slip leaves the slider ringing, the longer, the less it is damped.
+    damping_ratio = slider.damping / (2.0 * frequency)
+    turns, rings = frequency * duration, 1.0 / damping_ratio if damping_ratio > 0 else math.inf
+    ringing = min(turns, 10.0 * rings * (1.0 + distance)) if damping_ratio < 1 else 0.0
+    shaken = 0.0
+    if isinstance(rig.start, FromSliding):
+        largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
+        shaken = largest / (mean * frequency) * min(turns, rings)
+    slips = 1.0 + distance * min(slider.stiffness, 1.0)
+    return Course(distance, lives + shaken, shaken, turns, ringing, min(turns, 10.0 * rings * slips))
+
+
+def _lives(piece: Piece, mean: float, delay: float) -> float:
+    """How often each contact breaks in a piece of the drive: it is stretched, and detached for the delay."""
+    way, speed = _way(piece), 0.5 * (abs(piece.start) + abs(piece.end))
+    return way / (mean + speed * delay) if math.isfinite(delay) else min(way / mean, 1.0)
+
+
+def _way(piece: Piece) -> float:
+    """How far the drive goes in a piece, at most; a slider that has gone far enough ends it."""
+    way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
+    return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
+
+
+def oscillation(rig: Rig, radians: float) -> tuple[Part, ...]:
+    """Return the work of following a slider with mass."""
+    if not isinstance(rig.slider, Slider) or rig.slider.mass == 0:
+        return ()
+    what = f"{radians:.2g} rad of the slider's oscillation"
+    return (Part("slider.mass", rig.slider.mass, "mass", -0.5, what, _RADIAN * radians),)
+
+
+def sampling(rig: Rig, turns: float) -> Part:
+    """Return the work of taking samples."""
+    duration, interval = rig.drive.duration, rig.output.interval
+    samples = min(max(_SAMPLES_PER_RADIAN * turns, _FEWEST_SAMPLES), _MOST_SAMPLES)
+    samples = samples if interval is None else duration / interval
+    seconds, size = (each * samples for each in _SAMPLE)
+    return Part("simulation.interval", duration / samples, "time", -1.0, f"{samples:.2g} samples", seconds, size)
+
+
+def breaking(
+    count: float, lives: float, each: float, bytes: float, how: str = "", more: float = 0.0, of: str = "contacts"
+) -> Part:
+    """Return the work of breaks of N contacts or cohorts, `each` of so many seconds, and some `more`."""
+    what = f"about {count * lives:.2g} breaks of {count:.2g} {of}{how}"
+    return Part(f"simulation.{of}", count, None, 1.0, what, each * count * lives + more, bytes * count)

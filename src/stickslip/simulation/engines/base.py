@@ -20,18 +20,11 @@ from stickslip.errors import InputError, shown
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
-from stickslip.model import (
-    ElasticBody,
-    FromRest,
-    FromSliding,
-    Interface,
-    Prestressed,
-    Slider,
-    Start,
-)
+from stickslip.model import ElasticBody, FromRest, FromSliding, Interface, Prestressed, Slider, Start
+from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
-from stickslip.simulation.cost import Course, Part, oscillation, sampling
+from stickslip.simulation.work import Course, Part, oscillation, sampling
 
 Array = NDArray[np.float64]
 
@@ -105,21 +98,17 @@ class Beginning:
     start: Start = FromRest()
 
     def __post_init__(self) -> None:
-        elastic = isinstance(self.slider, ElasticBody)
-        if isinstance(self.start, Prestressed) and not elastic:
-            raise InputError(
-                "Prestressed: is for an elastic slider, a Chain or a Sheet; start FromRest() or FromSliding()"
-            )
-        if not isinstance(self.start, FromSliding):
+        start, elastic = self.start, isinstance(self.slider, ElasticBody)
+        of_blocks = isinstance(start, Prestressed) or self.at_rest or isinstance(self.perturbation, tuple)
+        if of_blocks and not elastic:
+            raise InputError(f"Rig.start = {start}: is for an elastic slider, a Chain or a Sheet; start FromRest()")
+        if not self.sliding:
             return
-        if isinstance(self.start.perturbation, tuple) and not elastic:
+        if isinstance(self.slider, ElasticBody) and self.at_rest > self.slider.size:
             raise InputError(
-                "FromSliding.perturbation: one number for each block is for an elastic slider; give one number"
+                f"FromSliding.at_rest = {self.at_rest}: there are {self.slider.size} blocks; give fewer",
+                "FromSliding.at_rest",
             )
-        blocks = self.slider.size if isinstance(self.slider, ElasticBody) else 0
-        if self.start.at_rest > blocks:
-            few = f"there are {blocks} blocks" if elastic else "it is for an elastic slider, a Chain or a Sheet"
-            raise InputError(f"FromSliding.at_rest = {self.start.at_rest}: {few}; give fewer", "FromSliding.at_rest")
         if self.velocity <= 0:
             raise InputError(
                 f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
@@ -138,13 +127,17 @@ class Beginning:
         return self.start.at_rest if isinstance(self.start, FromSliding) else 0
 
     @property
+    def perturbation(self) -> float | tuple[float, ...]:
+        """By what part the slider is faster than in steady sliding, or each block of an elastic one."""
+        return self.start.perturbation if isinstance(self.start, FromSliding) else 0.0
+
+    @property
     def slider_velocity(self) -> float:
-        """Velocity of the slider at time 0."""
+        """Velocity of a rigid slider at time 0."""
         if self.slider is None:
             return self.velocity
-        if not isinstance(self.start, FromSliding) or isinstance(self.start.perturbation, tuple):
-            return 0.0
-        return self.velocity * (1.0 + self.start.perturbation)
+        by = self.perturbation
+        return 0.0 if isinstance(by, tuple) or not self.sliding else self.velocity * (1.0 + by)
 
     @property
     def attached(self) -> float:
@@ -175,11 +168,14 @@ class Engine(Protocol):
     """Default distance of samples, in radians of the fastest oscillation of the slider."""
     mechanisms: ClassVar[frozenset[str]] = frozenset()
     """What it takes of `Interface.mechanisms`; the rest is refused before it is asked."""
+    smooth: ClassVar[bool] = False
+    """Whether thresholds must have a density."""
     slider: SliderConstants | ElasticBody
 
     @staticmethod
     def check(interface: Interface, method: Any) -> None:
         """Raise `InputError` for what the engine cannot take."""
+        return
 
     @staticmethod
     def cost(rig: Rig, method: Any, course: Course) -> tuple[Part, ...]:  # noqa: ARG004
@@ -241,24 +237,30 @@ def solves(
 
 def engine_of(interface: Interface, method: object, slider: object = None) -> type[Engine]:
     """Return the engine for a method on an interface, under a slider; `InputError` if it cannot be taken."""
-    engine = _engine(type(method), interface, _parts(interface), isinstance(slider, ElasticBody))
+    parts, elastic = _parts(interface), isinstance(slider, ElasticBody)
+    engine = _engine(type(method), interface, parts, elastic)
     if engine is None:
         raise _refusal(interface, method, slider)
+    if getattr(method, "memoryless", False) and (elastic or {*parts} - {"on_arrest"}):
+        raise InputError(
+            "MasterEquation(memoryless=True): is for a rigid slider on contacts with a delay and nothing else of their "
+            "own; leave it out"
+        )
+    if engine.smooth:
+        check_density(interface.threshold_distribution)
     engine.check(interface, method)
     return engine
 
 
 def _parts(interface: Interface) -> list[str]:
-    """What an engine may not take of an interface; temperature and ageing come last."""
-    parts = set(interface.mechanisms) | ({"ageing"} if interface.ageing is not None else set())
-    return sorted(parts, key=lambda part: (part == "ageing", part == "temperature", part))
+    """What an engine may not take of an interface, ageing and temperature first."""
+    parts = interface.mechanisms | ({"ageing"} if interface.ageing is not None else set())
+    return sorted(parts, key=lambda part: (part != "ageing", part != "temperature", part))
 
 
 def _engine(method: type, interface: Interface, parts: Collection[str], elastic: bool) -> type[Engine] | None:
     """Return the engine for an interface that has only these of its parts."""
-    none = type(None)
-    ageing = type(interface.ageing) if "ageing" in parts else none
-    breaking = type(interface.temperature) if "temperature" in parts else none
+    ageing, breaking = (type(getattr(interface, part) if part in parts else None) for part in ("ageing", "temperature"))
     engine = ENGINES.get((method, ageing, breaking, elastic))
     return engine if engine is not None and engine.mechanisms.issuperset({*parts} - {"ageing"}) else None
 
@@ -266,40 +268,32 @@ def _engine(method: type, interface: Interface, parts: Collection[str], elastic:
 def _refusal(interface: Interface, method: object, slider: object) -> InputError:
     """Return why there is no engine: the method or the slider, or what cannot be taken together, or at all."""
     elastic, kind, parts = isinstance(slider, ElasticBody), type(method), _parts(interface)
-    name, body = kind.__name__, type(slider).__name__
+    name, body = kind.__name__, type(slider).__name__ if elastic else "Slider"
     known = {taken for taken, *_, bound in ENGINES if bound is elastic}
-    if kind not in known:
-        if not any(kind is taken for taken, *_ in ENGINES):
-            return InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")
-        if not elastic:
-            return InputError(f"{name}: is for an elastic slider, a Chain; use Contacts or MasterEquation")
-        remedy = " or ".join(sorted(other.__name__ for other in known))
-        return InputError(f"method = {name}: is not for a {body}; use {remedy}")
 
-    def takers(parts: Collection[str]) -> list[str]:
-        return sorted(other.__name__ for other in known if _engine(other, interface, parts, elastic))
+    def use(parts: Collection[str]) -> str:
+        takers = sorted(other.__name__ for other in known if _engine(other, interface, parts, elastic))
+        return f"use {' or '.join(takers)}" if takers else ""
 
     def said(part: str) -> str:
         field = "delay" if part == "on_arrest" else part
         return f"{field} = {getattr(interface, field)}"
 
-    use = f"use {' or '.join(takers(parts))}" if takers(parts) else ""
-    accepted = [part for part in parts if name in takers([part])]
-    for size in range(2, len(accepted) + 1):
-        for first, *others in combinations(accepted, size):
-            if name not in takers([first, *others]):
-                pair = f"together with {' and '.join(map(said, others))}"
-                return InputError(
-                    f"Interface.{said(first)}: not available with {name} {pair}; {use or 'leave one out'}"
-                )
-    for part in reversed(parts):
-        if part not in accepted:
-            nobody = not takers([part])
-            who = f"a {body}" if elastic and nobody else name
-            leave = "no solver takes it; leave it out" if nobody and not elastic else "leave it out"
-            return InputError(f"Interface.{said(part)}: not available with {who}; {use or leave}")
-    kinds = " or ".join(sorted(ageing.__name__ for taken, ageing, *_ in ENGINES if taken is kind))
-    return InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
+    if kind not in known:
+        return InputError(f"method = {shown(method)}: is not for a {body}; {use(()) or 'there is none'}")
+    for size in range(1, len(parts) + 1):
+        for first, *others in combinations(parts, size):
+            if _engine(kind, interface, [first, *others], elastic):
+                continue
+            remedy = use(parts)
+            if others:
+                who, leave = f"{name} together with {' and '.join(map(said, others))}", "leave one out"
+            elif use([first]) or not elastic:
+                who, leave = name, "leave it out" if use([first]) else "no solver takes it; leave it out"
+            else:
+                who, leave = f"a {body}", "leave it out"
+            return InputError(f"Interface.{said(first)}: not available with {who}; {remedy or leave}")
+    return InputError(f"{name}: is only for contacts that age, or at a temperature; use MasterEquation")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

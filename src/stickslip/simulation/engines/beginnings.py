@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stickslip.kernels.survival import Table, tabulate
 from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
-from stickslip.model.newborn import stretching_nodes, stretchings_within, thresholds_beyond
+from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.quadrature import hashable
 from stickslip.simulation.engines.base import Beginning, Stretchings
 
@@ -130,16 +130,3 @@ def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
     top = float(distribution.inverse_survival(1e-13))
     knots = np.array([knot for knot in distribution.knots if 0 < knot < top * (1 + 1e-6)])
     return (1.02 * top if knots.size and knots[-1] > top * (1 - 1e-6) else top), knots
-
-
-def initial_nodes(interface: Interface, finer: int = 1) -> tuple[Array, Array]:
-    """Quadrature nodes of the initial stretchings and their weights, see `stretching_nodes`."""
-    return stretching_nodes(interface.initial, interface.threshold_distribution, finer)
-
-
-def settled_nodes(beginning: Beginning) -> tuple[Array, Array]:
-    """Quadrature nodes of the stretchings at the beginning: those of the interface, or of steady sliding."""
-    if not beginning.sliding:
-        return initial_nodes(beginning.interface)
-    distribution = beginning.interface.threshold_distribution
-    return initial_nodes(Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution)))

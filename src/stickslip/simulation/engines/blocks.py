@@ -27,11 +27,11 @@ from stickslip.model import (
     Prestressed,
     QuasiStatic,
 )
-from stickslip.model.distribution import check_density
+from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
-from stickslip.simulation.cost import Course, Part
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_of
+from stickslip.simulation.engines.beginnings import first_contacts, survival_of
+from stickslip.simulation.work import Course, Part, breaking
 
 Array = NDArray[np.float64]
 
@@ -73,13 +73,18 @@ _BUDGET = 2_000_000
 """Events, or eight steps of a block each, in an advance: some 50 to 200 ms."""
 
 
-def balanced(beginning: Beginning) -> tuple[Array, Array, Array]:
-    """Constant forces on the blocks: all of them, and those that no driving spring carries; and the prestress."""
+def balanced(beginning: Beginning, *, always: bool = False) -> tuple[Array, Array, Array]:
+    """Constant forces on the blocks: all of them, and those that no driving spring carries; and the prestress.
+
+    Raises `InputError` if no spring holds the body, in its balance at the start or `always`.
+    """
     body, start = beginning.slider, beginning.start
     assert isinstance(body, ElasticBody)
+    if not body.pulled.any() and (always or not isinstance(start, Prestressed)):
+        name = type(body).__name__
+        instead = "use Contacts" if always else "start Prestressed(...)"
+        raise InputError(f"{name}.leaf = 0 and {name}.side = 0: nothing pulls it; give one, or {instead}")
     if not isinstance(start, Prestressed):
-        if not body.pulled.any():
-            raise nothing_pulls(body)
         return np.zeros(body.size), np.zeros(body.size), np.zeros(body.size)
     stretching = per_block("Prestressed.stretching", start.stretching, body)
     distribution = beginning.interface.threshold_distribution
@@ -117,87 +122,34 @@ def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
     return Network(neighbour, spring, body.pulled, load, push, body.mass, body.damping, body.viscosity / body.coupling)
 
 
-def settled(beginning: Beginning, friction: Array) -> Array:
-    """Displacements of the blocks at the start, in balance with their friction if they slide, else 0."""
-    from scipy import sparse
-    from scipy.sparse.linalg import spsolve
-
-    body = beginning.slider
-    assert isinstance(body, ElasticBody)
-    if not beginning.sliding:
-        return np.zeros(body.size)
-    force = friction + body.mass * body.damping * beginning.velocity * slides(beginning, body)
-    pairs, stiffness = body.links
-    rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
-    coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
-    held = sparse.diags_array(body.pulled + coupling.sum(axis=0)) - coupling
-    drive = float(force.sum() / body.pulled.sum())
-    return np.asarray(spsolve(held.tocsc(), body.pulled * drive - force)).reshape(body.size)
-
-
-def nothing_pulls(body: ElasticBody) -> InputError:
-    """Say that no spring holds a body."""
-    name = type(body).__name__
-    return InputError(f"{name}.leaf = 0 and {name}.side = 0: nothing pulls it; give one, or start Prestressed(...)")
-
-
-def first_velocities(beginning: Beginning, body: ElasticBody) -> Array:
-    """Velocities of the blocks at the start."""
-    if not beginning.sliding:
-        return np.zeros(body.size)
-    perturbation = per_block("FromSliding.perturbation", getattr(beginning.start, "perturbation", 0.0), body)
-    return np.asarray(beginning.velocity * (1.0 + perturbation) * slides(beginning, body))
-
-
-def slides(beginning: Beginning, body: ElasticBody) -> NDArray[np.bool_]:
-    """Whether each block slides at the start."""
-    return np.full(body.size, beginning.sliding) & (np.arange(body.size) >= beginning.at_rest)
-
-
 def longest_step(network: Network) -> float:
     """Longest step of a body's motion."""
     rate = stiffest_dashpot(network)
     return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
 
 
-def check_size(body: ElasticBody, count: int) -> None:
-    """Raise `InputError` for more contacts than can be held."""
-    if body.size * count > MOST_CONTACTS:
-        raise InputError(
-            f"Contacts.count = {count}: {body.size} blocks would have {body.size * count:.2g} contacts; "
-            f"give at most {MOST_CONTACTS // body.size} ({MOST_CONTACTS:.0e} in all)",
-            "Contacts.count",
-        )
-
-
 class Streams:
     """Random numbers of each block, which do not depend on how many blocks there are."""
 
     def __init__(self, interface: Interface, seed: int, blocks: int) -> None:
-        self._distribution, self._delay, self._seed = interface.threshold_distribution, interface.delay, seed
+        delay, self._seed = interface.delay, seed
+        fixed = delay.time if isinstance(delay, Delay) else math.nan
+        thresholds, delays = np.empty((blocks, _POOL)), np.empty((blocks, _POOL if math.isnan(fixed) else 0))
+        self.draws = Draws(thresholds, delays, fixed)
+        self._pools = {1: (thresholds, interface.threshold_distribution.sample), 2: (delays, delay.sample)}
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
-        fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
-        delays = np.empty((blocks, _POOL if math.isnan(fixed) else 0))
-        self.draws = Draws(np.empty((blocks, _POOL)), delays, fixed)
 
     def of(self, block: int, kind: int) -> np.random.Generator:
-        """One of a block's streams: of initial stretchings, of thresholds, and of delays."""
-        known = self._generators.get((block, kind))
-        if known is None:
-            # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the others.
-            seed = np.random.SeedSequence(self._seed, spawn_key=(block, kind))
-            known = np.random.Generator(np.random.PCG64(seed))
-            if kind:
-                self._generators[block, kind] = known
-        return known
+        """Begin one of a block's streams: of initial stretchings, of thresholds, and of delays."""
+        # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the others.
+        return np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(block, kind)))
 
-    def refill_thresholds(self, block: int) -> None:
-        """Draw thresholds for a block."""
-        self.draws.thresholds[block] = self._distribution.sample(self.of(block, 1), _POOL)
-
-    def refill_delays(self, block: int) -> None:
-        """Draw delays for a block."""
-        self.draws.delays[block] = self._delay.sample(self.of(block, 2), _POOL)
+    def refill(self, block: int, kind: int) -> None:
+        """Draw thresholds (1) or delays (2) for a block."""
+        if (block, kind) not in self._generators:
+            self._generators[block, kind] = self.of(block, kind)
+        pool, sample = self._pools[kind]
+        pool[block] = sample(self._generators[block, kind], _POOL)
 
 
 def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: Array) -> tuple[Array, Array, Array]:
@@ -225,9 +177,35 @@ class ElasticEngine(Engine):
     angle = 0.1
     mechanisms = frozenset({"sliding_force"})
     slider: ElasticBody
-    _network: Network
     _motion: Motion
-    _sliding: float
+
+    def __init__(self, beginning: Beginning, method: Contacts | MasterEquation | QuasiStatic) -> None:
+        body = beginning.slider
+        assert isinstance(body, ElasticBody)
+        self.slider, self._sliding = body, beginning.interface.sliding_force
+        load, push, self._prestress = balanced(beginning, always=isinstance(method, QuasiStatic))
+        self._network = network_of(body, load, push)
+        self._slides = np.full(body.size, beginning.sliding) & (np.arange(body.size) >= beginning.at_rest)
+        self._anchored = np.where(self._slides, self._sliding, self._prestress)
+        self._element = np.clip(self._anchored, -self._sliding, self._sliding)
+
+    def _start(self, beginning: Beginning, friction: Array) -> tuple[Array, Array]:
+        """Displacements and velocities of the blocks at the start, in balance with their friction if they slide."""
+        from scipy import sparse
+        from scipy.sparse.linalg import spsolve
+
+        body = self.slider
+        if not beginning.sliding:
+            return np.zeros(body.size), np.zeros(body.size)
+        force = friction + body.mass * body.damping * beginning.velocity * self._slides
+        pairs, stiffness = body.links
+        rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
+        coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
+        held = sparse.diags_array(body.pulled + coupling.sum(axis=0)) - coupling
+        drive = float(force.sum() / body.pulled.sum())
+        X = np.asarray(spsolve(held.tocsc(), body.pulled * drive - force)).reshape(body.size)
+        perturbation = per_block("FromSliding.perturbation", beginning.perturbation, body)
+        return X, beginning.velocity * (1.0 + perturbation) * self._slides
 
     @staticmethod
     def cost(rig: Rig, method: Contacts | MasterEquation | QuasiStatic, course: Course) -> tuple[Part, ...]:
@@ -240,27 +218,18 @@ class ElasticEngine(Engine):
             step = longest_step(network)
             stiff = step < longest_step(network._replace(lag=0.0))  # dashpots ask for shorter steps than springs
             steps = body.size * rig.drive.duration / step
-        what = "cohorts" if isinstance(method, MasterEquation) else "contacts"
-        name = "viscosity" if stiff else "mass"
-        moving = Part(
-            key=f"slider.{name}", value=getattr(body, name), quantity=name, power=1.0 if stiff else -0.5,
-            what=f"{steps:.2g} steps of blocks", block_steps=steps,
-            seconds=steps * (_STEP if what == "contacts" else _STEP_OF_COHORT * count),
-        )  # fmt: skip
-        breaks, each = body.size * count * max(course.lives, 1.0), _BALANCE * body.size if balanced else _BREAK
-        breaking = Part(
-            key=f"simulation.{what}", value=count, quantity=None, power=1.0,
-            what=f"about {breaks:.2g} breaks of {body.size * count:.2g} {what}",
-            seconds=each * breaks, bytes=_CONTACT * body.size * count,
-        )  # fmt: skip
+        what, name = "cohorts" if isinstance(method, MasterEquation) else "contacts", "viscosity" if stiff else "mass"
+        each, value = _STEP if what == "contacts" else _STEP_OF_COHORT * count, getattr(body, name)
+        words, power = f"{steps:.2g} steps of blocks", 1.0 if stiff else -0.5
+        moving = Part(f"slider.{name}", value, name, power, words, each * steps)
+        each = _BALANCE * body.size if balanced else _BREAK
+        whole = breaking(body.size * count, max(course.lives, 1.0), each, _CONTACT, of=what)
+        parts = moving, whole._replace(value=count)
         if (interval := rig.output.interval) is None:
-            return moving, breaking
+            return parts
         samples = rig.drive.duration / interval * body.size
-        sampling = Part(
-            key="simulation.interval", value=interval, quantity="time", power=-1.0,
-            what=f"{samples:.2g} samples of blocks", seconds=_SAMPLE[0] * samples, bytes=_SAMPLE[1] * samples,
-        )  # fmt: skip
-        return moving, breaking, sampling
+        what, (seconds, size) = f"{samples:.2g} samples of blocks", (each * samples for each in _SAMPLE)
+        return *parts, Part("simulation.interval", interval, "time", -1.0, what, seconds, size)
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -291,6 +260,10 @@ class ElasticEngine(Engine):
     def _move(self, piece: Piece, sampling: Sampling) -> int:
         """Go on, and say why it ends."""
 
+    @abstractmethod
+    def _provide(self, why: int) -> bool:
+        """Provide what the kernel has come back for; whether it was for that."""
+
     def longest_step(self) -> float:
         """Longest step in time."""
         return longest_step(self._network)
@@ -300,7 +273,9 @@ class ElasticEngine(Engine):
         sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
         self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
-        why = self._move(leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step(), look), sampling)
+        piece = leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step(), look)
+        while self._provide(why := self._move(piece, sampling)):
+            pass
         rows = sampling.samples[: self._motion.now.sampled]
         # The next step passes the look; or it is where all ends.
         seen = looks_aside(self, leg, look if why == LOOK else self.here()[0])
@@ -317,26 +292,20 @@ class BlocksOfContacts(ElasticEngine):
     """
 
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
-        body, self._balanced = beginning.slider, isinstance(method, QuasiStatic)
-        assert isinstance(body, ElasticBody)
+        super().__init__(beginning, method)
+        body, self._balanced = self.slider, isinstance(method, QuasiStatic)
         if self._balanced and not isinstance(body, Chain):
             raise InputError("QuasiStatic: is for a Chain; use Contacts")
-        if self._balanced and not body.pulled.any():
+        if body.size * method.count > MOST_CONTACTS:
             raise InputError(
-                "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
+                f"Contacts.count = {method.count}: {body.size} blocks would have {body.size * method.count:.2g} "
+                f"contacts; give at most {MOST_CONTACTS // body.size} ({MOST_CONTACTS:.0e} in all)",
+                "Contacts.count",
             )
-        self.slider = body
-        check_size(body, method.count)
-        load, push, prestress = balanced(beginning)
-        self._network = network_of(body, load, push)
-        self._sliding = beginning.interface.sliding_force
         self._streams = Streams(beginning.interface, method.seed, body.size)
-        x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
-        anchored = np.where(slides(beginning, body), self._sliding, prestress)
-        element = np.clip(anchored, -self._sliding, self._sliding)
-        X = settled(beginning, np.where(threshold > 0, x, element[:, None]).mean(axis=1))
-        V = first_velocities(beginning, body)
-        self._state = blocks.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored)
+        x, threshold, waiting = contacts_of(beginning, self._streams, method.count, self._prestress)
+        X, V = self._start(beginning, np.where(threshold > 0, x, self._element[:, None]).mean(axis=1))
+        self._state = blocks.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, self._anchored)
         self._motion = self._state.motion
         self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
         self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
@@ -354,48 +323,41 @@ class BlocksOfContacts(ElasticEngine):
         """Longest step in time; in balance any will do."""
         return math.inf if self._balanced else super().longest_step()
 
-    def _advance(self, piece: Piece, sampling: Sampling) -> int:
-        """Go on as far as the random numbers last."""
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
         state, network, draws = self._state, self._network, self._streams.draws
         if not self._balanced:
             return blocks.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET)
-        why = quasistatic.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room)
+        return quasistatic.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room)
+
+    def _provide(self, why: int) -> bool:
+        contacts, block = self._state.contacts, int(self._motion.now.block)
         if why == UNSOLVED:
             raise InputError(
                 f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
-        return why
-
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
-        contacts = self._state.contacts
-        while True:
-            why = self._advance(piece, sampling)
-            block = int(self._motion.now.block)
-            if why == THRESHOLDS_USED_UP:
-                self._streams.refill_thresholds(block)
-                contacts.next_threshold[block] = 0
-            elif why == DELAYS_USED_UP:
-                self._streams.refill_delays(block)
-                contacts.next_delay[block] = 0
-            else:
-                return why
+        if why == THRESHOLDS_USED_UP:
+            self._streams.refill(block, 1)
+            contacts.next_threshold[block] = 0
+        elif why == DELAYS_USED_UP:
+            self._streams.refill(block, 2)
+            contacts.next_delay[block] = 0
+        return why in (THRESHOLDS_USED_UP, DELAYS_USED_UP)
 
 
 @solves(MasterEquation, elastic=True)
 class BlocksOfCohorts(ElasticEngine):
     """Blocks with infinitely many contacts each, in cohorts: `stickslip.kernels.block_cohorts`."""
 
+    smooth = True
+
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
-        body, interface = beginning.slider, beginning.interface
-        assert isinstance(body, ElasticBody)
-        self.slider, self._sliding = body, interface.sliding_force
+        super().__init__(beginning, method)
+        body, interface = self.slider, beginning.interface
         if beginning.at_rest:
             raise InputError(
                 f"FromSliding.at_rest = {beginning.at_rest}: not available with MasterEquation; use Contacts"
             )
-        load, push, prestress = balanced(beginning)
-        self._network = network_of(body, load, push)
         table = survival_of(interface.threshold_distribution)
         self._cells = 400.0 * math.sqrt(1e-4 / method.rtol)
         past_rate = 0.0
@@ -405,30 +367,21 @@ class BlocksOfCohorts(ElasticEngine):
         elif isinstance(beginning.start, Prestressed):
             x, fraction = np.zeros(1), np.ones(1)
         else:
-            x, fraction = initial_nodes(interface)
-        x = prestress[:, None] + x
+            x, fraction = stretching_nodes(interface.initial, interface.threshold_distribution)
+        x = self._prestress[:, None] + x
         self._case = block_cohorts.Case(table, Delays(*interface.delay.quadrature()), self._sliding, 0.5 / self._cells)
-        anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
-        element = np.clip(anchored, -self._sliding, self._sliding)
-        X = settled(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * element)
+        X, V = self._start(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * self._element)
         steps = float(self._case.delays.time.max(initial=0.0)) / self.longest_step()
         if steps * body.size > _MOST_HISTORY:
             raise InputError(
                 f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), "
                 "or make the delay shorter or the blocks heavier"
             )
-        self._motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
+        self._motion = at_rest(X, V, self._sliding, self._anchored)
         room, fractions = int(2.0 * self._cells * table.top) + x.shape[1] + 64, np.broadcast_to(fraction, x.shape)
         self._state = block_cohorts.make_state(
             self._motion, X[:, None] - x, fractions, self._case, past_rate, room, int(1.05 * steps) + 64
         )
-
-    @staticmethod
-    def check(interface: Interface, method: MasterEquation) -> None:
-        """Raise `InputError` for thresholds without a density, and for the paper's approximation."""
-        check_density(interface.threshold_distribution)
-        if method.memoryless:
-            raise InputError("MasterEquation.memoryless: is for a rigid slider; leave it out")
 
     def longest_step(self) -> float:
         """Longest step in time; finer cohorts come with finer steps."""
@@ -442,12 +395,12 @@ class BlocksOfCohorts(ElasticEngine):
         return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
-        while True:
-            why = block_cohorts.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
-            if why == NO_ROOM:
-                self._state = block_cohorts.with_room(self._state)
-            elif why == NO_HISTORY:
-                cohorts = self._state.cohorts
-                self._state = self._state._replace(cohorts=cohorts._replace(history=longer(cohorts.history)))
-            else:
-                return why
+        return block_cohorts.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
+
+    def _provide(self, why: int) -> bool:
+        if why == NO_ROOM:
+            self._state = block_cohorts.with_room(self._state)
+        elif why == NO_HISTORY:
+            cohorts = self._state.cohorts
+            self._state = self._state._replace(cohorts=cohorts._replace(history=longer(cohorts.history)))
+        return why in (NO_ROOM, NO_HISTORY)

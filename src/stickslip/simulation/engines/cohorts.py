@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
-from typing import Any, Self
+from collections.abc import Callable
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from stickslip.kernels.drive import PAUSED
-from stickslip.simulation.engines.base import COLUMNS, Advance, Array, Engine, Leg, looks_aside
+from stickslip.errors import UndecidedError
+from stickslip.kernels.drive import PAUSED, UNSOLVED
+from stickslip.simulation.engines.base import COLUMNS, Advance, Engine, Leg, looks_aside
 
 
 class Cohorts(Engine):
@@ -16,36 +18,34 @@ class Cohorts(Engine):
 
     columns = COLUMNS
     angle = 0.1
-    _state: Any
-
-    def go_on(self, leg: Leg) -> tuple[Any, Array, int]:
-        """Follow a leg for some steps; the state then, the samples, and why the kernel came back."""
-        raise NotImplementedError
-
-    @property
-    def state(self) -> Any:
-        """What the kernel goes on from; it never changes one."""
-        return self._state
+    kernel: ClassVar[Callable[..., Any]]
+    """Goes on from a state, in a case, to a time, with samples and a condition, by so many steps."""
+    steps: ClassVar[int]
+    """Steps in an advance."""
+    state: Any
+    _case: Any
+    _method: Any
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
-        return float(self._state.motion.time), float(self._state.motion.position)
+        return float(self.state.motion.time), float(self.state.motion.position)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return float(self._state.motion.contact_force)
+        return float(self.state.motion.contact_force)
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        before = self.copy()
-        self._state, rows, reason = self.go_on(leg)
+        before, case = self.copy(), self._case._replace(drive=leg.drive)
+        self.state, records, reason = type(self).kernel(self.state, case, leg.end, leg.times, leg.stop, self.steps)
+        if reason == UNSOLVED:
+            raise UndecidedError(
+                f"{self._method}: no step, however short, can be solved from here on; use another rtol, or Contacts"
+            )
+        # Records of motion begin with what a run samples.
+        rows = np.asarray(records).view(float).reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
         return Advance(rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED)
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
         return copy.copy(self)
-
-
-def sampled(rows: Any) -> Array:
-    """Return records of motion, which begin with what a run samples, as `COLUMNS`."""
-    return np.asarray(rows).view(float).reshape(len(rows), len(rows.dtype))[:, : len(COLUMNS)]

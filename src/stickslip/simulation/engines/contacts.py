@@ -27,7 +27,6 @@ from stickslip.model import (
     Parabolic,
 )
 from stickslip.model.rig import Rig
-from stickslip.simulation.cost import Course, Part, breaking, oscillation, sampling
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -40,6 +39,7 @@ from stickslip.simulation.engines.base import (
     solves,
 )
 from stickslip.simulation.engines.beginnings import first_contacts, generators, lives_met, newborns
+from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
 from stickslip.sliding.lives import growth_of, hazard_of
 
 Array = NDArray[np.float64]
@@ -63,11 +63,12 @@ _LIVES = 16
 
 
 def check_newborns(interface: Interface) -> None:
-    """Raise `InputError` for newborns without strength: with temperature they break at once, and without end."""
+    """Raise `InputError` for newborns without strength: they break at once, and without end."""
     if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
+        which = "MasterEquation" if interface.temperature is None else "Interface.temperature"
         raise InputError(
-            "ExponentialGrowth.newborn = 0 with Interface.temperature: newborns without strength break at once and "
-            "without end; give newborn > 0"
+            f"ExponentialGrowth.newborn = 0 with {which}: newborns without strength break at once and without end; "
+            "give newborn > 0"
         )
 
 

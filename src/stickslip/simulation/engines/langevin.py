@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.kernels import stepping
+from stickslip.kernels.drive import Quadratic, Stop, holds
 from stickslip.kernels.langevin_contacts import Contacts as Sampled
-from stickslip.kernels.langevin_contacts import awake, go_on
+from stickslip.kernels.langevin_contacts import advance_contacts, awake
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, Parabolic
+from stickslip.model.distributions import SteadyState
+from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
-from stickslip.simulation.cost import Course, Part, breaking, oscillation, sampling
-from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import (
+    MOTION,
+    Advance,
+    Beginning,
+    Engine,
+    Individuals,
+    Leg,
+    Stretchings,
+    looks_aside,
+    slider_constants,
+    solves,
+)
 from stickslip.simulation.engines.beginnings import (
     attached_now,
     first_contacts,
     generators,
     pool_of_delays,
-    settled_nodes,
 )
-from stickslip.simulation.engines.steps import Steps
+from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
 from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
 from stickslip.sliding.lives import hazard_of
 
@@ -41,6 +54,57 @@ _BUDGET, _HOT_BUDGET = 500_000, 25_000
 """Steps of a contact in an advance; with temperature each is a step of many."""
 
 
+class Steps(Engine, Protocol):
+    """An engine that takes steps of time, and samples no energies."""
+
+    columns: ClassVar[tuple[str, ...]] = MOTION
+    angle: ClassVar[float] = 0.35  # that of its steps: samples finer than that show no more
+
+    state: Array
+    """Time, position of the slider, and what else the kernel keeps there."""
+    longest: float
+    """Largest step of time."""
+    reach: float
+    """Largest way of the slider in a step."""
+    budget: int
+    """Steps in an advance: some 50 ms."""
+
+    def take(self, course: stepping.Course) -> Array:
+        """Follow a course, and return the samples of `stickslip.kernels.stepping`."""
+        ...
+
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the slider."""
+        return float(self.state[0]), float(self.state[1])
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps, at most to the one that would pass a look."""
+        times = np.minimum(leg.times, leg.end)
+        wanted = times.size
+        if wanted == 0 or times[-1] < leg.end:
+            times = np.append(times, leg.end)
+        before, look = self.here()[0], leg.looks[0] if leg.looks else math.inf
+        course = stepping.Course(leg.drive, self.slider, times, self.longest, self.reach, leg.stop, look, self.budget)
+        samples = self.take(course)[:wanted]
+        now = self.here()[0]
+        stopped = len(samples) > 0 and holds(leg.stop, samples[-1, 0], samples[-1, 2])
+        over = stopped or now >= leg.end
+        # A course that has not gone a step stands before its look.
+        seen = looks_aside(self, leg, look if now == before and not over else now)
+        return Advance(samples[:, [0, 1, 3, 4]], seen, over)
+
+    def settle(self, beginning: Beginning) -> None:
+        """Put the slider at its start; where it slides, up to time and position 0 rigidly at first, and unseen."""
+        if beginning.sliding:
+            self.slider = slider_constants(None)
+            leg = Leg(Quadratic(*self.here(), beginning.velocity, 0.0), 0.0, np.empty(0), Stop())
+            while not self.advance(leg).over:
+                pass
+            self.state[:2] = 0.0
+        self.state[2] = beginning.slider_velocity
+        self.slider = slider_constants(beginning.slider)
+
+
 def _start(beginning: Beginning, rate: float) -> float:
     """When to begin to slide rigidly, to be in the steady state at time 0: lives, and times of ageing before."""
     if not beginning.sliding:
@@ -54,8 +118,7 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     assert isinstance(rig.interface.ageing, Langevin)
     rate = rig.interface.ageing.rate
     ages = rig.drive.duration * rate**2
-    ageing = Part(key="interface.ageing.time", value=rate**-2, quantity="time", power=-1.0,
-                  what=f"{ages:.2g} times of ageing", seconds=aged * ages)  # fmt: skip
+    ageing = Part("interface.ageing.time", rate**-2, "time", -1.0, f"{ages:.2g} times of ageing", aged * ages)
     return *oscillation(rig, course.turns), part, ageing, sampling(rig, course.turns)
 
 
@@ -80,10 +143,7 @@ class LangevinContacts(Steps):
         self._contacts = Sampled(x, threshold, attach)
         self.state = np.array([start, beginning.velocity * start, 0.0, 0.0])
         self._sleep = awake(self._contacts, self.state[0], self.state[1])
-        if beginning.sliding:
-            self.settle(beginning)
-        self.state[2] = beginning.slider_velocity
-        self.slider = slider_constants(beginning.slider)
+        self.settle(beginning)
 
     @staticmethod
     def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
@@ -108,7 +168,7 @@ class LangevinContacts(Steps):
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
         model = self._constants, self._hazard, self._delays
-        return go_on(self.state, self._contacts, self._sleep, course, *model, self._rng)
+        return advance_contacts(self.state, self._contacts, self._sleep, course, *model, self._rng)
 
 
 @solves(MasterEquation, Langevin)
@@ -129,28 +189,24 @@ class LangevinDensity(Steps):
         start = _start(beginning, self._constants.rate)
         self.state = np.array([start, beginning.velocity * start, 0.0, 0.0, count, 0.0, 0.0, 0.0])
         self._cohorts.place[:] += self.state[1]
-        if beginning.sliding:
-            self.settle(beginning)
-            self.state[6:] = 0.0
-        self.state[2] = beginning.slider_velocity
-        self.slider = slider_constants(beginning.slider)
+        self.settle(beginning)
+        self.state[6:] = 0.0
 
     @staticmethod
-    def check(interface: Interface, method: MasterEquation) -> None:
-        """Raise `InputError` for thresholds that cannot age so, for a delay, and without memory."""
+    def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
+        """Raise `InputError` for thresholds that cannot age so, and for a delay."""
         gaussian_ageing(interface)
-        if interface.delay.moment(1) > 0 or method.memoryless:
-            what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
+        if interface.delay.moment(1) > 0:
             raise InputError(
-                f"{what}: not available with MasterEquation together with ageing = {interface.ageing}; use Contacts"
+                f"Interface.delay = {interface.delay}: not available with MasterEquation together with "
+                f"ageing = {interface.ageing}; use Contacts"
             )
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
         path, aged = course.distance + course.shaken + 0.01 * course.ringing, _AGED * 1e-4 / method.rtol
-        part = Part(key="simulation.rtol", value=method.rtol, quantity=None, power=-1.0,
-                    what=f"a path of {path:.2g} mean thresholds", seconds=aged * path)  # fmt: skip
+        part = Part("simulation.rtol", method.rtol, None, -1.0, f"a path of {path:.2g} mean thresholds", aged * path)
         return _cost(rig, course, aged, part)
 
     def stretchings(self) -> Stretchings:
@@ -172,7 +228,8 @@ def _first_cohorts(beginning: Beginning, margins: Array, width: float) -> tuple[
     these places.
     """
     distribution = beginning.interface.threshold_distribution
-    x, fraction = settled_nodes(beginning)
+    initial = SteadyState(thresholds=distribution) if beginning.sliding else beginning.interface.initial
+    x, fraction = stretching_nodes(initial, distribution)
     kept = fraction > 1e-12
     x, fraction = x[kept], fraction[kept]
     mass = distribution.density(margins + np.abs(x)[:, None]) * cell_widths(margins)

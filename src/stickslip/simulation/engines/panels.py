@@ -11,30 +11,26 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.cohorts import MASS, REACH, gauss_rule, spread_out
-from stickslip.kernels.drive import UNSOLVED
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
 from stickslip.kernels.panels import advance
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
 from stickslip.kernels.survival import EMPTY, tabulate, values_at, widest
 from stickslip.model import Delay, DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
-from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.cost import Course, Part, oscillation, sampling
-from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import Beginning, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
-from stickslip.simulation.engines.cohorts import Cohorts, sampled
+from stickslip.simulation.engines.cohorts import Cohorts
+from stickslip.simulation.work import Course, Part, oscillation, sampling
 
 Array = NDArray[np.float64]
 
-_STEPS = 2_000
-"""Steps in an advance."""
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
 _AT_KNOTS = 0.3
@@ -57,6 +53,9 @@ class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest"})
+    smooth = True
+    kernel = advance
+    steps = 2_000
 
     def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
         self._method, self.slider = method, slider_constants(beginning.slider)
@@ -77,7 +76,7 @@ class Panels(Cohorts):
             x, fraction = _lives_met(distribution, self._case.newborn, self._case.accuracy)
         else:
             x, fraction = _nodes(interface.initial, distribution, self._case.accuracy)
-        self._state = kernel.initial_state(
+        self.state = kernel.initial_state(
             self._case.table,
             self._case.delays,
             x,
@@ -90,19 +89,7 @@ class Panels(Cohorts):
             grain = _GRAIN * distribution.standard_deviation() * min(math.sqrt(method.rtol / 1e-4), 2.0)
             finite = kernel.FiniteNumber(float(count), np.random.default_rng(method.seed), grain)
             self._case = self._case._replace(finite=finite)
-            self._state = counted(self._state, self._case, count)
-
-    @staticmethod
-    def check(interface: Interface, method: MasterEquation | Population) -> None:
-        """Raise `InputError` for thresholds without a density, and for what has no meaning or no equation."""
-        check_density(interface.threshold_distribution)
-        if isinstance(method, MasterEquation) and method.memoryless:
-            for field in sorted(interface.mechanisms & {"newborn", "sliding_force"}):
-                raise InputError(
-                    f"Interface.{field} = {getattr(interface, field)}: not available with the approximation "
-                    "MasterEquation(memoryless=True); leave one of them out",
-                    f"Interface.{field}",
-                )
+            self.state = counted(self.state, self._case, count)
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation | Population, course: Course) -> tuple[Part, ...]:
@@ -114,28 +101,17 @@ class Panels(Cohorts):
         ringing = course.ringing if interface.delay.moment(1) > 0 else 0.0
         steps = _PANELS[0] * (course.distance + course.shaken) + _PANELS[1] * ringing
         path = course.distance + course.shaken + 0.01 * course.ringing
-        part = Part(key="simulation.rtol", value=method.rtol, quantity=None, power=-1 / 6,
-                    what=f"a path of {path:.2g} mean thresholds",
-                    seconds=harder * finer ** (1 / 6) * steps)  # fmt: skip
+        what, seconds = f"a path of {path:.2g} mean thresholds", harder * finer ** (1 / 6) * steps
+        part = Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds)
         return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
-        state = self._state
+        state = self.state
         place, mass, reach = spread_out(state.cohorts[:, : state.used.cohorts], _FINE)
         fraction = mass * values_at(self._case.table, reach)
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
-
-    def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
-        """Follow a leg for some steps."""
-        case = self._case._replace(drive=leg.drive)
-        state, rows, reason = advance(self._state, case, leg.end, leg.times, leg.stop, _STEPS)
-        if reason == UNSOLVED:
-            raise UndecidedError(
-                f"{self._method}: no step, however short, can be solved from here on; use another rtol, or Contacts"
-            )
-        return state, sampled(rows), reason
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
@@ -152,7 +128,7 @@ class Panels(Cohorts):
         turned, case = self.copy(), self._case
         turned._interface, turned.slider = interface, slider_constants(slider)
         turned._case = case._replace(slider=turned.slider)
-        state = turned._state = copy.deepcopy(self._state)
+        state = turned.state = copy.deepcopy(self.state)
         past = state.panels[: state.used.panels]
         if interface.delay != self._interface.delay:
             delays = _delays(hashable(interface.delay), self._method)
@@ -269,17 +245,10 @@ def _lives_met(thresholds: Distribution, newborn: kernel.Newborn, accuracy: kern
     """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the way from each newborn one."""
     end, parts = end_and_knots(thresholds)[0], []
     for begin, mass in zip(newborn.stretching, newborn.mass, strict=True):
-        knots = {abs(begin), 0.0, *thresholds.knots, *(-knot for knot in thresholds.knots)}
-        edges = [float(begin), *(knot for knot in sorted(knots) if begin < knot < end), end]
-        for a, b in pairwise(edges):
-            edge = np.linspace(a, b, math.ceil((b - a) / accuracy.width) + 1)
-            x = edge[:-1, None] + np.diff(edge)[:, None] * GAUSS
-            parts.append(
-                (x, mass * np.diff(edge)[:, None] * WEIGHT * thresholds.survival(np.maximum(np.abs(x), abs(begin))))
-            )
+        x, weight = _on_panels({abs(begin), *_knots(thresholds)}, begin, end, accuracy.width)
+        parts.append((x, mass * weight * thresholds.survival(np.maximum(np.abs(x), abs(begin)))))
     x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-    kept = weight.sum(axis=1) > 1e-17
-    return x[kept], weight[kept] / weight[kept].sum()
+    return _of_weight(x, weight)
 
 
 def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy) -> tuple[Array, Array]:
@@ -291,14 +260,26 @@ def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Acc
     if std == 0:
         return np.full((1, Q), initial.moment(1)), WEIGHT[None]
     (low, high), end = initial.support, end_and_knots(thresholds)[0]
-    low, high = max(low, -end), min(high, end)
-    knots = {*initial.knots, *thresholds.knots, *(-knot for knot in thresholds.knots), 0.0}
-    edges = [low, *(knot for knot in sorted(knots) if low < knot < high), high]
     # Weights of a bell as wide as that are good to the tolerance.
     width = min(std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width)
+    x, weight = _on_panels({*initial.knots, *_knots(thresholds)}, max(low, -end), min(high, end), width)
+    return _of_weight(x, weight * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12))
+
+
+def _knots(thresholds: Distribution) -> set[float]:
+    """Stretchings of either sign at which the survival is not smooth."""
+    return {0.0, *thresholds.knots, *(-knot for knot in thresholds.knots)}
+
+
+def _on_panels(knots: set[float], low: float, high: float, width: float) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss on panels no wider than `width`, between these knots; both of shape (n, Q)."""
+    edges = [low, *(knot for knot in sorted(knots) if low < knot < high), high]
     parts = [np.linspace(a, b, math.ceil((b - a) / width) + 1) for a, b in pairwise(edges)]
     left, right = (np.concatenate(ends)[:, None] for ends in zip(*((p[:-1], p[1:]) for p in parts), strict=True))
-    x = left + (right - left) * GAUSS
-    weight = (right - left) * WEIGHT * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12)
+    return left + (right - left) * GAUSS, (right - left) * WEIGHT
+
+
+def _of_weight(x: Array, weight: Array) -> tuple[Array, Array]:
+    """The panels that weigh anything, with weights of sum 1."""
     kept = weight.sum(axis=1) > 1e-17
     return x[kept], weight[kept] / weight[kept].sum()

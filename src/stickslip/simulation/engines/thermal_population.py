@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
 from stickslip.kernels import thermal_cohorts as kernel
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
 from stickslip.kernels.survival import Table, tabulate
@@ -22,21 +21,19 @@ from stickslip.model import (
     MasterEquation,
     Parabolic,
 )
-from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
+from stickslip.model.newborn import stretching_nodes
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.cost import Course, Part, oscillation, sampling
-from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
-from stickslip.simulation.engines.beginnings import initial_nodes, survival_of
-from stickslip.simulation.engines.cohorts import Cohorts, sampled
+from stickslip.simulation.engines.base import Beginning, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.beginnings import survival_of
+from stickslip.simulation.engines.cohorts import Cohorts
 from stickslip.simulation.engines.contacts import check_newborns
+from stickslip.simulation.work import Course, Part, oscillation, sampling
 from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of
 
 Array = NDArray[np.float64]
 
-_STEPS = 500
-"""Steps in an advance."""
 _NODES = 240
 """Nodes of thresholds, at most, where one number does not do."""
 _BROKEN = 0.006
@@ -51,10 +48,13 @@ class ThermalPopulation(Cohorts):
     """Cohorts of contacts that attached together; they break by thermal activation, age, or both."""
 
     mechanisms = frozenset({"temperature", "sliding_force"})
+    smooth = True
+    kernel = advance
+    steps = 500
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         interface = beginning.interface
-        self._interface, self.slider = interface, slider_constants(beginning.slider)
+        self._method, self.slider = method, slider_constants(beginning.slider)
         model, mean = _model(interface), interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
         coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
@@ -64,32 +64,18 @@ class ThermalPopulation(Cohorts):
         delays = Delays(*interface.delay.quadrature())
         self._case = kernel.Case(model, delays, self.slider, interface.sliding_force, limits)
         if beginning.sliding:
-            self._cap(beginning.velocity)
-            model, step = self._case.model, 0.5 * reach * model.width
-            self._state = kernel.sliding_state(model, delays, beginning.velocity, limits, step, interface.sliding_force)
-            self._state.motion.velocity = beginning.slider_velocity
+            step = 0.5 * reach * model.width
+            self.state = kernel.sliding_state(model, delays, beginning.velocity, limits, step, interface.sliding_force)
+            self.state.motion.velocity = beginning.slider_velocity
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
-            self._state = kernel.initial_state(
-                model, delays, *initial_nodes(interface), since, beginning.slider_velocity
-            )
+            x, fraction = stretching_nodes(interface.initial, interface.threshold_distribution)
+            self.state = kernel.initial_state(model, delays, x, fraction, since, beginning.slider_velocity)
 
     @staticmethod
-    def check(interface: Interface, method: MasterEquation) -> None:
-        """Raise `InputError` for thresholds without a density, newborns without strength, and without memory."""
-        check_density(interface.threshold_distribution)
-        if interface.temperature is not None:
-            check_newborns(interface)
-        elif isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
-            raise InputError(
-                f"Interface.ageing = {interface.ageing}: not available with MasterEquation; newborns without strength "
-                "break at once and without end: give newborn > 0, or use Contacts"
-            )
-        if method.memoryless:
-            part = "ageing" if interface.temperature is None else "temperature"
-            raise InputError(
-                f"MasterEquation(memoryless=True): not available with Interface.{part} = {getattr(interface, part)}"
-            )
+    def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
+        """Raise `InputError` for newborns without strength."""
+        check_newborns(interface)
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
@@ -101,53 +87,18 @@ class ThermalPopulation(Cohorts):
         closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
         cohorts = float(closest * interface.threshold_distribution.support[1])
         steps = closest * mean * (course.distance + course.shaken) + 3.0 * course.rung
-        key, value, power = ("interface.temperature", width, -2.0)
-        if cold:
-            key, value, power = ("simulation.rtol", 1e-4 / finer**2, -1.0)
-        part = Part(key=key, value=value, quantity=None, power=power,
-                    what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts", instead="use Contacts(...), or ",
-                    seconds=_COHORT[not one_number] * steps * cohorts,
-                    bytes=16.0 * cohorts * (1 if one_number else _NODES))  # fmt: skip
+        grows = (
+            ("simulation.rtol", 1e-4 / finer**2, None, -1.0) if cold else ("interface.temperature", width, None, -2.0)
+        )
+        seconds, room = _COHORT[not one_number] * steps * cohorts, 16.0 * cohorts * (1 if one_number else _NODES)
+        what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
+        part = Part(*grows, what, seconds, room, instead="use Contacts(...), or ")
         return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
-
-    def _cap(self, velocity: float) -> None:
-        """Check thresholds directly once the slider is fast enough for contacts to reach them."""
-        model = self._case.model
-        if velocity > model.hazard.scale * model.hazard.attempts / 40.0:
-            self._case = self._case._replace(model=model._replace(capped=True))
-
-    @property
-    def mass(self) -> float:
-        """Fraction of contacts that is attached or waits: 1."""
-        return float(self._cohorts()[1].sum() + self._state.motion.outside)
-
-    def _cohorts(self) -> tuple[Array, Array]:
-        """Where the cohorts attached, and how many are left of each."""
-        return self._state.cohort[PLACE, : self._state.used.cohorts], self._state.cohort[
-            ALIVE, : self._state.used.cohorts
-        ]
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts now."""
-        place, alive = self._cohorts()
-        return Stretchings(self._state.motion.position - place, alive.copy(), cells=True)
-
-    def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
-        """Follow a leg for some steps."""
-        self._cap(self._fastest(leg))
-        case = self._case._replace(drive=leg.drive)
-        state, rows, reason = advance(self._state, case, leg.end, leg.times, leg.stop, _STEPS)
-        return state, sampled(rows), reason
-
-    def _fastest(self, leg: Leg) -> float:
-        """Largest velocity that the slider may come to."""
-        drive = max(abs(float(leg.drive_velocity(np.asarray(t)))) for t in (self.here()[0], leg.end))
-        if math.isinf(self.slider.stiffness):
-            return drive
-        if self.slider.mass == 0:
-            return math.inf
-        most = self._interface.threshold_distribution.support[1]
-        return drive + most * math.sqrt((1.0 + 1.0 / self.slider.stiffness) / self.slider.mass)
+        place, alive = self.state.cohort[[PLACE, ALIVE], : self.state.used.cohorts]
+        return Stretchings(self.state.motion.position - place, alive, cells=True)
 
 
 def _model(interface: Interface) -> kernel.Model:
@@ -160,8 +111,7 @@ def _model(interface: Interface) -> kernel.Model:
         low, thermal = _thermal_table(hashable(distribution), hazard.scale)
     elif interface.temperature is not None:
         node, weight = _threshold_nodes(distribution, width)
-    cold, growth = interface.temperature is None, growth_of(interface.ageing)
-    return kernel.Model(hazard, growth, thresholds, thermal, low, node, weight, cold, width)
+    return kernel.Model(hazard, growth_of(interface.ageing), thresholds, thermal, low, node, weight, width)
 
 
 def _is_one_number(interface: Interface) -> bool:
