@@ -144,52 +144,6 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
                 assert here == pytest.approx(flights.at(flight, t)[order], abs=1e-10 * size + lag / unit**order)
 
 
-@pytest.mark.parametrize("numbers", COEFFICIENTS)
-@pytest.mark.parametrize("drive", [(1.0, 0.0), (-0.5, 3.0)])
-def test_energies_of_a_flight_balance(numbers, drive):
-    """Work of the drive and the integral of the squared velocity, against quadrature along the flight."""
-    eta, w2, v, f0, _, _ = numbers
-    drive_v, drive_a = drive
-    K, inverse_mass, force = 2.0, w2 / 2.6, 0.3  # six contacts in ten attached
-    # The drive sets the terms of the force that change with time.
-    flight = flight_of(eta, w2, v, f0, K * drive_v * inverse_mass, 0.5 * K * drive_a * inverse_mass)
-    node, weight = np.polynomial.legendre.leggauss(60)
-    for share in (1e-3, 0.01, 0.2, 2.0, 10.0):
-        h = share / (eta + math.sqrt(w2))
-        t = 0.5 * h * (1 + node)
-        y, u = np.array([flights.at(flight, float(s)) for s in t]).T
-        pull = force + K * (drive_v * t + 0.5 * drive_a * t**2 - y)
-        work = 0.5 * h * np.sum(weight * pull * (drive_v + drive_a * t))
-        squares = 0.5 * h * np.sum(weight * u**2)
-        end = flights.at(flight, h)
-        got = flights.energies(flight, h, *end, force, K, drive_v, drive_a)
-        # Rounding: the closed form divides by w2 the changes of velocity and displacement of the free oscillation.
-        area = 4e-16 * (eta * (abs(flight.q0) + abs(flight.y0)) + abs(flight.v0) + abs(v)) / w2
-        moment = (eta * area + 4e-16 * abs(flight.y0)) / w2
-        size = 0.5 * h * np.sum(weight * np.abs(pull) * np.abs(drive_v + drive_a * t))
-        assert got[0] == pytest.approx(work, abs=1e-12 * size + 8 * K * (abs(drive_v) * area + abs(drive_a) * moment))
-        if eta > 0:
-            kinetic = 4e-16 * (np.max(u**2) + flight.v0**2 + w2 * (np.max(y**2) + flight.y0**2)) / eta
-            path = 4e-16 * abs(flight.q1) * (abs(flight.y0) + abs(flight.q0)) + abs(flight.q2) * eta * area
-            assert got[1] == pytest.approx(squares, abs=1e-12 * squares + 8 * (kinetic + path))
-
-
-@pytest.mark.parametrize(
-    ("v", "most", "found"),
-    [
-        (2.0, 10.0, (0.5, 1)),
-        (-3.0, 10.0, (0.2, -1)),
-        (0.0, 10.0, (10.0, 0)),
-        (2.0, 0.4, (0.4, 0)),
-        (-3.0, 0.1, (0.1, 0)),
-    ],
-)
-def test_rigid_motion_goes_on_as_it_goes(v, most, found):
-    flight = flights.take_off(0.0, 0.0, 1.0, v, 0.0, 0.0, 0.0)
-    assert flights.first_crossing(flight, 1.0, 0.6, most, np.empty(24)) == pytest.approx(found)
-    assert flights.first_turn(flight, most, np.empty(24)) == math.inf
-
-
 @settings(max_examples=200)
 @given(
     st.sampled_from(COEFFICIENTS),
@@ -260,52 +214,6 @@ def pulled(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0
     piece, sampling = Piece(Quadratic(0.0, D0, v0, a), end), Sampling(times, samples)
     why = kernel.advance(state, rig.slider, piece, sampling, kernel.Draws(thresholds, delays, rig.delay), 10**9)
     return samples, state, why
-
-
-MOTIONS = {
-    # K, M, eta, fixed delay, (D0, v0, a, end)
-    "steady": (2.0, 1e-2, 20.0, 0.2, (0.0, 1.0, 0.0, 4.0)),
-    "no delay": (2.0, 1e-2, 20.0, 0.0, (0.0, 1.0, 0.0, 4.0)),
-    "never back": (2.0, 1e-2, 20.0, math.inf, (0.0, 1.0, 0.0, 3.0)),
-    "undamped": (2.0, 1e-2, 0.0, 0.1, (0.0, 1.0, 0.0, 3.0)),
-    "overdamped": (5.0, 1e-2, 400.0, 0.2, (0.0, 2.0, 0.0, 4.0)),
-    "heavy": (0.5, 1.0, 0.1, 0.5, (0.0, 1.0, 0.0, 8.0)),
-    "there and back": (3.0, 1e-2, 10.0, 0.15, (0.0, 2.0, -1.0, 5.0)),
-    "backwards": (2.0, 1e-2, 20.0, 0.2, (0.0, -1.0, 0.0, 4.0)),
-    "perturbed from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
-    "random delays": (2.0, 1e-2, 20.0, math.nan, (0.0, 1.0, 0.0, 4.0)),
-}
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-def test_the_running_sums_are_those_of_the_contacts(name):
-    """After many events force, stored energy and counts agree with sums over the contacts."""
-    K, M, eta, delay, drive = MOTIONS[name]
-    N, rng = 200, np.random.default_rng(3)
-    rig = Rig(Slider(K, M, eta), delay)
-    thresholds, delays = rng.uniform(0.5, 1.5, 20_000), rng.uniform(0.0, 0.4, 20_000)
-    times = np.array([drive[-1]])
-    samples, state, why = pulled(
-        rig, rng.normal(0, 0.1, N), rng.uniform(0.5, 1.5, N), [], thresholds, delays, drive, times
-    )
-    assert why == kernel.REACHED_END
-    contacts = kernel.attached_contacts(state)
-    x = state.motion[0].position - contacts["birth"]
-    assert state.motion[0].attached == contacts.size
-    assert samples[0, 2] == pytest.approx(np.sum(x) / N, abs=1e-13)
-    assert kernel.force_of(state) == pytest.approx(np.sum(x) / N, abs=1e-13)
-    assert samples[0, 4] == pytest.approx(0.5 * np.sum(x * x) / N, abs=1e-13)
-    # No contact is stretched beyond its threshold.
-    assert np.all(np.abs(x) <= contacts["threshold"] * (1 + 1e-12))
-    # Each contact is attached or waits to be re-attached, once.
-    waiting = []
-    while peek(state.waiting) < math.inf:
-        waiting.append(first_slot(state.waiting))
-        pop(state.waiting)
-    if delay == math.inf:
-        assert waiting == []
-    else:
-        assert sorted([*waiting, *contacts["slot"]]) == list(range(N))
 
 
 def test_blocks_of_random_numbers_and_budgets_change_nothing():

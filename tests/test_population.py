@@ -89,33 +89,6 @@ def test_every_contact_is_attached_or_waits(interface, drive, end, count, dampin
     assert attached.sum() == round(count * state.motion.mass_in)
 
 
-# ---------------------------------------------------------------- the limit of many
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"delay": ss.Delay(0.0)},
-        {"delay": ss.RandomDelay(mean=0.2, std=0.05)},
-        {"delay": ss.OnArrest()},
-        {"thresholds": ss.Uniform(low=0.7, high=1.3)},
-        {"sliding_force": 0.2, "newborn": ss.Gaussian(mean=0.2, std=0.1)},
-    ],
-    ids=str,
-)
-def test_very_many_contacts_are_infinitely_many(changes):
-    rig = ss.Rig(
-        replace(CYCLING, **changes), SLIDER, ss.constant(1.0, duration=2.0).then(ss.constant(-1.0, duration=1))
-    )
-    out = ss.Output(interval=0.01)
-    exact = ss.simulate(rig, method=ss.MasterEquation(rtol=1e-6), output=out)
-    for count, slack in ((10**9, 3e-4), (10**6, 3e-3)):
-        run = ss.simulate(rig, method=ss.Population(count, seed=1), output=out)
-        for name in ("spring_force", "friction_force", "attached", "contact_energy", "broken_energy"):
-            assert float(np.sqrt(((run[name] - exact[name]) ** 2).mean())) < slack, (name, count)
-
-
 # ---------------------------------------------------------------- fluctuations
 
 

@@ -127,14 +127,6 @@ def test_cohorts_agree_with_the_renewal(delay):
         np.testing.assert_allclose(run[name], exact[name], atol=3e-4, err_msg=name)
 
 
-def test_the_error_of_the_master_equation_follows_its_tolerance():
-    rig = gaussian(0.05, 0.2, delay=0.2)
-    exact = ss.rigid_slide(rig, 3.0, method=Renewal(12_000))["friction_force"].to_numpy()[::4]
-    for rtol in (1e-3, 1e-5, 1e-7):
-        force = ss.rigid_slide(rig, 3.0, method=ss.MasterEquation(rtol=rtol))["friction_force"].to_numpy()
-        assert np.max(np.abs(force - exact)) < 10 * rtol
-
-
 @pytest.mark.parametrize("method", [ss.MasterEquation(rtol=1e-4), ss.Contacts(4_000, seed=1)], ids=["m", "c"])
 def test_other_methods_agree_with_the_renewal_for_every_distribution(distribution, method):
     rig = ss.Interface(thresholds=distribution, initial=ss.Uniform(low=0.0, high=0.04), delay=ss.Delay(0.2))

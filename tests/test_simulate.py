@@ -9,7 +9,6 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.io import datasets as store
-from stickslip.model import Parabolic
 from stickslip.model.distributions import SteadyState
 from stickslip.simulation import LABELS
 
@@ -152,24 +151,6 @@ def test_equal_contacts_break_together(count):
 # ------------------------------------------------------------------------------------------------ snapshots
 
 
-@pytest.mark.parametrize(
-    "temperature", [None, ss.Bell(width=0.01, attempts=1e6), Parabolic(temperature=0.01, attempts=1e6)], ids=str
-)
-def test_snapshots_of_few_contacts_are_of_their_moment(temperature):
-    """Of six contacts, each that breaks or attaches between the moment and the look would show."""
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=temperature, delay=ss.Delay(0.3))
-    times = tuple((0.1 * np.arange(3, 40)).tolist())
-    output = ss.Output(interval=0.1, snapshots=times, bins=400)
-    run = ss.simulate(
-        ss.Rig(interface, FIG4.slider, ss.constant(1.0, 4.0)), method=ss.Contacts(6, seed=2), output=output
-    )
-    width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
-    assert len(np.unique(seen["attached"])) > 3
-    np.testing.assert_allclose(run["stretching_density"].sum("x") * width, seen["attached"])
-    mean = (run["stretching_density"] * run["x"]).sum("x") * width
-    np.testing.assert_allclose(mean, seen["friction_force"], atol=0.5001 * width)  # each in the middle of its bin
-
-
 @pytest.mark.parametrize("method", [ss.Contacts(40_000, seed=7), ss.MasterEquation()], ids=["contacts", "cohorts"])
 @pytest.mark.eq(1, 4)
 def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
@@ -188,13 +169,6 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
 
 
 # ------------------------------------------------------------------------------------------------ again, and elsewhere
-
-
-def test_every_distribution_balances_and_can_be_repeated(distribution, tmp_path):
-    back = ss.constant(1, 4).then(ss.constant(-1, 2))
-    run = ss.simulate(FEW.replace(interface=interface(0.1, distribution), drive=back))
-    assert imbalance(run) < 1e-9
-    xr.testing.assert_identical(ss.rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
 
 
 # ------------------------------------------------------------------------------------------------ bad input

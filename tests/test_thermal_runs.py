@@ -106,16 +106,6 @@ def test_cohorts_slide_with_the_slope_of_the_friction_law(name):
 
 # ---------------- limits and accounts
 
-THERE_AND_BACK = (
-    ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
-)
-
-
-def pulled(interface, drive=THERE_AND_BACK, **slider):
-    """A rig with a slider of some mass."""
-    given = {"stiffness": 2.0, "mass": 1e-2, "damping": 20.0} | slider
-    return ss.Rig(interface, ss.Slider(**given), drive, output=ss.Output(interval=0.05))
-
 
 def test_without_attempts_cohorts_are_those_without_temperature():
     start = ss.Gaussian(mean=0.0, std=0.05)
@@ -127,44 +117,15 @@ def test_without_attempts_cohorts_are_those_without_temperature():
     np.testing.assert_allclose(run.friction_force, expected, atol=5e-5)
 
 
-COMBINED = {
-    "bell": T,
-    "bell, delay, sliding force": ss.Interface(
-        thresholds=WIDE, temperature=ss.Bell(width=0.02, attempts=1e4), delay=ss.Delay(0.2), sliding_force=0.2
-    ),
-    "bell, growing, delay": ss.Interface(
-        thresholds=WIDE,
-        temperature=ss.Bell(width=0.02, attempts=1e4),
-        ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-2),
-        delay=ss.RandomDelay(mean=0.1, std=0.03),
-    ),
-}
-
-
-@pytest.mark.parametrize("case", lasting(COMBINED, "bell, growing"))
-def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
-    rig, count, seeds = pulled(COMBINED[case]), 2000, 12
-    cohorts = ss.simulate(rig, method=ss.MasterEquation())
-    runs = [ss.simulate(rig, method=ss.Contacts(count, seed=seed)) for seed in range(seeds)]
-    for name in ("friction_force", "displacement", "broken_energy"):
-        values = np.array([run[name].to_numpy() for run in runs])[:, 2:]
-        # The standard error of so few is itself uncertain: that of the whole run.
-        error = math.sqrt((values.var(axis=0, ddof=1)).mean() / seeds)
-        difference = values.mean(axis=0) - cohorts[name].to_numpy()[2:]
-        assert np.abs(difference).max() < 4.5 * error + 2e-4, name
-        assert np.sqrt((difference**2).mean()) < 2.5 * error
-
-
 # ---------------- contacts of different areas
 
 
 def test_contacts_of_one_area_are_contacts():
     """Of area 1 all: the same run as without areas, by the engine that knows none."""
-    one = ss.Gaussian(mean=1.0, std=0.0)
-    runs = [
-        ss.simulate(pulled(ss.Interface(thresholds=one, areas=areas, delay=ss.Delay(0.1))), method=ss.Contacts(60))
-        for areas in (None, "site", "fresh")
-    ]
+    one, slider = ss.Gaussian(mean=1.0, std=0.0), ss.Slider(stiffness=2.0, mass=1e-2, damping=20.0)
+    drive = ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
+    interfaces = [ss.Interface(thresholds=one, areas=areas, delay=ss.Delay(0.1)) for areas in (None, "site", "fresh")]
+    runs = [ss.simulate(ss.Rig(interface, slider, drive, method=ss.Contacts(60))) for interface in interfaces]
     for name in ("friction_force", "displacement", "broken_energy"):
         for run in runs[1:]:
             np.testing.assert_allclose(run[name], runs[0][name], rtol=0, atol=1e-9)

@@ -1,10 +1,9 @@
 """Work is estimated before it starts: what would take hours is refused in one line, unless it is asked for."""
 
-import contextlib
 import math
 import re
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 
@@ -12,11 +11,8 @@ import stickslip as ss
 from stickslip import cli
 from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
-from stickslip.model import methods
 from stickslip.progress import bar
 from stickslip.simulation import estimate
-from stickslip.simulation.engines import base
-from stickslip.simulation.engines.base import solves
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5))
@@ -168,31 +164,3 @@ def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
     assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100  # steps of ringing are not finer
     with pytest.raises(ss.InputError, match=r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give at"):
         work(1e-5).check()
-
-
-KINDS = {
-    "ageing": (None, ss.Langevin(rate=1.0, newborn=0.3), ss.LogarithmicGrowth(slope=0.1, time=0.1)),
-    "temperature": (None, ss.Bell(width=0.05, attempts=1.0), ss.model.Parabolic(temperature=0.05, attempts=1.0)),
-}
-
-
-@dataclass(frozen=True)
-class Own:
-    """A method of the user's own, of which nothing is known."""
-
-
-@pytest.mark.parametrize(
-    "method",
-    [Own(), ss.Contacts(100), ss.MasterEquation(), ss.Population(100), ss.QuasiStatic(100)],
-)
-@pytest.mark.parametrize("ageing", KINDS["ageing"])
-@pytest.mark.parametrize("temperature", KINDS["temperature"])
-def test_every_combination_is_estimated_or_refused_in_words(monkeypatch, method, ageing, temperature):
-    monkeypatch.setattr(base, "ENGINES", dict(base.ENGINES))
-    monkeypatch.setattr(methods, "METHODS", {**methods.METHODS, "own": Own})
-    known = base.ENGINES[ss.Contacts, type(None), type(None), False]
-    own = type("OwnEngine", (known,), {"cost": staticmethod(base.Engine.cost)})
-    solves(Own, type(ageing), temperature=(type(temperature),))(own)
-    rig = ss.Rig(replace(INTERFACE, delay=ss.Delay(0.0), ageing=ageing, temperature=temperature), SLIDER, RIG.drive)
-    with contextlib.suppress(ss.InputError):
-        assert 0.0 < estimate(replace(rig, method=method)).seconds < math.inf

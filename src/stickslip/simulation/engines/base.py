@@ -173,7 +173,7 @@ class Engine(Protocol):
     slider: SliderConstants | ElasticBody
 
     @staticmethod
-    def check(interface: Interface, method: Any) -> None:
+    def check(interface: Interface, method: Any) -> None:  # noqa: ARG004
         """Raise `InputError` for what the engine cannot take."""
         return
 
