@@ -7,27 +7,24 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.metadata
 import inspect
 import json
 import os
 import pickle
 import re
-import textwrap
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from types import CodeType, FunctionType, MethodType
 from typing import Any
 
 import numpy as np
 
+from stickslip import __version__
 from stickslip.errors import InputError
 
 AxisValue = float | int | bool | str
-Values = Mapping[str, AxisValue]
 Function = Callable[..., Mapping[str, Any]]
 
 ERROR, STATUS = "error", "status"
@@ -41,31 +38,22 @@ _in_order = json.JSONEncoder(sort_keys=True).encode
 # ---------------------------------------------------------------- what a case is
 
 
-def case_key(values: Values) -> str:
-    """Key of a case: the values of its axes as JSON, names in order."""
+def case_key(values: Mapping[str, AxisValue]) -> str:
+    """A case: the values of its axes as JSON, names in order."""
     return _in_order(values)
 
 
-def case_seed(seed: int, values: Values) -> int:
+def case_seed(seed: int, key: str) -> int:
     """Seed of a case, 63 bits: the same in any sweep with that seed, whatever the order, the workers, the other cases.
 
     The children that ``SeedSequence.spawn`` numbers would change with the axes, hence a keyed hash of the content.
     """
-    content = hashlib.blake2b(case_key(values).encode(), digest_size=8, key=_root(seed)).digest()
-    return int.from_bytes(content, "little") >> 1
+    return int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8, key=_root(seed)).digest(), "little") >> 1
 
 
 @functools.lru_cache(maxsize=16)
 def _root(seed: int) -> bytes:
     return np.random.SeedSequence(seed).generate_state(16, np.uint32).astype("<u4").tobytes()
-
-
-def package_version() -> str:
-    """Version of this package; ``unknown`` for a tree that is not installed."""
-    try:
-        return importlib.metadata.version("stickslip")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint: object) -> dict[str, str]:
@@ -75,7 +63,7 @@ def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint
     everything else.
     """
     return {
-        "stickslip version": package_version(),
+        "stickslip version": __version__,
         "names of the axes": ", ".join(sorted(names)),
         "seed": str(seed),
         "fingerprint": _digest("fingerprint", fingerprint),
@@ -92,7 +80,7 @@ def name_of(function: object) -> str:
 
 def _digest(place: str, value: object) -> str:
     try:
-        return _hash(json.dumps(_content(value)).encode())
+        return _hash(json.dumps(value, default=_held, sort_keys=True).encode())
     except Exception as error:
         raise InputError(
             f"{place}: a value in it cannot be read ({error}), so a finished case could not be told from a changed "
@@ -100,8 +88,8 @@ def _digest(place: str, value: object) -> str:
         ) from None
 
 
-def _content(value: Any) -> Any:
-    """What a value is, as JSON can hold it, the same in every process; of a function, its text and all that it holds.
+def _held(value: Any) -> Any:
+    """What is no JSON, as JSON can hold it, the same in every process; of a function, its text and all that it holds.
 
     That is: what is bound to it, what it closes over, and its defaults.
     """
@@ -109,17 +97,15 @@ def _content(value: Any) -> Any:
     held: Any = None
     match value:
         case np.generic():
-            return _content(value.item())
-        case None | bool() | int() | float() | complex() | str() | bytes():
+            return value.item()
+        case complex() | bytes():
             return [name, repr(value)]
         case np.ndarray(dtype=np.dtype(hasobject=False)):
             return [name, value.dtype.str, value.shape, _hash(value.tobytes())]
         case Mapping():
-            return [name, sorted((_content(list(item)) for item in value.items()), key=json.dumps)]
+            return [name, dict(value)]
         case set() | frozenset():
-            return [name, sorted(map(_content, value), key=json.dumps)]
-        case list() | tuple():
-            return [name, *map(_content, value)]
+            return [name, sorted(json.dumps(item, default=_held) for item in value)]
         case functools.partial():
             held = [value.func, value.args, value.keywords]
         case MethodType():
@@ -136,17 +122,18 @@ def _content(value: Any) -> Any:
             held = inside
         case _:
             raise TypeError(f"a {name}")
-    return [name, name_of(value), _source(value) if callable(value) else "", _content(held)]
+    return [name, name_of(value), _text(value) if callable(value) else "", held]
 
 
-def _source(function: Any) -> str:
+def _text(function: Any) -> str:
     """The text of a function or of the class of an object; its code where there is no text, or many in a line."""
-    if not (inspect.isroutine(function) or isinstance(function, type)):
-        function = type(function)
     code = getattr(function, "__code__", None)
-    with suppress(OSError, TypeError):  # built in, or typed at a prompt
+    try:
         if code is None or code.co_name != "<lambda>":
-            return textwrap.dedent(inspect.getsource(code or function))
+            own = inspect.isroutine(function) or isinstance(function, type)
+            return inspect.getsource(function if own else type(function))
+    except (OSError, TypeError):  # built in, or typed at a prompt
+        pass
     return "" if code is None else _code(code)
 
 
@@ -159,22 +146,17 @@ def _hash(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
-def check_function(function: object, axes: Sequence[str]) -> bool:
+def check_function(function: Any, axes: Sequence[str]) -> bool:
     """Refuse a function that cannot be called with the axes; say whether it takes a seed of its own."""
-    if not callable(function):
-        raise InputError(f"function = {function!r}: must be a function of the axes")
     try:
         signature = inspect.signature(function)
-    except (TypeError, ValueError):
-        return False
-    bound = (*axes, *(getattr(function, "keywords", None) or ()))
-    asks_seed = "seed" in signature.parameters and "seed" not in bound
-    try:
+        bound = (*axes, *(getattr(function, "keywords", None) or ()))
+        asks_seed = "seed" in signature.parameters and "seed" not in bound
         signature.bind(**dict.fromkeys([*axes, *["seed"] * asks_seed]))
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise InputError(
-            f"axes: {name_of(function)}{signature}: {error}; each axis is a parameter, and each parameter an axis, or "
-            "has a default, or is bound with functools.partial"
+            f"function = {name_of(function)}: {error}; each axis is a parameter, and each parameter an axis, or has a "
+            "default, or is bound with functools.partial"
         ) from None
     return asks_seed
 
@@ -190,10 +172,6 @@ def check_name(place: str, name: object) -> None:
 # ---------------------------------------------------------------- in a worker
 
 
-class CannotLoadError(RuntimeError):
-    """A worker cannot run what it was sent; the message says why and what to do."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Job:
     """What is the same for every case of a sweep; `version` is that of the package where it was started."""
@@ -201,25 +179,26 @@ class Job:
     function: Function
     seed: int | None
     categories: Mapping[str, Sequence[str]]
-    version: str
+    version: str = __version__
 
 
-def run_batch(job: Job | bytes, batch: Sequence[Values], seconds: float) -> list[str]:
+def run_batch(job: Job | bytes, keys: Sequence[str], seconds: float) -> list[str]:
     """Run cases until all are done or the time is up; at least one."""
     end = time.perf_counter() + seconds
     work = _load(job) if isinstance(job, bytes) else job
     found: list[str] = []
-    for values in batch:
-        found.append(run_case(work, values))
+    for key in keys:
+        found.append(_run(work, key))
         if time.perf_counter() > end:
             break
     return found
 
 
-def run_case(job: Job, values: Values) -> str:
+def _run(job: Job, key: str) -> str:
     """Run one case; return ``{"result": {name: value}}`` or ``{"error": text}`` as JSON."""
     try:
-        seed = {} if job.seed is None else {"seed": case_seed(job.seed, values)}
+        values = json.loads(key)
+        seed = {} if job.seed is None else {"seed": case_seed(job.seed, key)}
         result: Any = job.function(**values, **seed)
         if not isinstance(result, Mapping) or not result:
             what = "an empty mapping" if isinstance(result, Mapping) else type(result).__name__
@@ -233,11 +212,8 @@ def run_case(job: Job, values: Values) -> str:
                 raise InputError(f"result: the name {name!r} is taken by an axis")
         return json.dumps({"result": packed})
     except (Exception, SystemExit) as error:
-        place = "".join(
-            f" ({os.path.basename(frame.filename)}:{frame.lineno})"
-            for frame in traceback.extract_tb(error.__traceback__)[-1:]
-        )
-        return failed(f"{type(error).__name__}: {error}{place}")
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        return failed(f"{type(error).__name__}: {error} ({os.path.basename(frame.filename)}:{frame.lineno})")
 
 
 def failed(error: str) -> str:
@@ -263,13 +239,13 @@ def _load(job: bytes) -> Job:
     try:
         loaded: Job = pickle.loads(job)
     except Exception as error:
-        raise CannotLoadError(
+        raise InputError(
             f"function: the workers cannot load it ({type(error).__name__}: {error}); define it in a module that the "
             "workers can import, or use Threads(n)"
         ) from None
-    if loaded.version != package_version():
-        raise CannotLoadError(
-            f"executor: a worker has stickslip {package_version()}, but the sweep {loaded.version}; install the same "
-            "on both sides"
+    if loaded.version != __version__:
+        raise InputError(
+            f"executor: a worker has stickslip {__version__}, but the sweep {loaded.version}; install the same on both "
+            "sides"
         )
     return loaded

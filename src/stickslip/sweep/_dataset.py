@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, shown
 from stickslip.progress import in_time
-from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Function, Values, case_key, check_name
+from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Function, case_key, check_name
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._run import Options, Progress, started
 from stickslip.sweep._table import Table, writer_of
@@ -30,7 +31,7 @@ NO_RESULT = -1
 PROVENANCE = "provenance"
 
 Head = Mapping[str, Any]
-"""What a sweep is made of, as it stands in its table: axes or box, attributes, categories, notes."""
+"""What a sweep is made of, as it stands in its table: axes or a search, attributes, categories, notes."""
 
 
 def run_cases(
@@ -94,12 +95,11 @@ def run_cases(
     attributes = {name: dict(getattr(given, "attrs", {})) for name, given in axes.items()}
     for name, given in options.attributes.items():
         attributes[name] = attributes.get(name, {}) | dict(given)
-    with started(
-        function, {"axes": values}, list(values), math.prod(map(len, values.values())),
-        store=store, executor=executor, progress=progress, options=replace(options, attributes=attributes),
-    ) as runner:  # fmt: skip
-        runner.run(combinations(values))
-        runner.table.keep_head()
+    cases = math.prod(map(len, values.values()))
+    options = replace(options, attributes=attributes)
+    where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
+    with started(function, list(values), cases, {"axes": values}, **where) as runner:
+        runner.run(_keys_of(runner.table))
         return dataset_of(runner.table)
 
 
@@ -144,14 +144,14 @@ def status_of(store: str | PathLike[str]) -> Status:
     """Say how far the sweep of a store is, also while it runs."""
     path = Path(store)
     with Table(path, weigh=False) as table:
-        head, writer, keys = table.head, writer_of(path), _keys_of(table)
-        known = [table.known[key] for key in keys if key in table.known]
+        head, keys = table.head, _keys_of(table)
+        known = [table.has_failed(key) for key in keys if key in table.rows]
         total = len(keys) if "axes" in head or "cases" in head else max(len(keys), head["total"])
         since = path.stat().st_mtime - head["started"]
         return Status(
             summary=Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known)),
-            writer=writer,
-            rate=(len(table.known) - head["found"]) / since if since > 0 else 0.0,
+            writer=writer_of(path),
+            rate=(len(table.rows) - head["found"]) / since if since > 0 else 0.0,
         )
 
 
@@ -214,7 +214,7 @@ def _status(dataset: xr.Dataset) -> NDArray[Any]:
 # ---------------------------------------------------------------- axes
 
 
-def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> list[Values]:
+def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> list[dict[str, AxisValue]]:
     """All combinations of the values of some axes, the last one fastest."""
     return [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
 
@@ -232,15 +232,13 @@ def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue
             f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind; for records, sweep "
             "over their names and look them up in the function"
         )
-    array = np.array(found)
-    if array.tolist() != found or array.dtype.kind == "O":
+    if np.array(found).tolist() != found:
         raise InputError(
             f"{place} = {shown(given)}: one axis cannot hold these values without loss: no NaN, no whole numbers "
             "above 2^53 beside fractions"
         )
-    if len(set(found)) < len(found):
-        twice = next(value for i, value in enumerate(found) if value in found[:i])
-        raise InputError(f"{place}: holds {twice!r} twice; for replicas add an axis of their own, such as replica")
+    if twice := [value for value, count in Counter(found).items() if count > 1]:
+        raise InputError(f"{place}: holds {twice[0]!r} twice; for replicas add an axis of their own, such as seed")
     return found
 
 
@@ -251,7 +249,7 @@ def _keys_of(table: Table) -> list[str]:
     """The cases of a sweep, in the order of its Dataset; of a search that is not done, those that have been run."""
     if "axes" in table.head:
         return [case_key(values) for values in combinations(table.head["axes"])]
-    return list(table.head.get("cases", sorted(table.known)))
+    return list(table.head.get("cases", sorted(table.rows)))
 
 
 def dataset_of(table: Table) -> xr.Dataset:
@@ -259,67 +257,71 @@ def dataset_of(table: Table) -> xr.Dataset:
     import xarray as xr
 
     head, keys = table.head, _keys_of(table)
-    if "axes" in head:
+    if is_grid := "axes" in head:
         sizes = {name: len(values) for name, values in head["axes"].items()}
         places = {name: ((name,), array(values)) for name, values in head["axes"].items()}
     else:
-        keys = [key for key in keys if key in table.known]
+        keys = [key for key in keys if key in table.rows]
         sizes, cases = {"run": len(keys)}, [json.loads(key) for key in keys]
-        places = {name: (("run",), array([case[name] for case in cases])) for name in (*head["box"], *head["each"])}
+        names = (*head["search"]["box"], *head["search"]["each"])
+        places = {name: (("run",), array([case[name] for case in cases])) for name in names}
     coordinates = {name: (*place, attributes_of(head, name)) for name, place in places.items()}
-    names = ("format", "stickslip", "function", "seed", "box", "each", "label", "runs", "resolution", "together")
-    about = {name: head[name] for name in names if name in head} | {"axes": sizes}
-    known = table.rows()
-    data = _variables(head, [known.get(key) for key in keys], sizes)
-    found = xr.Dataset(data, coordinates, {**head["notes"], PROVENANCE: json.dumps(about)})
-    return found if "axes" in head else _with_crossings(found, head)
+    rows = [json.loads(table.rows.get(key, "null")) for key in keys]
+    columns = {
+        name: (tuple(sizes), values.reshape(*sizes.values()), about)
+        for name, (values, about) in _columns(head, rows).items()
+    }
+    provenance = json.dumps(head["about"] | head.get("search", {}) | {"axes": sizes})
+    found = xr.Dataset(columns, coordinates, {**head["notes"], PROVENANCE: provenance})
+    return found if is_grid else _with_crossings(found, head)
 
 
 def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
     """Add the points of the boundary, half way between two runs, with what came of these, once all runs are there."""
     import xarray as xr
 
+    search = head["search"]
     pairs = head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
     sides = np.array(pairs, dtype=int).reshape(-1, 2).T
     low, high = (found.reset_coords().isel(run=xr.DataArray(side, dims="crossing")) for side in sides)
     more = {}
-    for name in head["box"]:
+    for name in search["box"]:
         for part, value, words in (
             ("at", (low[name] + high[name]) / 2, "on the boundary"),
             ("error", abs(high[name] - low[name]) / 2, "uncertainty"),
         ):
-            title = f"{found[name].attrs['long_name']}, {words}"
-            more[f"{name}_{part}"] = value.assign_attrs(found[name].attrs | {"long_name": title})
-    more |= {f"{name}_at": low[name] for name in head["each"]}
-    if (label := head["label"]) in found:
-        for part, side, words in (("from", low, "on one side"), ("to", high, "on the other")):
-            more[f"{part}_{label}"] = side[label].assign_attrs(long_name=f"{side[label].attrs['long_name']}, {words}")
+            more[f"{name}_{part}"] = _titled(value.assign_attrs(found[name].attrs), words)
+    more |= {f"{name}_at": low[name] for name in search["each"]}
+    if (label := search["label"]) in found:
+        more[f"from_{label}"] = _titled(low[label], "on one side")
+        more[f"to_{label}"] = _titled(high[label], "on the other")
     return found.assign(more)
 
 
-def _variables(head: Head, rows: Sequence[Mapping[str, Any] | None], sizes: Mapping[str, int]) -> dict[str, Any]:
-    """All that cases returned, and what became of them, over the dimensions of the sweep."""
-    results = [{} if row is None else row.get("result", {}) for row in rows]
-    errors = ["" if row is None else row.get("error", "") for row in rows]
-    states = [NOT_RUN if row is None else FAILED if "error" in row else DONE for row in rows]
+def _titled(values: xr.DataArray, words: str) -> xr.DataArray:
+    return values.assign_attrs(long_name=f"{values.attrs['long_name']}, {words}")
+
+
+def _columns(head: Head, rows: Sequence[Mapping[str, Any] | None]) -> dict[str, tuple[NDArray[Any], dict[str, Any]]]:
+    """All that cases returned, and what became of them: the values of each variable, and its attributes."""
+    results = [(row or {}).get("result", {}) for row in rows]
     names = dict.fromkeys(name for result in results for name in result)
-    columns = {name: _column(head, name, [result.get(name) for result in results]) for name in names}
+    found = {name: _column(head, name, [result.get(name) for result in results]) for name in names}
+    states = [NOT_RUN if row is None else FAILED if "error" in row else DONE for row in rows]
     about = {"long_name": "what became of the case", "units": "1"} | _flags(["not run", "done", "failed"], NOT_RUN)
-    columns[STATUS] = np.array(states, dtype=np.int8), about
+    found[STATUS] = np.array(states, dtype=np.int8), about
+    errors = [(row or {}).get("error", "") for row in rows]
     title = {"long_name": "error of the case, empty if it went well", "units": "1"}
-    columns[ERROR] = np.array(errors, dtype=object), title
-    shape = tuple(sizes.values())
-    return {name: (tuple(sizes), values.reshape(shape), about) for name, (values, about) in columns.items()}
+    found[ERROR] = np.array(errors, dtype=object), title
+    return found
 
 
 def _column(head: Head, name: str, values: Sequence[Any]) -> tuple[NDArray[Any], dict[str, Any]]:
     """What cases returned under a name, as an array, and its attributes: codes of words, texts, or numbers."""
     about = attributes_of(head, name)
-    if name in head["categories"]:
-        words = head["categories"][name]
-        code = {word: i for i, word in enumerate(words)}
-        codes = np.array([code.get(value, NO_RESULT) for value in values], dtype=np.int8)
-        return codes, _flags(["no result", *words], NO_RESULT) | about
+    if words := head["categories"].get(name):
+        codes = [words.index(value) if value in words else NO_RESULT for value in values]
+        return np.array(codes, dtype=np.int8), _flags(["no result", *words], NO_RESULT) | about
     if any(isinstance(value, str) for value in values):
         return np.array(["" if value is None else str(value) for value in values], dtype=object), about
     return np.array([math.nan if value is None else value for value in values], dtype=float), about

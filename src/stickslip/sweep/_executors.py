@@ -16,10 +16,11 @@ from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 from stickslip.errors import InputError, whole
-from stickslip.sweep._cases import Job, Values, name_of, run_batch
+from stickslip.sweep._cases import Job, name_of, run_batch
 
 Batch = Future[list[str]]
 
@@ -66,7 +67,7 @@ Workers = Threads | Processes | Executor
 
 
 class Pool:
-    """An executor that is running, with what the sweep must know of it."""
+    """An executor that runs the cases of a job, begun with the first of them."""
 
     def __init__(self, given: Workers, job: Job) -> None:
         if not isinstance(given, (Threads, Processes, Executor)):
@@ -77,38 +78,9 @@ class Pool:
         self.given = given
         self.is_ours = isinstance(given, (Threads, Processes))
         self._job = job if isinstance(given, (Threads, ThreadPoolExecutor)) else _pickled(job, given)
-        self._executor = self._start()
 
-    @property
-    def workers(self) -> int:
-        """How many cases run at a time, if the executor says; asked anew, since clusters grow and shrink."""
-        with suppress(Exception):  # a cluster out of reach: the batches will say so
-            if (client := getattr(self._executor, "_client", None)) is not None:  # of Dask
-                return max(1, int(sum(client.nthreads().values())))
-        return getattr(self._executor, "_max_workers", None) or _MANY
-
-    def submit(self, batch: Sequence[Values]) -> Batch:
-        """Hand in a batch of cases."""
-        return self._executor.submit(run_batch, self._job, batch, SECONDS)
-
-    def rebuild(self) -> None:
-        """Replace a pool that has lost a worker."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        self._executor = self._start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """End the pool if it is ours; after an error, running cases are given up where that is possible."""
-        if not self.is_ours:
-            return
-        if error is not None:
-            for process in list((getattr(self._executor, "_processes", None) or {}).values()):
-                process.terminate()
-        self._executor.shutdown(wait=True, cancel_futures=True)
-
-    def _start(self) -> Executor:
+    @cached_property
+    def _executor(self) -> Executor:
         match self.given:
             case Threads(workers=workers):
                 return ThreadPoolExecutor(workers, thread_name_prefix="stickslip-sweep")
@@ -125,6 +97,34 @@ class Pool:
                 return executor
             case _:
                 return self.given
+
+    @property
+    def workers(self) -> int:
+        """How many cases run at a time, if the executor says; asked anew, since clusters grow and shrink."""
+        with suppress(Exception):  # a cluster out of reach: the batches will say so
+            if (client := getattr(self._executor, "_client", None)) is not None:  # of Dask
+                return max(1, int(sum(client.nthreads().values())))
+        return getattr(self._executor, "_max_workers", None) or _MANY
+
+    def submit(self, keys: Sequence[str]) -> Batch:
+        """Hand in a batch of cases."""
+        return self._executor.submit(run_batch, self._job, keys, SECONDS)
+
+    def rebuild(self) -> None:
+        """Replace an executor that has lost a worker, if it is ours."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        del self._executor
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """End the executor if it is ours; after an error, running cases are given up where that is possible."""
+        if self.is_ours and "_executor" in vars(self):
+            if error is not None:
+                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+                    process.terminate()
+            self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 def _pickled(job: Job, given: Workers) -> bytes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import InputError, number, whole
-from stickslip.sweep._cases import AxisValue, Function, Values, case_key, check_name
+from stickslip.sweep._cases import AxisValue, Function, case_key, check_name
 from stickslip.sweep._dataset import axis_values, combinations, dataset_of
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._run import Options, Progress, Runner, started
@@ -145,7 +146,7 @@ def refine(
     spans = _spans(box)
     each = {name: axis_values(name, values, "refine.each") for name, values in refinement.each.items()}
     branches = combinations(each)
-    content = {
+    search = {
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
         "each": each,
         "label": label,
@@ -153,88 +154,85 @@ def refine(
         "resolution": refinement.resolution,
         "together": refinement.together,
     }
-    total = refinement.runs * len(branches)
-    with started(
-        function, content, [*spans, *each], total, store=store, executor=executor, progress=progress, options=options
-    ) as runner:
-        searches = [_Search(runner, spans, values, label, refinement) for values in branches]
-        found = [(search, search.boundary()) for search in searches]
-        cases = [case_key(search.values(point)) for search in searches for point in search.points]
+    where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
+    with started(function, [*spans, *each], refinement.runs * len(branches), {"search": search}, **where) as runner:
+        searches = [_Search(runner, spans, fixed, label, refinement) for fixed in branches]
+        lines = [[search.key(end) for end in line] for search in searches for line in search.boundary()]
+        cases = [search.key(point) for search in searches for point in search.seen]
         place = {key: i for i, key in enumerate(cases)}
-        crossings = [[place[case_key(search.values(end))] for end in line] for search, lines in found for line in lines]
-        runner.table.keep_head(cases=cases, crossings=crossings)
+        runner.table.keep_head(cases=cases, crossings=[[place[end] for end in line] for line in lines])
         return dataset_of(runner.table)
 
 
+@dataclass
 class _Search:
-    """The runs of one search so far, with the category found at each; None where the case failed."""
+    """A search, with the category found at each of its runs so far; None where the case failed."""
 
-    def __init__(
-        self, runner: Runner, spans: Mapping[str, Span], fixed: Values, label: str, refinement: Refinement
-    ) -> None:
-        self.points: dict[Point, Any] = {}
-        self._runner, self._spans, self._fixed, self._label, self._how = runner, spans, fixed, label, refinement
+    runner: Runner
+    spans: Mapping[str, Span]
+    fixed: Mapping[str, AxisValue]
+    label: str
+    how: Refinement
+    seen: dict[Point, Any] = field(default_factory=dict)
 
-    def values(self, point: Point) -> Values:
-        """Values of the parameters at a point."""
-        here = {name: span.value(part) for (name, span), part in zip(self._spans.items(), point, strict=True)}
-        return {**here, **self._fixed}
+    def key(self, point: Point) -> str:
+        """The case at a point."""
+        here = {name: span.value(part) for (name, span), part in zip(self.spans.items(), point, strict=True)}
+        return case_key({**here, **self.fixed})
 
     def boundary(self) -> list[Line]:
         """Spread runs over the box, send some where categories differ, then bisect lines across the boundary."""
-        runs = self._how.runs
-        self._evaluate([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
-        while len(self.points) < FIND * runs:
-            middles = dict.fromkeys(map(_middle, self._longest_sides(exploring=len(self.points) < EXPLORE * runs)))
-            count = min(self._how.together, math.ceil(FIND * runs) - len(self.points))
-            self._evaluate(list(middles)[:count])
-        lines = _far_apart(self._crossings(), self._how.resolution, runs - len(self.points))
-        waiting = [i for i, line in enumerate(lines) if _length(line) > self._how.resolution]
+        how, find = self.how, math.ceil(FIND * self.how.runs)
+        self._look([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
+        while len(self.seen) < find:
+            sides = _longest_sides(self.seen, exploring=len(self.seen) < EXPLORE * how.runs)
+            middles = list(dict.fromkeys(map(_middle, sides)))
+            self._look(middles[: min(how.together, find - len(self.seen))])
+        lines = _far_apart(_crossings(self.seen), how.resolution, how.runs - len(self.seen))
+        waiting = [i for i, line in enumerate(lines) if math.dist(*line) > how.resolution]
         while waiting:
-            batch, waiting = waiting[: self._how.together], waiting[self._how.together :]
-            halves = {i: _middle(lines[i]) for i in batch}
-            self._evaluate([middle for middle in dict.fromkeys(halves.values()) if middle not in self.points])
-            for i, middle in halves.items():
-                low, high = lines[i]
-                found = self.points[middle]
-                if found is None:  # no further here
+            batch, waiting = waiting[: how.together], waiting[how.together :]
+            self._look([_middle(lines[i]) for i in batch])
+            for i in batch:
+                (low, high), middle = lines[i], _middle(lines[i])
+                if self.seen[middle] is None:  # no further here
                     continue
-                lines[i] = (middle, high) if found == self.points[low] else (low, middle)
-                if _length(lines[i]) > self._how.resolution:
+                lines[i] = (middle, high) if self.seen[middle] == self.seen[low] else (low, middle)
+                if math.dist(*lines[i]) > how.resolution:
                     waiting.append(i)
         return lines
 
-    def _evaluate(self, points: Sequence[Point]) -> None:
+    def _look(self, points: Sequence[Point]) -> None:
         """Learn the category at each point."""
-        cases = [self.values(point) for point in points]
-        self._runner.run(cases)
-        for point, values in zip(points, cases, strict=True):
-            row = self._runner.table.get(case_key(values))
-            if self._label not in row.get("result", {self._label: None}):
-                raise InputError(
-                    f"label = {self._label!r}: the function must return a text or a number under this name"
-                )
-            self.points[point] = row["result"][self._label] if "result" in row else None
-
-    def _longest_sides(self, *, exploring: bool) -> list[Line]:
-        """The longest side of each triangle between the runs, longest first; later, between categories first."""
-        sizes = []
-        for corners in _triangles(list(self.points)):
-            longest = max(itertools.combinations(corners, 2), key=_length)
-            found, size = {self.points[corner] for corner in corners}, _length(longest)
-            # A case that failed says nothing about categories: its triangles are not looked into.
-            mixed = len(found) > 1 and None not in found
-            sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
-        return [side for _, side in sorted(sizes, reverse=True)]
-
-    def _crossings(self) -> list[Line]:
-        """Sides of triangles whose ends are in different categories."""
-        triangles = _triangles([point for point, found in self.points.items() if found is not None])
-        sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
-        return [(low, high) for low, high in sides if self.points[low] != self.points[high]]
+        cases = {point: self.key(point) for point in points if point not in self.seen}
+        self.runner.run(list(dict.fromkeys(cases.values())))
+        for point, key in cases.items():
+            row = json.loads(self.runner.table.rows[key])
+            if self.label not in row.get("result", {self.label: None}):
+                raise InputError(f"label = {self.label!r}: the function must return a text or a number under this name")
+            self.seen[point] = row["result"][self.label] if "result" in row else None
 
 
 # ---------------------------------------------------------------- parts
+
+
+def _longest_sides(seen: Mapping[Point, Any], *, exploring: bool) -> list[Line]:
+    """The longest side of each triangle between the runs, longest first; later, between categories first."""
+    sizes = []
+    for corners in _triangles(seen):
+        longest = max(itertools.combinations(corners, 2), key=lambda side: math.dist(*side))
+        found, size = {seen[corner] for corner in corners}, math.dist(*longest)
+        # A case that failed says nothing about categories: its triangles are not looked into.
+        mixed = len(found) > 1 and None not in found
+        sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
+    return [side for _, side in sorted(sizes, reverse=True)]
+
+
+def _crossings(seen: Mapping[Point, Any]) -> list[Line]:
+    """Sides of triangles whose ends are in different categories."""
+    triangles = _triangles(point for point, found in seen.items() if found is not None)
+    sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
+    return [(low, high) for low, high in sides if seen[low] != seen[high]]
 
 
 def _far_apart(lines: Sequence[Line], resolution: float, budget: int) -> list[Line]:
@@ -244,7 +242,7 @@ def _far_apart(lines: Sequence[Line], resolution: float, budget: int) -> list[Li
     chosen: list[Line] = []
     while len(chosen) < len(lines):
         i = int(np.argmax(distance))
-        budget -= max(0, math.ceil(math.log2(_length(lines[i]) / resolution)))
+        budget -= max(0, math.ceil(math.log2(math.dist(*lines[i]) / resolution)))
         if budget < 0 or distance[i] <= 0:
             break
         chosen.append(lines[i])
@@ -257,8 +255,13 @@ def _middle(line: Line) -> Point:
     return (a + c) / 2, (b + d) / 2
 
 
-def _length(line: Line) -> float:
-    return math.dist(*line)
+def _triangles(points: Iterable[Point]) -> list[list[Point]]:
+    """The triangles between points (Delaunay), the corners of each in order; none between fewer than three."""
+    from scipy.spatial import Delaunay
+
+    there = list(points)
+    found = Delaunay(there).simplices.tolist() if len(there) > 2 else []
+    return [sorted(there[i] for i in corners) for corners in found]
 
 
 def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
@@ -268,16 +271,7 @@ def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
     for name, given in box.items():
         check_name("box", name)
         try:
-            low, high = (0.0, 0.0) if isinstance(given, Span) else given
-        except (TypeError, ValueError):
+            spans[name] = given if isinstance(given, Span) else Span(low=given[0], high=given[1])
+        except (TypeError, IndexError):
             raise InputError(f"box[{name!r}] = {given!r}: must be (low, high) or a Span") from None
-        spans[name] = given if isinstance(given, Span) else Span(low=low, high=high)
     return spans
-
-
-def _triangles(points: Sequence[Point]) -> list[list[Point]]:
-    """The triangles between points (Delaunay), the corners of each in order; none between fewer than three."""
-    from scipy.spatial import Delaunay
-
-    found = Delaunay(points).simplices.tolist() if len(points) > 2 else []
-    return [sorted(points[i] for i in corners) for corners in found]

@@ -6,29 +6,18 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, takewhile
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stickslip import __version__
 from stickslip.errors import InputError, whole
-from stickslip.sweep._cases import (
-    DIED,
-    CannotLoadError,
-    Function,
-    Job,
-    Values,
-    case_key,
-    check_function,
-    failed,
-    identity_of,
-    name_of,
-    package_version,
-)
+from stickslip.sweep._cases import DIED, Function, Job, check_function, failed, identity_of, name_of
 from stickslip.sweep._executors import Batch, Pool, Threads, Workers
 from stickslip.sweep._table import EVERY, Table
 
@@ -131,26 +120,21 @@ class Options:
 @contextmanager
 def started(
     function: Function,
-    content: Mapping[str, Any],
     names: Sequence[str],
     total: int,
+    head: Mapping[str, Any],
     *,
     store: str | PathLike[str] | None,
     executor: Workers | None,
     progress: Callable[[Progress], object] | None,
     options: Options,
 ) -> Iterator[Runner]:
-    """Check what is to be run, open the table, and make ready to run cases; `content` is what the head adds."""
+    """Check what is to be run along some axes, open the table, and make ready; `head` says which cases."""
     check_size(total, options.max_cases)
-    asks_seed = check_function(function, names)
+    seed = options.seed if check_function(function, names) else None
     categories = {name: list(words) for name, words in options.categories.items()}
-    version = package_version()
-    job = Job(function=function, seed=options.seed if asks_seed else None, categories=categories, version=version)
-    head = {
-        "format": "stickslip-sweep",
-        "stickslip": version,
-        "function": name_of(function),
-        "seed": options.seed,
+    content = {
+        "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
         "total": total,
         "identity": {} if store is None else identity_of(function, names, options.seed, options.fingerprint),
         "attributes": {
@@ -158,14 +142,16 @@ def started(
         },
         "categories": categories,
         "notes": dict(options.notes),
-        **content,
+        **head,
     }
-    with Table(None if store is None else Path(store), head) as table, ExitStack() as held:
+    job = Job(function=function, seed=seed, categories=categories)
+    with (
+        Pool(Threads() if executor is None else executor, job) as pool,
+        Table(None if store is None else Path(store), content) as table,
+    ):
         if options.retry_failed:
             table.forget_failed()
-        yield Runner(
-            table, lambda: held.enter_context(Pool(Threads() if executor is None else executor, job)), total, progress
-        )
+        yield Runner(table, pool, total, progress)
 
 
 def _attribute(value: Any) -> Any:
@@ -184,122 +170,109 @@ def check_size(cases: int, max_cases: int) -> None:
 
 
 class Runner:
-    """Runs cases that the table lacks; one start of a sweep. The pool is opened when there is something to run."""
+    """Runs cases that the table lacks; one start of a sweep."""
 
-    def __init__(
-        self, table: Table, pool: Callable[[], Pool], total: int, progress: Callable[[Progress], object] | None
-    ) -> None:
+    def __init__(self, table: Table, pool: Pool, total: int, progress: Callable[[Progress], object] | None) -> None:
         self.table = table
-        self._open = pool
-        self._pool: Pool | None = None
-        self._total, self._progress = total, progress
+        self._pool, self._total, self._progress = pool, total, progress
         self._finished = self._failed = self._found = 0
+        self._todo: deque[str] = deque()
+        self._running: dict[Batch, list[str]] = {}
+        self._losses: Counter[str] = Counter()  # how often the worker of a case has died
         self._size = 1  # of the next batch: twice what the last one came to in its time
 
-    def run(self, cases: Sequence[Values]) -> None:
+    def run(self, keys: Sequence[str]) -> None:
         """Run those of some cases, no two alike, that the table lacks."""
-        keys = [case_key(values) for values in cases]
-        self._cases, self._keys = cases, keys
-        self._todo = deque(i for i, key in enumerate(keys) if key not in self.table.known)
-        self._alone: deque[int] = deque()  # lost twice when workers died: run alone, to know the culprit
-        self._losses: Counter[int] = Counter()
-        self._running: dict[Batch, list[int]] = {}
-        there = [self.table.known[key] for key in keys if key in self.table.known]
+        there = [self.table.has_failed(key) for key in keys if key in self.table.rows]
         self._found += len(there)
         self._finished += len(there)
         self._failed += sum(there)
-        if self._todo:
-            self.table.claim()
-            self._pool = self._pool or self._open()
+        self._todo.extend(key for key in keys if key not in self.table.rows)
         self._tell()
-        if self._todo and self._pool:
-            try:
-                self._hand_out(self._pool)
-            except BaseException:
-                with suppress(InputError):
-                    self.table.commit()
-                raise
-            finally:
-                for future in self._running:
-                    future.cancel()
-            self.table.commit()
-            self._tell()
-
-    def _hand_out(self, pool: Pool) -> None:
-        while self._todo or self._alone or self._running:
-            try:
-                self._fill(pool)
-                self._gather(wait(self._running, EVERY, FIRST_COMPLETED).done)
-            except BrokenExecutor:
-                with suppress(BrokenExecutor):
-                    self._gather(wait(self._running).done)  # a broken pool ends all its futures, some of them well
-                if not pool.is_ours:
-                    raise InputError(
-                        f"executor = {pool.given!r}: has lost a worker and cannot be built anew from here; "
-                        f"{self._kept()}, or use Processes(n), whose lost workers are replaced"
-                    ) from None
-                pool.rebuild()
-            if self.table.commit(if_due=True):
-                self._tell()
-
-    def _fill(self, pool: Pool) -> None:
-        """Keep two batches per worker on the way."""
-        most = 2 * pool.workers
+        if not self._todo:
+            return
         try:
-            while self._todo and len(self._running) < most:
-                self._submit(pool, self._todo, min(self._size, math.ceil(len(self._todo) / most)))
-            if self._alone and not self._running:
-                self._submit(pool, self._alone, 1)
-        except BrokenExecutor:
+            while self._todo or self._running:
+                self._hand_out()
+                if self.table.commit(if_due=True):
+                    self._tell()
+        except BaseException:
+            with suppress(InputError):
+                self.table.commit()
             raise
+        finally:
+            for future in self._running:
+                future.cancel()
+        self.table.commit()
+        self._tell()
+
+    def _hand_out(self) -> None:
+        """Hand out what there is room for, and note what has finished."""
+        try:
+            self._fill()
+            self._gather(wait(self._running, EVERY, FIRST_COMPLETED).done)
+        except BrokenExecutor:
+            with suppress(BrokenExecutor):
+                self._gather(wait(self._running).done)  # a broken pool ends all its futures, some of them well
+            if not self._pool.is_ours:
+                raise InputError(
+                    f"executor = {self._pool.given!r}: has lost a worker and cannot be built anew from here; "
+                    f"{self._kept()}, or use Processes(n), whose lost workers are replaced"
+                ) from None
+            self._pool.rebuild()
         except RuntimeError as error:  # it was shut down
             raise InputError(f"executor: takes no more cases ({error}); {self._kept()}") from error
 
-    def _submit(self, pool: Pool, waiting: deque[int], size: int) -> None:
-        batch = list(islice(waiting, size))
-        self._running[pool.submit([self._cases[i] for i in batch])] = batch
-        for _ in batch:
-            waiting.popleft()
+    def _fill(self) -> None:
+        """Keep two batches per worker on the way; cases that were lost twice run alone, to know the culprit."""
+        most = 2 * self._pool.workers
+        while self._todo and len(self._running) < most:
+            size = min(self._size, math.ceil(len(self._todo) / most))
+            batch = [*takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))]
+            if not batch and self._running:
+                break
+            batch = batch or [self._todo[0]]
+            self._running[self._pool.submit(batch)] = batch
+            for _ in batch:
+                self._todo.popleft()
 
     def _gather(self, done: set[Batch]) -> None:
         """Note what has finished; `BrokenExecutor` if the pool has lost a worker."""
         broken: BrokenExecutor | None = None
         for future in done:
-            cases = self._running.pop(future)
+            keys = self._running.pop(future)
             try:
                 rows = future.result()
             except BrokenExecutor as error:
                 broken = error
-                self._lost(cases)
+                self._lost(keys, 1)
+            except InputError as error:  # a worker cannot load the function
+                raise InputError(f"{error}; {self._kept()}") from error
             except Exception as error:
                 if type(error).__name__ != "KilledWorker":  # of Dask, after several workers died of this batch
-                    reason = f"{type(error).__name__}: {error}".rstrip(": ")
-                    dropped = f"executor: dropped a batch of cases ({reason})"
-                    trouble = str(error) if isinstance(error, CannotLoadError) else dropped
-                    raise InputError(f"{trouble}; {self._kept()}") from error
-                self._losses.update(2 * cases)
-                self._lost(cases)
+                    raise InputError(f"executor: dropped a batch of cases ({error!r}); {self._kept()}") from error
+                self._lost(keys, 2)
             else:
-                for i, row in zip(cases, rows, strict=False):
-                    self._note(i, row)
-                self._todo.extendleft(reversed(cases[len(rows) :]))
+                for key, row in zip(keys, rows, strict=False):
+                    self._note(key, row)
+                self._todo.extendleft(reversed(keys[len(rows) :]))
                 self._size = 2 * len(rows)
         if broken is not None:
             raise broken
 
-    def _note(self, i: int, row: str) -> None:
-        self.table.add(self._keys[i], row)
+    def _note(self, key: str, row: str) -> None:
+        self.table.add(key, row)
         self._finished += 1
-        self._failed += self.table.known[self._keys[i]]
+        self._failed += self.table.has_failed(key)
 
-    def _lost(self, cases: list[int]) -> None:
-        """Put back the cases of a batch whose worker died; those lost twice run alone, and one lost then is named."""
-        if len(cases) == 1 and self._losses[cases[0]] >= 2:
-            self._note(cases[0], failed(DIED))
+    def _lost(self, keys: list[str], times: int) -> None:
+        """Put back the cases of a batch whose worker died, last those that are to run alone; one lost then is named."""
+        if len(keys) == 1 and self._losses[keys[0]] >= 2:
+            self._note(keys[0], failed(DIED))
             return
-        self._losses.update(cases)
-        for i in reversed(cases):
-            (self._alone if self._losses[i] >= 2 else self._todo).appendleft(i)
+        for key in reversed(keys):
+            self._losses[key] += times
+            (self._todo.append if self._losses[key] >= 2 else self._todo.appendleft)(key)
 
     def _tell(self) -> None:
         if self._progress is not None:

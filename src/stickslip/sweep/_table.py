@@ -22,10 +22,9 @@ import socket
 import sqlite3
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from stickslip.errors import InputError, instance
 
@@ -35,159 +34,106 @@ EVERY = 1.0
 PATIENCE = 60.0
 """Seconds that a commit waits for those who read."""
 
-Row = Mapping[str, Any]
-"""What came of a case: its ``result``, or its ``error``."""
-
 _HEAD = ""
-_ERROR = '{"error"'
 
 
 class Table:
-    """What came of the cases of a sweep; in memory if it has no path.
+    """What came of the cases of a sweep, as JSON by their keys; in memory if it has no path.
 
-    `known` says of the key of each case that has finished whether it failed.
+    With a head, what the sweep is made of, it is the table of one who writes.
     """
 
     def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None, *, weigh: bool = True) -> None:
         self.path = path
-        self.known: dict[str, bool] = {}
+        self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = dict(head or {})
-        self._stored = ""
-        self._due = 0.0  # when what was added is to be committed
-        self._writing = path is None
-        self._held = ExitStack()
-        self._connection = sqlite3.connect(":memory:", isolation_level=None)
-        try:
-            if path is None:
-                self._create()
-            elif _is_there(path):
-                self._read(weigh)
-            elif not self.head:
-                raise InputError(f"store = {str(path)!r}: there is no such file")
-        except BaseException:
-            self._connection.close()
-            raise
+        self._due: float | None = None  # when what was added is to be committed
+        self._connection: sqlite3.Connection | None = None
+        with ExitStack() as held, _in_one_line(path):
+            if path is not None:
+                there = _is_there(path)
+                if head is not None:
+                    held.enter_context(_locked(path))
+                    there = _is_there(path)
+                elif not there:
+                    raise InputError(f"store = {str(path)!r}: there is no such file")
+                connection = sqlite3.connect(path.absolute(), isolation_level=None, timeout=PATIENCE)
+                self._connection = held.enter_context(closing(connection))
+                if there:
+                    self._read(connection, path, weigh)
+                else:
+                    connection.execute("BEGIN IMMEDIATE")  # made whole, with its head, or not at all
+                    connection.execute(f"PRAGMA application_id = {FORMAT}")
+                    columns = "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
+                    connection.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
+            if head is not None:
+                self.keep_head(started=time.time(), found=len(self.rows))
+            self._held = held.pop_all()
 
     def __enter__(self) -> Table:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._connection.close()
         self._held.close()
 
-    def claim(self) -> None:
-        """Become the one who writes."""
-        if self._writing or self.path is None:
-            return
-        self._held.enter_context(_locked(self.path))
-        there = _is_there(self.path)
-        if there:  # read again: another may have written before the lock was ours
-            self._read(weigh=True)
-        self.head |= {"started": time.time(), "found": len(self.known)}
-        if there:
-            self._write_head()
-        else:
-            self._connect("rwc")
-            self._create()
-        self._writing = True
-
-    def keep_head(self, **more: Any) -> None:
-        """Write down what the sweep is made of, with what is known by now, unless it stands there."""
-        self.head |= more
-        if self._text() != self._stored:
-            self.claim()
-            self._write_head()
+    def has_failed(self, key: str) -> bool:
+        """Whether a finished case has ended with an error."""
+        return self.rows[key].startswith('{"error"')
 
     def forget_failed(self) -> None:
-        """Take failed cases for not run; their rows stay until others replace them."""
-        if any(self.known.values()):
-            self.claim()
-            self.known = {key: False for key, failed in self.known.items() if not failed}
+        """Take failed cases for not run; on the disk their rows stay until others replace them."""
+        self.rows = {key: row for key, row in self.rows.items() if not self.has_failed(key)}
 
     def add(self, key: str, row: str) -> None:
         """Note what came of a case; it is on the disk after the next commit."""
-        with _in_one_line(self.path):
-            if not self._connection.in_transaction:
-                self._connection.execute("BEGIN IMMEDIATE")
-                self._due = time.monotonic() + EVERY
-            self._connection.execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
-        if key != _HEAD:
-            self.known[key] = row.startswith(_ERROR)
+        self.rows[key] = row
+        self._write(key, row)
 
-    def get(self, key: str) -> Row:
-        """What came of a case."""
-        with _in_one_line(self.path):
-            (row,) = self._connection.execute("SELECT row FROM cases WHERE key = ?", (key,)).fetchone()
-            return dict(json.loads(row))
-
-    def rows(self) -> dict[str, Row]:
-        """What came of all cases."""
-        with _in_one_line(self.path):
-            found = self._connection.execute("SELECT key, row FROM cases WHERE key > ''")
-            return {key: json.loads(row) for key, row in found}
+    def keep_head(self, **more: Any) -> None:
+        """Write down what the sweep is made of, with what is known by now."""
+        self.head |= more
+        self._write(_HEAD, json.dumps(self.head))
+        self.commit()
 
     def commit(self, *, if_due: bool = False) -> bool:
         """Write down what was added, or, `if_due`, what was added a while ago; say whether that was done."""
-        if if_due and not (self._connection.in_transaction and time.monotonic() >= self._due):
+        if if_due and (self._due is None or time.monotonic() < self._due):
             return False
-        with _in_one_line(self.path):
-            self._connection.commit()
+        self._due = None
+        if self._connection is not None:
+            with _in_one_line(self.path):
+                self._connection.commit()
         return True
 
-    def _connect(self, mode: str) -> None:
-        assert self.path is not None
-        self._connection.close()
-        with _in_one_line(self.path):
-            place = f"file:{quote(str(self.path.absolute()))}?mode={mode}"
-            self._connection = sqlite3.connect(place, uri=True, isolation_level=None, timeout=PATIENCE)
+    def _write(self, key: str, row: str) -> None:
+        if self._due is None:
+            self._due = time.monotonic() + EVERY
+        if self._connection is not None:
+            with _in_one_line(self.path):
+                if not self._connection.in_transaction:
+                    self._connection.execute("BEGIN IMMEDIATE")
+                values = (key, row, _checksum(key, row))
+                self._connection.execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", values)
 
-    def _create(self) -> None:
-        """Make a table with nothing but its head, whole or not at all."""
-        with _in_one_line(self.path):
-            self._connection.execute("BEGIN IMMEDIATE")
-            self._connection.execute(f"PRAGMA application_id = {FORMAT}")
-            self._connection.execute(
-                "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID"
-            )
-        self._write_head()
-
-    def _text(self) -> str:
-        return json.dumps(self.head)
-
-    def _write_head(self) -> None:
-        self._stored = self._text()
-        self.add(_HEAD, self._stored)
-        self.commit()
-
-    def _read(self, weigh: bool) -> None:
-        """Open the file; a table that lost or changed anything, or is of another sweep, is refused."""
-        path = self.path
-        assert path is not None
-        self._connect("rw")
-        self.known, self._stored = {}, ""
-        with _in_one_line(path):
-            connection = self._connection
-            (form,) = connection.execute("PRAGMA application_id").fetchone()
-            if form != FORMAT:
-                raise InputError(f"store = {str(path)!r}: is not the store of a sweep; choose another")
-            connection.execute("BEGIN")  # one state of the table, whoever writes meanwhile
-            (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone() if weigh else ("ok",)
-            if health != "ok":
-                raise _damaged(path, str(health).splitlines()[-1])
-            for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
-                if row is None or (weigh and checksum != _checksum(key, row)):
-                    raise _damaged(path, "a row is not what was written")
-                if key == _HEAD:
-                    self._stored = row
-                else:
-                    self.known[key] = row.startswith(_ERROR)
-            connection.execute("COMMIT")
-            if not self._stored:
-                raise _damaged(path, "its head is missing")
-            stored = json.loads(self._stored)
-            if self.head:
-                _check_identity(path, stored["identity"], self.head["identity"])
-            self.head = (self.head or stored) | {name: stored[name] for name in ("started", "found")}
+    def _read(self, connection: sqlite3.Connection, path: Path, weigh: bool) -> None:
+        """Read all rows; a table that lost or changed anything, or is of another sweep, is refused."""
+        (form,) = connection.execute("PRAGMA application_id").fetchone()
+        if form != FORMAT:
+            raise InputError(f"store = {str(path)!r}: is not the store of a sweep; choose another")
+        (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone() if weigh else ("ok",)
+        if health != "ok":
+            raise _damaged(path, str(health).splitlines()[-1])
+        for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
+            whole = isinstance(key, str) and isinstance(row, str)
+            if not whole or ((weigh or key == _HEAD) and checksum != _checksum(key, row)):
+                raise _damaged(path, "a row is not what was written")
+            self.rows[key] = row
+        if _HEAD not in self.rows:
+            raise _damaged(path, "its head is missing")
+        stored = json.loads(self.rows.pop(_HEAD))
+        if self.head:
+            _check_identity(path, stored["identity"], self.head["identity"])
+        self.head = self.head or stored
 
 
 def is_store(path: str | os.PathLike[str]) -> bool:
@@ -218,10 +164,9 @@ def writer_of(path: Path) -> str | None:
 
 def _is_there(path: Path) -> bool:
     """Whether there is a file at a path, or nothing; a file without a page is one whose making was cut short."""
-    with _in_one_line(path):
-        if path.exists() and not path.is_file():
-            raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
-        return path.exists() and path.stat().st_size > 0
+    if path.exists() and not path.is_file():
+        raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
+    return path.exists() and path.stat().st_size > 0
 
 
 def _checksum(key: str, row: str) -> str:
@@ -229,8 +174,7 @@ def _checksum(key: str, row: str) -> str:
 
 
 def _check_identity(path: Path, there: Mapping[str, str], here: Mapping[str, str]) -> None:
-    differs = [part for part in {**here, **there} if there.get(part) != here.get(part)]
-    if differs:
+    if differs := [part for part in {**here, **there} if there.get(part) != here.get(part)]:
         raise InputError(
             f"store = {str(path)!r}: holds another sweep; what differs: {', '.join(differs)}. Choose another store, or "
             "delete this one to start afresh"
@@ -253,10 +197,10 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
     except InputError:
         raise
     except (sqlite3.Error, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        code = getattr(error, "sqlite_errorname", "")
-        of_the_disk = isinstance(error, sqlite3.OperationalError) and code not in ("", "SQLITE_ERROR")  # no such table
         if path is None:
             raise
+        code = getattr(error, "sqlite_errorname", "")
+        of_the_disk = isinstance(error, sqlite3.OperationalError) and code not in ("", "SQLITE_ERROR")  # no such table
         if code == "SQLITE_NOTADB":
             what = "is not the store of a sweep, or its beginning is damaged; choose another"
         elif of_the_disk or isinstance(error, OSError):
@@ -277,21 +221,18 @@ def _lock_of(path: Path) -> Path:
 def _locked(path: Path) -> Iterator[None]:
     """Hold the lock of a store; the kernel takes it back when the process ends."""
     lock = _lock_of(path)
-    with ExitStack() as held:
-        with _in_one_line(path):
-            lock.absolute().parent.mkdir(parents=True, exist_ok=True)
-            file = held.enter_context(open(lock, "a"))
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                mine = lock.exists() and os.path.samestat(os.stat(lock), os.fstat(file.fileno()))  # or it was removed
-            except BlockingIOError:
-                mine = False
-            if not mine:
-                raise InputError(
-                    f"store = {str(path)!r}: another sweep ({writer_of(path)}) is writing it; choose another store"
-                )
-            held.callback(lock.unlink, missing_ok=True)
+    lock.absolute().parent.mkdir(parents=True, exist_ok=True)
+    with open(lock, "a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"store = {str(path)!r}: another sweep ({writer_of(path)}) is writing it; choose another store"
+            ) from None
+        try:
             file.truncate(0)
             file.write(f"process {os.getpid()} on {socket.gethostname()}")
             file.flush()
-        yield
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
