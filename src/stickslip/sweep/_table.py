@@ -28,7 +28,7 @@ from typing import Any
 
 from stickslip.errors import InputError, instance
 
-FORMAT = 0x5354534C  # "STSL"
+FORMAT = 0x53545332  # "STS2"
 EVERY = 1.0
 """Seconds between commits: what a kill can cost, together with the batches in flight."""
 PATIENCE = 60.0

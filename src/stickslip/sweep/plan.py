@@ -19,22 +19,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stickslip.errors import InputError, instance, number, shown, together, whole
+from stickslip.errors import InputError, instance, number, sequence, shown, together, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
-from stickslip.io.rig_keys import TABLES, methods_with
+from stickslip.io.rig_keys import methods_with
 from stickslip.io.tables import read_toml, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
-from stickslip.sweep._dataset import array, open_sweep, run_cases
+from stickslip.sweep._dataset import open_sweep, run_cases
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._run import Options, Progress, Runs, check_size
@@ -59,7 +58,7 @@ _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
 _SPACING = Key("linear", choices=("linear", "log"))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """A sweep of a rig.
 
@@ -74,7 +73,6 @@ class Plan:
         Axes of equal ratios.
     measures : tuple of str
         What is in the results of each case.
-    seed : int
     refinement : Refinement, optional
     max_cases : int
         Cases beyond which the sweep is refused.
@@ -82,10 +80,9 @@ class Plan:
 
     name: str
     study: Study
-    axes: Mapping[str, NDArray[Any]]
+    axes: Mapping[str, Sequence[Any]]
     logarithmic: tuple[str, ...]
     measures: tuple[str, ...]
-    seed: int
     refinement: Refinement | None
     max_cases: int
 
@@ -103,7 +100,7 @@ class Plan:
 
     def is_same(self, other: Plan) -> bool:
         """Whether another plan has the same cases."""
-        return replace(self, name="").to_json() == replace(other, name="").to_json()
+        return replace(self, name="") == replace(other, name="")
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
@@ -149,7 +146,7 @@ class Plan:
             As there.
         """
         options = Options(
-            seed=self.seed,
+            seed=getattr(self.study.rig.method, "seed", 0),
             attributes=self.attributes(),
             categories={"regime": KINDS},
             notes={NOTE: self.to_json()},
@@ -160,8 +157,8 @@ class Plan:
         if self.refinement is None:
             return self.select(run_cases(self.study, self.axes, **where))
         ends = {name: self.axes[name] for name in self.parameters}
-        box = {name: Span(low=float(a), high=float(b), log=name in self.logarithmic) for name, (a, b) in ends.items()}
-        each = {"start": [str(start) for start in self.axes.get("start", [self.study.start])]}
+        box = {name: Span(low=a, high=b, log=name in self.logarithmic) for name, (a, b) in ends.items()}
+        each = {"start": self.axes.get("start", (self.study.start,))}
         return self.select(refine(self.study, box, "regime", replace(self.refinement, each=each), **where))
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
@@ -170,8 +167,7 @@ class Plan:
 
     def to_json(self) -> str:
         """Return a text that `plan_of` reads again."""
-        axes = {name: values.tolist() for name, values in self.axes.items()}
-        return json.dumps(datasets.encode(vars(self) | {"axes": axes}))
+        return json.dumps(datasets.encode(self))
 
 
 def sweep(
@@ -227,10 +223,6 @@ def sweep(
     >>> found["peak_to_peak"].dims, found["velocity"].units
     (('velocity', 'contacts'), 'm/s')
     """
-    if not isinstance(rig.slider, Slider | ElasticBody):
-        raise InputError(
-            f"rig.slider = {rig.slider!r}: must be a Slider, Chain or Sheet; an impedance cannot be simulated"
-        )
     try:
         plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
     except InputError as error:
@@ -248,13 +240,13 @@ def plan_of(result: xr.Dataset) -> Plan:
     """Return the plan that a result was made from."""
     if NOTE not in result.attrs:
         raise InputError("this sweep was not made from a rig: what was swept is not known; draw it in Python")
-    kinds = datasets.records() | {kind.__name__: kind for kind in (Study, Refinement)}
+    kinds = datasets.records() | {kind.__name__: kind for kind in (Plan, Study, Refinement)}
     try:
-        held = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
-        instance("rig", held["study"].rig, Rig, "a rig")
-        return Plan(**held | {"axes": {name: array(values) for name, values in held["axes"].items()}})
-    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+        found: Plan = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
+        instance("rig", found.study.rig, Rig, "a rig")
+    except (ValueError, AttributeError) as error:  # InputError is a ValueError
         raise InputError(f"the plan of this sweep: cannot be read ({error})") from None
+    return found
 
 
 # ---------------------------------------------------------------- files
@@ -274,16 +266,14 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
     try:
         _check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
-        axes, run, measure = document.get("axes", {}), document.get("run", {}), document.get("measure")
+        axes, run = document.get("axes", {}), document.get("run", {})
         _check_axes(axes)
         _check_keys(run, (*_SIMULATED, *_LASTING), "run")
-        if measure is not None and not isinstance(measure, list):
-            raise InputError(f"measure = {shown(measure)}: must be a list of names")
         refinement = None
         if "refine" in document:
             _check_keys(document["refine"], ("runs", "resolution", "together"), "refine")
             refinement = Refinement(**document["refine"])
-        runs = Runs(measure=measure, **{key: run[key] for key in _LASTING if key in run})
+        runs = Runs(measure=document.get("measure"), **{key: run[key] for key in _LASTING if key in run})
         rig = _rig_of(document.get("rig"), run, axes.get("velocity"), directory)
         instance("name", name := document.get("name", "sweep"), str, "a text")
         return _plan(rig, axes, runs, refinement, name)
@@ -305,8 +295,8 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         given = {**given, "drive": {"velocity": last}}
     own = given.get("simulation", {})
     if isinstance(own, Mapping):
-        method = run.get("method", own.get("method", TABLES["simulation"]["method"].default))
-        left = [key for key in ("contacts", "seed", "rtol") if "method" in run and method not in methods_with(key)]
+        other = run.get("method")
+        left = [key for key in ("contacts", "seed", "rtol") if other and other not in methods_with(key)]
         asked = {key: run[key] for key in _SIMULATED if key in run}
         given = {**given, "simulation": {key: own[key] for key in own if key not in left} | asked}
     try:
@@ -319,63 +309,59 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
 # ---------------------------------------------------------------- axes
 
 
-class _Axis(NamedTuple):
-    """An axis: its values, of which an open one has the two ends alone, and whether equal ratios are equal steps."""
-
-    values: NDArray[Any]
-    log: bool
-    kind: Literal["listed", "counted", "open"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class _AxisReader:
-    """Reads the axes of a rig, of so many values at most; from Python, plain numbers are in SI units, too."""
+    """Reads the axes of a rig; from Python, plain numbers are in SI units, too.
+
+    Of a parameter that is `searched`, the two ends are an axis.
+    """
 
     rig: Rig
     most: int
     from_python: bool
+    searched: bool
 
-    def axis(self, name: str, given: Any) -> _Axis:
-        """Read a list of values, ``{from, to, count, spacing}``, or a `Span`."""
+    def axis(self, name: str, given: Any) -> tuple[Sequence[Any], bool]:
+        """Values of a list, of ``{from, to, count, spacing}``, or of a `Span`; and whether the axis is logarithmic."""
         place = f"axes.{name}"
         if isinstance(given, Span):
             given = {"from": given.low, "to": given.high, "spacing": "log" if given.log else "linear"}
         if isinstance(given, Mapping):
             return self._between(name, given, place)
+        if self.searched and name in BY_NAME:
+            raise InputError(f"{place}: [refine] chooses the values itself; give from, to and spacing")
         listed = np.atleast_1d(given).tolist() if self.from_python else given
         if not isinstance(listed, list) or not listed:
             raise InputError(
                 f"{place} = {shown(given)}: must be a list of values, at least one, or a table with from, to and count"
             )
         values = [self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed)]
-        if len(set(values)) < len(values):
-            raise InputError(f"{place}: holds a value twice; for replicas add an axis seed = {{ count = 10 }}")
-        return _Axis(array(values), _of_equal_ratios(values), "listed")
+        return tuple(values), _of_equal_ratios(values)
 
     def quantity(self, key: Key, value: Any, place: str) -> Any:
         """Read a value in the rig's own units."""
         natural = self.rig.scales is None or (self.from_python and not isinstance(value, str))
         return key.read(value, place, natural=natural)
 
-    def _between(self, name: str, given: Mapping[str, Any], place: str) -> _Axis:
+    def _between(self, name: str, given: Mapping[str, Any], place: str) -> tuple[Sequence[Any], bool]:
         _check_keys(given, ("from", "to", "count", "spacing"), place)
-        for key in ("count",) if name == "seed" else ("from", "to"):
+        ends_alone = self.searched and name in BY_NAME
+        for key in ("from", "to", "count")[2 * (name == "seed") : 3 - ends_alone]:
             if key not in given:
                 raise InputError(f"{place}.{key}: is missing")
-        count = whole(f"{place}.count", given.get("count", 2), at_least=1 if name == "seed" else 2)
+        count = 2 if ends_alone else whole(f"{place}.count", given["count"], at_least=1 if name == "seed" else 2)
         check_size(count, self.most)
         low, high = (self._value(name, given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
         if name == "seed":
-            return _Axis(np.arange(low, low + count), False, "counted")
+            return tuple(range(low, low + count)), False
         if isinstance(low, str) or high <= low:
             raise InputError(f"{place}: to = {given['to']} must be above from = {given['from']}")
         log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
         if log and low <= 0:
             raise InputError(f"{place}: from = {given['from']} must be above 0 for spacing = 'log'")
         values = (np.geomspace if log else np.linspace)(low, high, count)
-        if name == "contacts":
-            values = np.unique(np.rint(values).astype(int))
-        return _Axis(values, log, "counted" if "count" in given else "open")
+        values = np.unique(np.rint(values).astype(int)) if name == "contacts" else values
+        return tuple(values.tolist()), log
 
     def _value(self, name: str, value: Any, place: str) -> Any:
         if name == "start":
@@ -432,46 +418,41 @@ def _plan(
     """Make a plan of a rig with its method and start."""
     _check_axes(axes)
     most = whole("run.max_cases", runs.max_cases, at_least=1)
-    reader = _AxisReader(rig=rig, most=most, from_python=from_python)
+    reader = _AxisReader(rig=rig, most=most, from_python=from_python, searched=refinement is not None)
     given = {each: reader.axis(each, values) for each, values in axes.items()}
-    _check(rig, given, refinement)
-    ends = [] if refinement is None else [each for each in given if each in BY_NAME]
-    values = {each: axis.values[[0, -1]] if each in ends else axis.values for each, axis in given.items()}
-    if refinement is None:
-        check_size(math.prod(len(each) for each in values.values()), most)
+    values = {each: found for each, (found, _) in given.items()}
+    _check(rig, values, refinement)
     lasting = {"distance": SHORTEST, "duration": 0.0}  # in natural units
     for key, unit in (("distance", "x_s"), ("duration", "time")):
         if (value := getattr(runs, key)) is not None:
             read = reader.quantity(Key(f"2 {rig.unit_name(unit)}", unit=unit, sign="above 0"), value, f"run.{key}")
             lasting[key] = float(read) / rig.unit(unit)
-    method, seed = rig.method, None
-    if isinstance(method, DRAWN):
-        method, seed = replace(method, seed=0), method.seed
     study = Study(
-        rig=replace(rig, method=method, name="", assumed={}, source=""),
+        rig=replace(rig, name="", assumed={}, source=""),
         cycles=number("run.cycles", runs.cycles, at_least=0),
         extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
         **lasting,
     )
-    measures = list(USUAL if runs.measure is None else runs.measure)
-    for each in measures:
-        if each not in MEASURES:
-            raise InputError(f"measure: {each!r} is not measured in a sweep; {unknown(str(each), MEASURES)}")
-    wanted = {"regime", *measures} - {"seed"} | ({"seed"} if seed is not None and "seed" not in given else set())
+    measure = [str(one) for one in sequence("measure", runs.measure or USUAL, "a list of names")]
+    for one in measure:
+        if one not in MEASURES:
+            raise InputError(f"measure: {one!r} is not measured in a sweep; {unknown(one, MEASURES)}")
+    drawn = isinstance(rig.method, DRAWN) and "seed" not in values
+    wanted = {"regime", *measure} - {"seed"} | ({"seed"} if drawn else set())
     return Plan(
         name=name,
         study=study,
         axes=values,
-        logarithmic=tuple(each for each, axis in given.items() if axis.log),
+        logarithmic=tuple(each for each, (_, log) in given.items() if log),
         measures=tuple(each for each in MEASURES if each in wanted),
-        seed=seed or 0,
         refinement=refinement,
         max_cases=most,
     )
 
 
-def _check(rig: Rig, axes: Mapping[str, _Axis], refinement: Refinement | None) -> None:
-    """Refuse a rig that cannot be run along these axes, and axes that are none of a grid or of a search."""
+def _check(rig: Rig, axes: Iterable[str], refinement: Refinement | None) -> None:
+    """Refuse a rig that cannot be run along these axes, and axes that are none of a search."""
+    instance("rig.slider", rig.slider, Slider | ElasticBody, "a Slider, Chain or Sheet: an impedance has no motion")
     for name in ("seed", "contacts"):
         if name in axes and not isinstance(rig.method, DRAWN):
             raise InputError(f"axes.{name}: changes nothing where no contacts are drawn; use method = 'contacts'")
@@ -490,8 +471,3 @@ def _check(rig: Rig, axes: Mapping[str, _Axis], refinement: Refinement | None) -
         raise InputError(
             f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(axes)}"
         )
-    for name, axis in axes.items():
-        if refinement is None and axis.kind == "open":
-            raise InputError(f"axes.{name}.count: is missing, the number of values from one end to the other")
-        if refinement is not None and axis.kind == "listed" and name in parameters:
-            raise InputError(f"axes.{name}: [refine] chooses the values itself; give from, to and spacing")
