@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as jsonlib
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -10,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
 
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-Value = TypeVar("Value")
-
 app = App(
     name="stickslip",
     help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
@@ -35,47 +32,29 @@ app = App(
 )
 
 
-def _of_option(read: Callable[[str], Value]) -> Callable[[object, Sequence[Token]], Value]:
-    """Return a reader of the value of an option, whose errors show it."""
-
-    def told(_type: object, tokens: Sequence[Token]) -> Value:
-        try:
-            return read(tokens[0].value)
-        except InputError as error:
-            raise InputError(f"{shown(tokens[0].value)}: {error}") from None
-
-    return told
-
-
-@_of_option
-def _number(text: str) -> float:
-    from stickslip.model.quantities import read_number
-
-    return read_number(text)
-
-
-@_of_option
-def _whole(text: str) -> int:
-    if not re.fullmatch(r"[-+]?[0-9]{1,15}", text):
-        raise InputError("must be a whole number, such as 40")
-    return int(text)
-
-
-@_of_option
-def _seconds(text: str) -> float:
-    from stickslip.model.quantities import read_quantity
-
-    return read_quantity(text, "s", "0.5 ms", bare=True)
-
-
 # ---------------------------------------------------------------- options that commands share
 
+
+def _number(_type: object, tokens: Sequence[Token]) -> float:
+    """Read a plain number, which its errors show."""
+    from stickslip.model.quantities import read_number
+
+    try:
+        return read_number(tokens[0].value)
+    except InputError as error:
+        raise InputError(f"{shown(tokens[0].value)}: {error}") from None
+
+
+Number = Annotated[float, Parameter(converter=_number)]
+Whole = Annotated[int, Parameter(converter=_number)]  # whoever takes it asks for a whole number
+Switch = Annotated[bool, Parameter(negative="")]
+File = Path | None
+Output = Annotated[File, Parameter(alias="-o")]
 RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an example: `stickslip new` lists them.")]
-Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
-Long = Annotated[bool, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.", negative="")]
+Json = Annotated[Switch, Parameter(help="Print JSON for a machine to read.")]
+Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
+Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 Kind = Literal["overview", "phase", "stretchings", "energy", "spacetime", "fronts", "precursors", "slips"]
-Flip = Annotated[bool, Parameter(help="Change the sign of the force.", negative="")]
-Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 
 
 @Parameter(name="*")
@@ -85,10 +64,7 @@ class Columns:
 
     force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None
-    step: Annotated[
-        float | None,
-        Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
-    ] = None
+    step: Annotated[str | None, Parameter(help="Time from row to row, where there is none: 0.5 ms, or in s.")] = None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -97,15 +73,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with console.stoppable():
             result = app(given, exit_on_error=False, print_error=False)
-    except MissingArgumentError as error:
-        for name, value in pairwise(given):
-            if name.startswith("--") and re.match(r"-[.\d]", value):
-                return _fail(f"{name} {value}: begins with '-' and is read as an option; write {name}={shown(value)}")
-        return _refused(error)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
-        return _refused(error)
+        for name, value in pairwise(given) if isinstance(error, MissingArgumentError) else ():
+            if name.startswith("--") and re.match(r"-[.\d]", value):
+                return _fail(f"{name} {value}: begins with '-' and is read as an option; write {name}={shown(value)}")
+        return _fail(f"{error} (see stickslip --help)")
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
     except BrokenPipeError:  # the reader went away, as `head` does
@@ -116,500 +90,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _refused(error: CycloptsError) -> int:
-    return _fail(f"{' '.join(str(error).split())} (see stickslip --help)")
-
-
 def _fail(message: str, code: int = 2) -> int:
     print(f"stickslip: {one_line(message)}", file=sys.stderr)
     return code
 
 
-# ---------------------------------------------------------------- commands
-
-app.command(
-    "stickslip.rate_state.command:rsf",
-    help="Say whether friction is rate-and-state-like, with which a, b and D; fit a velocity step.",
-)
-
-
-@app.command
-def predict(
-    rig: RigFile,
-    *,
-    fast: Annotated[bool, Parameter(help="Stop at the verdict: linear theory and one run.", negative="")] = False,
-    json: Json = False,
-    plot: Plot = None,
-) -> None:
-    """Say at which speeds a rig stick-slips, how safely it slides at its own, and what would stop it.
-
-    The verdict comes first, on standard error, while the rest is still sought.
-    """
-    from stickslip.advise import Prediction, complete, predict
-    from stickslip.fitting import over_draws
-
-    _check_outputs(picture=plot, read=rig)
-    described = ss.read_rig(rig)
-    with console.working("predicting") as progress:
-        found = predict(described, fast=True, progress=progress)
-    if not fast and isinstance(found, Prediction):
-        if sys.stderr.isatty():
-            print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
-        with console.working("predicting") as progress:
-            found = complete(found, progress=progress)
-    _draw(plot, found.plot)
-    uncertain = None
-    if described.fitted:
-        with console.working("over the draws") as progress:
-            uncertain = over_draws(described, progress=progress)
-    if json:
-        console.print_json(found.to_dict() | ({"over_draws": uncertain.to_dict()} if uncertain else {}))
-    else:
-        console.print_prediction(found, plot)
-        print(f"\n{uncertain}" if uncertain else "", end="\n" if uncertain else "")
-
-
-@app.command
-def new(
-    example: Annotated[
-        str | None, Parameter(help="Name of a rig that comes with the package; without one, their names are listed.")
-    ] = None,
-) -> None:
-    """Print a rig file to start from: `stickslip new brake_pad > my.toml`."""
-    from stickslip.io import rig_files as rigs
-
-    if example is None:
-        for name in rigs.example_names():
-            print(f"{name:16} {rigs.read_rig(rigs.example_file(name)).name}")
-    else:
-        print(rigs.example_file(example).read_text(encoding="utf-8"), end="")
-
-
-@app.command
-def simulate(
-    rig: RigFile,
-    *,
-    output: Annotated[
-        Path | None, Parameter(alias="-o", help="Write the run as NetCDF; it can be made again from it.")
-    ] = None,
-    long: Long = False,
-    json: Json = False,
-    plot: Plot = None,
-) -> None:
-    """Simulate a rig and say what it did."""
-    from stickslip.io.rig_files import to_toml
-
-    _check_outputs(output, picture=plot, read=rig)
-    described = ss.read_rig(rig)
-    text = to_toml(described)  # what can be refused is refused before the run
-    with console.working("simulating") as progress:
-        result = ss.simulate(described, progress=progress, long=long)
-    result.attrs["rig"] = text
-    _keep_run(result, output, plot, json=json)
-
-
-@app.command
-def rerun(
-    run: Annotated[Path, Parameter(help="A run (NetCDF) that `stickslip simulate` wrote.")],
-    *,
-    output: Annotated[Path | None, Parameter(alias="-o", help="Write the new run as NetCDF.")] = None,
-    json: Json = False,
-    plot: Plot = None,
-) -> None:
-    """Make a run again from its provenance, bit for bit, and say what it did."""
-    _check_outputs(output, picture=plot, read=run)
-    before = ss.load(run)
-    with console.working("simulating") as progress:
-        result = ss.rerun(before, progress=progress)
-    result.attrs.update({key: value for key, value in before.attrs.items() if key not in result.attrs})
-    _keep_run(result, output, plot, json=json)
-
-
-def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: bool) -> None:
-    """Write a run and its picture, and say what it did."""
-    if output is not None:
-        ss.save(run, output)
-    seen = ss.regime(run)
-    _draw(plot, lambda: ss.plot.overview(run))
-    if json:
-        console.print_json({"regime": plain(seen), "output": str(output) if output else None})
-    else:
-        _say(_motion(run, seen), run=output, picture=plot)
-
-
-def _motion(run: xr.Dataset, seen: object) -> str:
-    """What a run or a trace did: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
-    from stickslip.measure import front_map, ramps
-
-    return "\n".join([ramps.in_words(run) or str(seen), *front_map.in_words(run)])
-
-
-def _draw(picture: Path | None, figure: Callable[[], Any]) -> None:
-    """Draw a picture, if one is wanted."""
-    if picture is not None:
-        ss.plot.save(figure(), picture)
-
-
-def _say(text: object, **written: Path | None) -> None:
-    """Print a text, and where each thing was written, if it was."""
-    print(text, *(f"{what}: {place}" for what, place in written.items() if place is not None), sep="\n")
-
-
-@app.command
-def measure(
-    data: Annotated[Path, Parameter(help="A run (NetCDF), or a table in plain text with a column of force.")],
-    *,
-    columns: Columns = Columns(),
-    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
-    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
-    flip: Flip = False,
-    minimum_drop: Annotated[
-        str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
-    ] = None,
-    after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
-    events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
-    json: Json = False,
-    plot: Plot = None,
-) -> None:
-    """Tell the regime and list the slips of a run or of a measured force trace."""
-    from stickslip.io.datasets import as_csv
-    from stickslip.words import engineering
-
-    _check_outputs(events, picture=plot, read=data)
-    trace = _read_data(data, columns, displacement=displacement, load=load, flip=flip)
-    since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
-    smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
-    seen, catalogue = ss.measure.regime_and_drops(trace, minimum_drop=smallest, after=since)
-    about = catalogue.attrs
-    if events is not None:
-        files.write(events, as_csv(catalogue).encode())
-    _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
-    try:
-        unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
-    except (ValueError, TypeError, RecursionError):
-        raise InputError(f"{data}: its attribute 'unreadable' is damaged; measure the trace again") from None
-    if json:
-        numbers = {name: column.attrs for name, column in catalogue.data_vars.items() if "mean" in column.attrs}
-        statistics = {str(k): {key: plain(v[key]) for key in ("mean", "std", "units")} for k, v in numbers.items()}
-        console.print_json(
-            {
-                "regime": plain(seen),
-                "statistics": statistics | {"count": about["count"], "drops_are": about["drops_are"]},
-                "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
-                "unreadable": unreadable,
-            }
-        )
-        return
-    told = ss.measure.statistics(catalogue)
-    unit = str(trace["time"].attrs.get("units", ""))
-    where = "in all of the data" if since is None else f"after t = {engineering(since, unit)}"
-    lines = [_motion(trace, seen), "", ss.measure.counted(catalogue)]
-    lines[-1] += f" {where}; mean ± standard deviation:" if told else ""
-    lines += [f"{name}: {text}" for name, text in told]
-    lines += [f"note: {note}" for note in (trace.attrs.get("note"),) if note]
-    _say("\n".join(lines), **{about["drops_are"]: events, "picture": plot})
-
-
-def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:
-    """Read a quantity, bare in SI units, in the unit of the data; a plain number where that is none of SI."""
-    from stickslip.measure.headings import ratio
-    from stickslip.model.quantities import read_number, read_quantity
-
-    if text is None:
-        return None
-    size = ratio(si, str(variable.attrs.get("units", "")))
-    try:
-        return read_number(text) if size is None else size * read_quantity(text, si, example, bare=True)
-    except InputError as error:
-        raise InputError(f"{option}: {shown(text)}: {error}") from None
-
-
-@app.command
-def plot(
-    data: Annotated[Path, Parameter(help="A run (NetCDF), a table in plain text, or the store of a sweep.")],
-    output: Annotated[Path, Parameter(help="The picture: .png, .svg or .pdf.")],
-    *,
-    kind: Annotated[Kind, Parameter(help="What to draw of a run; the last four, of one of a chain.")] = "overview",
-    beside: Annotated[Path | None, Parameter(help="Another run: draw both forces on one scale.")] = None,
-    columns: Columns = Columns(),
-    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
-    bistable: Annotated[bool, Parameter(help="Of a sweep: also show where stick-slip ends.", negative="")] = False,
-) -> None:
-    """Draw a run, a measured trace or a sweep."""
-    from stickslip.sweep import is_store
-
-    _check_outputs(picture=output, read=data)
-    if is_store(data):
-        from stickslip.sweep.plan import open_plan
-
-        print(f"on top: {_draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)}")
-    else:
-        trace = _read_data(data, columns)
-        if beside is not None:
-            figure: Any = ss.plot.side_by_side(trace, _read_data(beside, columns))
-        else:
-            names = {"phase": "phase_portrait", "slips": "slip_profiles"}
-            figure = getattr(ss.plot, names.get(kind, kind))(trace)
-            figure = figure if kind == "overview" else figure.get_figure(root=True)
-        ss.plot.save(figure, output)
-    print(f"picture: {output}")
-
-
-@app.command
-def fit(
-    trace: Annotated[Path, Parameter(help="A table in plain text with a column of force, or a run (NetCDF).")],
-    *,
-    stiffness: Annotated[str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")] = None,
-    speed: Annotated[str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")] = None,
-    mass: Annotated[str | None, Parameter(help="Mass of the slider: '0.4 kg'.")] = None,
-    load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
-    speeds: Annotated[Path | None, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")] = None,
-    holds: Annotated[Path | None, Parameter(help="Table of holds (s) and static friction (N): ageing.")] = None,
-    columns: Columns = Columns(),
-    flip: Flip = False,
-    smallest: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)] = None,
-    after: Annotated[float | None, Parameter(help="Leave out slips before this time.", converter=_number)] = None,
-    output: Annotated[Path | None, Parameter(alias="-o", help="Write the rig; needs --stiffness.")] = None,
-    json: Json = False,
-    plot: Plot = None,
-) -> None:
-    """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes."""
-    from stickslip.fitting.bench import read_pairs
-    from stickslip.io.rig_files import to_toml
-
-    _check_outputs(output, picture=plot, read=trace)
-    if output is not None and stiffness is None:
-        raise InputError(
-            f"-o {output}: a rig needs the stiffness of the driving spring, without which a force trace tells no "
-            "length; give --stiffness '350 N/m'"
-        )
-    given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
-    known = {name: value for name, value in given.items() if value is not None}
-    means, peaks, data = read_pairs(speeds), read_pairs(holds), _read_data(trace, columns, flip=flip)
-    with console.working("simulating") as progress:
-        found = ss.fit(data, known=known, smallest=smallest, after=after, speeds=means, holds=peaks, progress=progress)
-        if output is not None:
-            files.write(output, to_toml(found.rig(name=trace.stem)).encode())
-    _draw(plot, found.plot)
-    if json:
-        written = {"rig": output, "picture": plot}
-        console.print_json(found.to_dict() | {what: str(where) for what, where in written.items() if where})
-    else:
-        _say(found, rig=output, picture=plot)
-
-
-@app.command
-def map(
-    rig: RigFile,
-    *,
-    over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
-    around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.", converter=_number)] = 30.0,
-    points: Annotated[int, Parameter(help="Points of the map along each parameter.", converter=_whole)] = 80,
-    bistable: Annotated[bool, Parameter(help="Show where stick-slip persists beside it, too.", negative="")] = False,
-    output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
-    json: Json = False,
-) -> None:
-    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept."""
-    from stickslip.advise import chart
-
-    _check_outputs(picture=output, read=rig)
-    names = tuple(part.strip() for part in over.split(","))
-    if len(names) != 2:
-        raise InputError(
-            f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
-        )
-    described = ss.read_rig(rig)
-    with console.working("mapping") as progress:
-        found = chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
-    _draw(output, lambda: ss.plot.chart(found))
-    if json:
-        values = {str(name): plain(found[name].to_numpy()) for name in found.variables}
-        console.print_json(values | plain(dict(found.attrs)))
-    else:
-        _say(found.attrs["summary"], picture=output)
-
-
-@app.command
-def sweep(
-    file: Annotated[
-        Path | None,
-        Parameter(help="A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status."),
-    ] = None,
-    *,
-    store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
-    status: Annotated[bool, Parameter(help="Run nothing: say how far the sweep is.", negative="")] = False,
-    workers: Annotated[
-        int | None, Parameter(help="Cases that run at a time; by default one per core.", converter=_whole)
-    ] = None,
-    processes: Annotated[bool, Parameter(help="Run them in processes, not in threads.", negative="")] = False,
-    scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
-    retry_failed: Annotated[bool, Parameter(help="Run cases again that failed before.", negative="")] = False,
-    replot: Annotated[bool, Parameter(help="Run nothing: draw what the store holds.", negative="")] = False,
-    bistable: Annotated[bool, Parameter(help="Also draw where stick-slip ends; takes seconds.", negative="")] = False,
-    json: Json = False,
-    plot: Plot = None,
-) -> int:
-    """Run many cases over the parameters of a rig; a second start with the same store runs what is missing.
-
-    The exit code is 1 if cases failed: they are recorded, and the others are done.
-    """
-    from stickslip.sweep import plan as plans
-    from stickslip.sweep import status_of
-
-    _check_outputs(picture=plot, read=file)
-    if status:
-        found = status_of(store)
-        if json:
-            console.print_json(plain(found) | {"seconds_left": found.seconds_left})
-        else:
-            print(found)
-        return 0
-    if file is None:
-        raise InputError("sweep: which one? name a sweep file (`stickslip new phase_diagram` prints one)")
-    plan = plans.read_plan(file)
-    if replot and plot is None:
-        raise InputError("--replot: needs --plot FILE, the picture to draw")
-    if replot:
-        result = plans.open_plan(store)
-        if not plans.plan_of(result).is_same(plan):
-            raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
-    else:
-        with (
-            console.executor_of(workers, processes, scheduler) as executor,
-            console.progress_of(plan.name) as report,
-            console.stoppable(),
-        ):
-            try:
-                result = plan.run(store=store, executor=executor, progress=report, retry_failed=retry_failed)
-            except KeyboardInterrupt:
-                return _fail(f"interrupted; {_resume(store)}", code=130)
-    theory = None if plot is None else _draw_sweep(result, plot, bistable=bistable)
-    return _report_sweep(result, store, plot, theory, json=json)
-
-
-@app.command
-def paper(
-    figure: Annotated[str, Parameter(help="fig1, fig2 ... or all")],
-    *,
-    check: Annotated[bool, Parameter(help="Check the paper's claims; exit code 1 if one fails.", negative="")] = False,
-    quick: Annotated[bool, Parameter(help="Fewer points and contacts.", negative="")] = False,
-    output: Annotated[Path, Parameter(alias="-o", help="Directory for pictures and data; made if missing.")] = Path(),
-    formats: Annotated[
-        list[Literal["png", "pdf", "svg"]] | None,
-        Parameter(name="--format", help="Of the picture; may be given more than once.", negative=""),
-    ] = None,
-    json: Json = False,
-) -> int:
-    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts."""
-    from stickslip.paper import figures_named, places, reproduce
-
-    kinds, chosen = formats or ["png"], figures_named(figure)
-    for one in chosen:  # before any work is done
-        places(one, output, kinds)
-    made = []
-    for one in chosen:
-        with console.working(one.name) as progress:
-            made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
-        if not json:
-            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
-    if json:
-        console.print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
-    return 0 if all(one.ok for one in made) else 1
-
-
-@app.command
-def explore(
-    rig: Annotated[Path | None, Parameter(help="A rig file in TOML to begin with.")] = None,
-    *,
-    port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.", converter=_whole)] = None,
-    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
-    share: Annotated[bool, Parameter(help="Serve it to the local network, too, behind a secret link.")] = False,
-) -> None:
-    """Open the browser app: move a slider and see sliding turn into stick-slip."""
-    from stickslip import explorer
-
-    def ready(address: str) -> None:
-        print(f"stickslip explorer: {address} (stop it with Ctrl-C)", flush=True)
-        if share:
-            print(explorer.EXPOSED, flush=True)
-        if browser:
-            import webbrowser
-
-            webbrowser.open(address)
-
-    explorer.serve(rig, port=port, ready=ready, share=share)
-
-
-# ---------------------------------------------------------------- what they share
-
-
-def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
-    """Select from a sweep, each axis at the value nearest to the one given."""
-    from stickslip.model.quantities import read_number
-
-    for part in (at or "").split(",") if at else ():
-        name, _, value = (word.strip() for word in part.partition("="))
-        if name not in result.dims or not value:
-            axes = ", ".join(str(dim) for dim in result.dims)
-            raise InputError(
-                f"--at {shortened(part)}: must be an axis and a value, as in delay=0.1; this sweep has {axes}"
-            )
-        numbers = result[name].dtype.kind in "iuf"
-        try:
-            result = result.sel({name: read_number(value)}, method="nearest") if numbers else result.sel({name: value})
-        except InputError as error:
-            raise InputError(f"--at {shortened(part)}: {error}") from None
-        except (KeyError, ValueError):
-            there = ", ".join(str(item) for item in result[name].values.tolist())
-            raise InputError(f"--at {shortened(part)}: no such value; this sweep has {there}") from None
-    return result
-
-
-def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
-    """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
-    from stickslip.sweep.theory import with_theory
-
-    with console.working("drawing") as progress:
-        result = with_theory(result, bistable=bistable, progress=progress)
-    ss.plot.save(ss.plot.sweep_picture(result), picture)
-    return str(result.attrs["theory"])
-
-
-def _resume(store: Path) -> str:
-    """What is kept, and how to go on."""
-    from stickslip.sweep import status_of
-
-    if not store.exists():
-        return "nothing was done yet"
-    done = status_of(store).summary
-    kept = f"{done.done + done.failed} of {done.total} cases are kept in {str(store)!r}"
-    return f"{kept}; the same command goes on from there"
-
-
-def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory: str | None, *, json: bool) -> int:
-    """Say what became of the cases; the last line and the exit code say whether some failed."""
-    from stickslip.sweep import failures, summary
-    from stickslip.sweep.study import KINDS
-
-    counted, failed, crossings = summary(result), failures(result), result.sizes.get("crossing")
-    codes = result["regime"].to_numpy().ravel().tolist() if "regime" in result else []
-    regimes = {kind: codes.count(code) for code, kind in enumerate(KINDS) if code in codes}
-    line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
-    if json:
-        about = {"line": line, "regimes": regimes, "failures": plain(failed), "crossings": crossings}
-        where = {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
-        console.print_json(plain(counted) | about | where)
-        return 1 if failed else 0
-    lines = [*(f"{kind}: {count}" for kind, count in regimes.items()), f"store: {store}"]
-    lines += [] if picture is None else [f"picture: {picture}, on top: {theory}"]
-    lines += [f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]]
-    if len(failed) > _FAILURES_SHOWN:
-        lines.append(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
-    print(*lines, line, sep="\n")
-    return 1 if failed else 0
-
-
-_FAILURES_SHOWN = 5
+# ---------------------------------------------------------------- what commands share
 
 
 def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Path | None = None) -> None:
@@ -640,7 +126,445 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
-    return ss.read_trace(data, **vars(columns), **more)
+    step = _quantity("--step", columns.step, "s", "0.5 ms", unit="s")
+    return ss.read_trace(data, force=columns.force, time=columns.time, step=step, **more)
+
+
+def _quantity(option: str, text: str | None, si: str, example: str, *, unit: str) -> float | None:
+    """Read a quantity, bare in SI units, in a unit of the data; a plain number where that is none of SI."""
+    from stickslip.measure.headings import ratio
+    from stickslip.model.quantities import read_number, read_quantity
+
+    if text is None:
+        return None
+    size = ratio(si, unit)
+    try:
+        return read_number(text) if size is None else size * read_quantity(text, si, example, bare=True)
+    except InputError as error:
+        raise InputError(f"{option}: {shown(text)}: {error}") from None
+
+
+def _draw(picture: Path | None, figure: Callable[[], Any]) -> None:
+    """Draw a picture, if one is wanted."""
+    if picture is not None:
+        ss.plot.save(figure(), picture)
+
+
+def _answer(text: object, told: Any, json: bool, **written: Path | None) -> None:
+    """Print an answer: as JSON, or as a text with where each thing was written, if it was."""
+    if json:
+        console.print_json(told)
+    else:
+        print(text, *(f"{what}: {place}" for what, place in written.items() if place is not None), sep="\n")
+
+
+# ---------------------------------------------------------------- commands
+
+app.command(
+    "stickslip.rate_state.command:rsf",
+    help="Say whether friction is rate-and-state-like, with which a, b and D; fit a velocity step.",
+)
+
+
+@app.command
+def predict(
+    rig: RigFile,
+    *,
+    fast: Annotated[Switch, Parameter(help="Stop at the verdict: linear theory and one run.")] = False,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Say at which speeds a rig stick-slips, how safely it slides at its own, and what would stop it.
+
+    The verdict comes first, on standard error, while the rest is still sought.
+    """
+    from stickslip.advise import Prediction, complete, predict
+    from stickslip.fitting import over_draws
+
+    _check_outputs(picture=plot, read=rig)
+    described = ss.read_rig(rig)
+    with console.working("predicting") as progress:
+        found = predict(described, fast=True, progress=progress)
+    if not fast and isinstance(found, Prediction):
+        if sys.stderr.isatty():
+            print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
+        with console.working("predicting") as progress:
+            found = complete(found, progress=progress)
+    _draw(plot, found.plot)
+    uncertain = None
+    if described.fitted:
+        with console.working("over the draws") as progress:
+            uncertain = over_draws(described, progress=progress)
+    if json:
+        console.print_json(found.to_dict() | ({"over_draws": uncertain.to_dict()} if uncertain else {}))
+        return
+    console.print_prediction(found, plot)
+    if uncertain:
+        print(f"\n{uncertain}")
+
+
+@app.command
+def new(
+    example: Annotated[
+        str | None, Parameter(help="Name of a rig that comes with the package; without one, their names are listed.")
+    ] = None,
+) -> None:
+    """Print a rig file to start from: `stickslip new brake_pad > my.toml`."""
+    from stickslip.io import rig_files as rigs
+
+    if example is None:
+        for name in rigs.example_names():
+            print(f"{name:16} {rigs.read_rig(rigs.example_file(name)).name}")
+    else:
+        print(rigs.example_file(example).read_text(encoding="utf-8"), end="")
+
+
+@app.command
+def simulate(
+    rig: RigFile,
+    *,
+    output: Annotated[Output, Parameter(help="Write the run as NetCDF; it can be made again from it.")] = None,
+    long: Annotated[Switch, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.")] = False,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Simulate a rig and say what it did."""
+    from stickslip.io.rig_files import to_toml
+
+    _check_outputs(output, picture=plot, read=rig)
+    described = ss.read_rig(rig)
+    text = to_toml(described)  # what can be refused is refused before the run
+    with console.working("simulating") as progress:
+        run = ss.simulate(described, progress=progress, long=long)
+    _keep_run(run.assign_attrs(rig=text), output, plot, json)
+
+
+@app.command
+def rerun(
+    run: Annotated[Path, Parameter(help="A run (NetCDF) that `stickslip simulate` wrote.")],
+    *,
+    output: Annotated[Output, Parameter(help="Write the new run as NetCDF.")] = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Make a run again from its provenance, bit for bit, and say what it did."""
+    _check_outputs(output, picture=plot, read=run)
+    before = ss.load(run)
+    with console.working("simulating") as progress:
+        again = ss.rerun(before, progress=progress)
+    _keep_run(again.assign_attrs(before.attrs | again.attrs), output, plot, json)
+
+
+def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, json: bool) -> None:
+    """Write a run and its picture, and say what it did."""
+    if output is not None:
+        ss.save(run, output)
+    seen = ss.regime(run)
+    _draw(plot, lambda: ss.plot.overview(run))
+    told = {"regime": plain(seen), "output": plain(output)}
+    _answer(_motion(run, seen), told, json, run=output, picture=plot)
+
+
+def _motion(run: xr.Dataset, seen: object) -> str:
+    """What a run or a trace did: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
+    from stickslip.measure import front_map, ramps
+
+    return "\n".join([ramps.in_words(run) or str(seen), *front_map.in_words(run)])
+
+
+@app.command
+def measure(
+    data: Annotated[Path, Parameter(help="A run (NetCDF), or a table in plain text with a column of force.")],
+    *,
+    columns: Columns = Columns(),
+    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
+    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
+    flip: Flip = False,
+    minimum_drop: Annotated[
+        str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
+    ] = None,
+    after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
+    events: Annotated[File, Parameter(help="Write the catalogue of slips as CSV.")] = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Tell the regime and list the slips of a run or of a measured force trace."""
+    from stickslip.io.datasets import as_csv
+    from stickslip.words import engineering
+
+    _check_outputs(events, picture=plot, read=data)
+    trace = _read_data(data, columns, displacement=displacement, load=load, flip=flip)
+    units = {name: str(trace[name].attrs.get("units", "")) for name in ("time", "spring_force")}
+    since = _quantity("--after", after, "s", "10 s", unit=units["time"])
+    smallest = _quantity("--minimum-drop", minimum_drop, "N", "5 mN", unit=units["spring_force"])
+    seen, catalogue = ss.measure.regime_and_drops(trace, minimum_drop=smallest, after=since)
+    about, note = catalogue.attrs, trace.attrs.get("note")
+    if events is not None:
+        files.write(events, as_csv(catalogue).encode())
+    _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
+    numbers = {str(name): each.attrs for name, each in catalogue.data_vars.items() if "mean" in each.attrs}
+    statistics = {name: {key: plain(of[key]) for key in ("mean", "std", "units")} for name, of in numbers.items()}
+    told = {
+        "regime": plain(seen),
+        "statistics": statistics | {"count": about["count"], "drops_are": about["drops_are"]},
+        "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
+        "note": plain(note),
+    }
+    means = ss.measure.statistics(catalogue)
+    where = "in all of the data" if since is None else f"after t = {engineering(since, units['time'])}"
+    head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"
+    lines = [_motion(trace, seen), "", head, *(f"{name}: {text}" for name, text in means)]
+    lines += [f"note: {note}"] if note else []
+    _answer("\n".join(lines), told, json, **{about["drops_are"]: events, "picture": plot})
+
+
+@app.command
+def plot(
+    data: Annotated[Path, Parameter(help="A run (NetCDF), a table in plain text, or the store of a sweep.")],
+    output: Annotated[Path, Parameter(help="The picture: .png, .svg or .pdf.")],
+    *,
+    kind: Annotated[Kind, Parameter(help="What to draw of a run; the last four, of one of a chain.")] = "overview",
+    beside: Annotated[File, Parameter(help="Another run: draw both forces on one scale.")] = None,
+    columns: Columns = Columns(),
+    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
+    bistable: Annotated[Switch, Parameter(help="Of a sweep: also show where stick-slip ends.")] = False,
+) -> None:
+    """Draw a run, a measured trace or a sweep."""
+    from stickslip.sweep import is_store
+
+    _check_outputs(picture=output, read=data)
+    if is_store(data):
+        from stickslip.sweep.plan import open_plan
+
+        print(f"on top: {_draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)}")
+    else:
+        trace = _read_data(data, columns)
+        if beside is not None:
+            figure: Any = ss.plot.side_by_side(trace, _read_data(beside, columns))
+        else:
+            names = {"phase": "phase_portrait", "slips": "slip_profiles"}
+            figure = getattr(ss.plot, names.get(kind, kind))(trace)
+            figure = figure if kind == "overview" else figure.get_figure(root=True)
+        ss.plot.save(figure, output)
+    print(f"picture: {output}")
+
+
+@app.command
+def fit(
+    trace: Annotated[Path, Parameter(help="A table in plain text with a column of force, or a run (NetCDF).")],
+    *,
+    stiffness: Annotated[str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")] = None,
+    speed: Annotated[str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")] = None,
+    mass: Annotated[str | None, Parameter(help="Mass of the slider: '0.4 kg'.")] = None,
+    load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
+    speeds: Annotated[File, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")] = None,
+    holds: Annotated[File, Parameter(help="Table of holds (s) and static friction (N): ageing.")] = None,
+    columns: Columns = Columns(),
+    flip: Flip = False,
+    smallest: Annotated[Number | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
+    after: Annotated[Number | None, Parameter(help="Leave out slips before this time.")] = None,
+    output: Annotated[Output, Parameter(help="Write the rig; needs --stiffness.")] = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes."""
+    from stickslip.fitting.bench import read_pairs
+    from stickslip.io.rig_files import to_toml
+
+    _check_outputs(output, picture=plot, read=trace)
+    if output is not None and stiffness is None:
+        raise InputError(
+            f"-o {output}: a rig needs the stiffness of the driving spring, without which a force trace tells no "
+            "length; give --stiffness '350 N/m'"
+        )
+    given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
+    known = {name: value for name, value in given.items() if value is not None}
+    means, peaks, data = read_pairs(speeds), read_pairs(holds), _read_data(trace, columns, flip=flip)
+    with console.working("simulating") as progress:
+        found = ss.fit(data, known=known, smallest=smallest, after=after, speeds=means, holds=peaks, progress=progress)
+        if output is not None:
+            files.write(output, to_toml(found.rig(name=trace.stem)).encode())
+    _draw(plot, found.plot)
+    written = {"rig": output, "picture": plot}
+    _answer(found, found.to_dict() | {what: str(where) for what, where in written.items() if where}, json, **written)
+
+
+@app.command
+def map(
+    rig: RigFile,
+    *,
+    over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
+    around: Annotated[Number, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
+    points: Annotated[Whole, Parameter(help="Points of the map along each parameter.")] = 80,
+    bistable: Annotated[Switch, Parameter(help="Show where stick-slip persists beside it, too.")] = False,
+    output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
+    json: Json = False,
+) -> None:
+    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept."""
+    from stickslip.advise import chart
+
+    _check_outputs(picture=output, read=rig)
+    names = tuple(part.strip() for part in over.split(","))
+    if len(names) != 2:
+        raise InputError(
+            f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
+        )
+    described = ss.read_rig(rig)
+    with console.working("mapping") as progress:
+        found = chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
+    _draw(output, lambda: ss.plot.chart(found))
+    told = {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
+    _answer(found.attrs["summary"], told, json, picture=output)
+
+
+@app.command
+def sweep(
+    file: Annotated[
+        File, Parameter(help="A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status.")
+    ] = None,
+    *,
+    store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
+    status: Annotated[Switch, Parameter(help="Run nothing: say how far the sweep is.")] = False,
+    workers: Annotated[Whole | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
+    processes: Annotated[Switch, Parameter(help="Run them in processes, not in threads.")] = False,
+    scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
+    retry_failed: Annotated[Switch, Parameter(help="Run cases again that failed before.")] = False,
+    json: Json = False,
+    plot: Plot = None,
+) -> int:
+    """Run many cases over the parameters of a rig; a second start with the same store runs what is missing.
+
+    The exit code is 1 if cases failed: they are recorded, and the others are done.
+    """
+    from stickslip.sweep import status_of
+    from stickslip.sweep.plan import read_plan
+
+    _check_outputs(picture=plot, read=file)
+    if status:
+        found = status_of(store)
+        _answer(found, plain(found) | {"seconds_left": found.seconds_left}, json)
+        return 0
+    if file is None:
+        raise InputError("sweep: which one? name a sweep file (`stickslip new phase_diagram` prints one)")
+    plan = read_plan(file)
+    with console.executor_of(workers, processes, scheduler) as executor, console.progress_of(plan.name) as report:
+        try:
+            result = plan.run(store=store, executor=executor, progress=report, retry_failed=retry_failed)
+        except KeyboardInterrupt:
+            if not store.exists():
+                return _fail("interrupted; nothing was done yet", code=130)
+            kept = status_of(store).summary
+            cases = f"{kept.done + kept.failed} of {kept.total} cases are kept in {str(store)!r}"
+            return _fail(f"interrupted; {cases}; the same command goes on from there", code=130)
+    return _report_sweep(result, store, plot, json)
+
+
+def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, json: bool) -> int:
+    """Say what became of the cases; the last line and the exit code say whether some failed."""
+    from stickslip.sweep import failures, summary
+    from stickslip.sweep.study import KINDS
+
+    theory = None if picture is None else _draw_sweep(result, picture)
+    counted, failed, crossings = summary(result), failures(result), result.sizes.get("crossing")
+    codes = result["regime"].to_numpy().ravel().tolist() if "regime" in result else []
+    regimes = {kind: codes.count(code) for code, kind in enumerate(KINDS) if code in codes}
+    line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
+    about = {"line": line, "regimes": regimes, "failures": failed, "crossings": crossings}
+    told = plain(counted) | plain(about | {"store": store, "picture": picture, "theory": theory})
+    lines = [*(f"{kind}: {count}" for kind, count in regimes.items()), f"store: {store}"]
+    lines += [] if picture is None else [f"picture: {picture}, on top: {theory}"]
+    lines += [f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]]
+    if len(failed) > _FAILURES_SHOWN:
+        lines.append(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
+    _answer("\n".join([*lines, line]), told, json)
+    return 1 if failed else 0
+
+
+_FAILURES_SHOWN = 5
+
+
+def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool = False) -> str:
+    """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
+    from stickslip.sweep.theory import with_theory
+
+    with console.working("drawing") as progress:
+        result = with_theory(result, bistable=bistable, progress=progress)
+    ss.plot.save(ss.plot.sweep_picture(result), picture)
+    return str(result.attrs["theory"])
+
+
+def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
+    """Select from a sweep, each axis at the value nearest to the one given."""
+    from stickslip.model.quantities import read_number
+
+    for part in at.split(",") if at else ():
+        name, _, value = (word.strip() for word in part.partition("="))
+        try:
+            if name not in result.dims:
+                raise InputError(f"must be an axis and a value, as in delay=0.1; this sweep has {[*result.dims]}")
+            if result[name].dtype.kind in "iuf":
+                result = result.sel({name: read_number(value)}, method="nearest")
+            else:
+                result = result.sel({name: value})
+        except InputError as error:
+            raise InputError(f"--at {shortened(part)}: {error}") from None
+        except (KeyError, ValueError):
+            there = ", ".join(str(item) for item in result[name].values.tolist())
+            raise InputError(f"--at {shortened(part)}: no such value; this sweep has {there}") from None
+    return result
+
+
+@app.command
+def paper(
+    figure: Annotated[str, Parameter(help="fig1, fig2 ... or all")],
+    *,
+    check: Annotated[Switch, Parameter(help="Check the paper's claims; exit code 1 if one fails.")] = False,
+    quick: Annotated[Switch, Parameter(help="Fewer points and contacts.")] = False,
+    output: Annotated[Path, Parameter(alias="-o", help="Directory for pictures and data; made if missing.")] = Path(),
+    formats: Annotated[
+        list[Literal["png", "pdf", "svg"]] | None,
+        Parameter(name="--format", help="Of the picture; may be given more than once.", negative=""),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts."""
+    from stickslip.paper import figures_named, places, reproduce
+
+    kinds, chosen = formats or ["png"], figures_named(figure)
+    for one in chosen:  # before any work is done
+        places(one, output, kinds)
+    made = []
+    for one in chosen:
+        with console.working(one.name) as progress:
+            made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
+        if not json:
+            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
+    if json:
+        console.print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
+    return 0 if all(one.ok for one in made) else 1
+
+
+@app.command
+def explore(
+    rig: Annotated[File, Parameter(help="A rig file in TOML to begin with.")] = None,
+    *,
+    port: Annotated[Whole | None, Parameter(help="Port on this machine; 0 for any free one.")] = None,
+    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
+    share: Annotated[bool, Parameter(help="Serve it to the local network, too, behind a secret link.")] = False,
+) -> None:
+    """Open the browser app: move a slider and see sliding turn into stick-slip."""
+    from stickslip import explorer
+
+    def ready(address: str) -> None:
+        print(f"stickslip explorer: {address} (stop it with Ctrl-C)", flush=True)
+        if share:
+            print(explorer.EXPOSED, flush=True)
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    explorer.serve(rig, port=port, ready=ready, share=share)
 
 
 if __name__ == "__main__":

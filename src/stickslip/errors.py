@@ -12,8 +12,9 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from itertools import accumulate
 from numbers import Integral, Real
+from operator import ge, gt, le, lt
 from types import UnionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 from unicodedata import category
 
 if TYPE_CHECKING:
@@ -97,8 +98,8 @@ def shown(value: object) -> str:
     """Return a value as a message shows it: as in Python, cut where it is long, large or deep."""
     if isinstance(value, str):  # a long one is cut before it is turned into its form in Python
         return shortened(repr(value[:LONGEST_SHOWN])) if len(value) <= LONGEST_SHOWN else f"{value[:40]!r}..."
-    if isinstance(value, Integral) and not _is_span(value) and abs(int(value)) >= 10**LONGEST_SHOWN:
-        return f"an integer of about {math.floor(int(value).bit_length() * math.log10(2)) + 1} digits"
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_SHOWN:
+        return f"an integer of about {math.floor(value.bit_length() * math.log10(2)) + 1} digits"
     try:
         return shortened(reprlib.repr(value))
     except Exception:  # a value may hold anything
@@ -121,33 +122,30 @@ def number(
     `place` says where it stands (``"Slider.mass"``), `hint` what it means, with its unit. Refused, too, is a size
     beyond 1e30, and one below 1e-30 of what is neither 0 nor may be negative.
     """
-    wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
-    if isinstance(value, bool) or not isinstance(value, Real) or _is_span(value):
-        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place)
+    every = (("above", above, gt), ("at least", at_least, ge), ("below", below, lt), ("at most", at_most, le))
+    bounds = [(word, bound, holds) for word, bound, holds in every if bound is not None]
+    meaning = f" ({hint})" if hint else ""
+    wanted = " and".join(f" {word} {bound:g}" for word, bound, _ in bounds) + meaning
     try:
-        result = float(value) + 0.0  # minus zero becomes zero: equal numbers are to look alike in a file, too
+        result = float(value) + 0.0 if _is_real(value) else None  # minus zero becomes zero: equal numbers look alike
     except OverflowError:
-        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place) from None
-    out_of_range = (
-        math.isnan(result)
-        or (math.isinf(result) and not infinite)
-        or (above is not None and result <= above)
-        or (at_least is not None and result < at_least)
-        or (below is not None and result >= below)
-        or (at_most is not None and result > at_most)
-    )
-    if out_of_range:
-        kind = "a number" if infinite else "a finite number"
-        raise InputError(f"{place} = {result:g}: must be {kind}{wanted}", place)
+        result = None
+    if result is None:
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place)
+    finite = math.isfinite(result) or (infinite and math.isinf(result))
+    if not (finite and all(holds(result, bound) for _, bound, holds in bounds)):
+        raise InputError(f"{place} = {result:g}: must be a {'' if infinite else 'finite '}number{wanted}", place)
     signed = all(bound is None or bound < 0 for bound in (above, at_least))  # a place or a speed may be next to 0
     if (refusal := extreme(result)) and not (signed and abs(result) < SMALLEST):
-        raise InputError(f"{place} = {result:g}: {refusal}" + (f" ({hint})" if hint else ""), place)
+        raise InputError(f"{place} = {result:g}: {refusal}{meaning}", place)
     return result
 
 
-def _is_span(value: Any) -> bool:
-    """Whether a value is a numpy.timedelta64, which passes for a whole number."""
-    return getattr(getattr(value, "dtype", None), "kind", "") == "m"
+def _is_real(value: Any) -> TypeGuard[Real]:
+    """Whether a value is a real number: no truth value, and no numpy.timedelta64, which passes for a whole number."""
+    if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "m":
+        return False
+    return isinstance(value, Real)
 
 
 def numbers(
@@ -189,7 +187,7 @@ def extreme(value: float) -> str:
 def whole(place: str, value: object, *, at_least: float, at_most: float | None = None, hint: str = "") -> int:
     """Return `value` as an int if it is a whole number in the range, else raise `InputError`."""
     # A float does not hold every large seed.
-    if isinstance(value, Integral) and not _is_span(value) and not isinstance(value, bool):
+    if _is_real(value) and isinstance(value, Integral):
         exact = int(value)
         if exact >= at_least and (at_most is None or exact <= at_most):
             return exact
@@ -203,9 +201,3 @@ def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...
     """Raise `InputError` unless `value` is of the kind asked for; a class is no value (a Protocol would take it)."""
     if isinstance(value, type) or not isinstance(value, kind):
         raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
-
-
-def _range_in_words(above: float | None, at_least: float | None, below: float | None, at_most: float | None) -> str:
-    bounds = {"above": above, "at least": at_least, "below": below, "at most": at_most}
-    words = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
-    return " " + " and ".join(words) if words else ""

@@ -98,10 +98,6 @@ class Plan:
             return self.refinement.runs * len(self.axes.get("start", [""]))
         return math.prod(len(values) for values in self.axes.values())
 
-    def is_same(self, other: Plan) -> bool:
-        """Whether another plan has the same cases."""
-        return replace(self, name="") == replace(other, name="")
-
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
         found: dict[str, dict[str, Any]] = {}
