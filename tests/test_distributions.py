@@ -275,7 +275,6 @@ def test_a_distribution_of_one_value():
     np.testing.assert_array_equal(distribution.inverse_survival([0.1, 0.9]), [1.5, 1.5])
     np.testing.assert_array_equal(distribution.sample_beyond(np.random.default_rng(0), [0.2, 1.4]), [1.5, 1.5])
     assert distribution.support == (1.5, 1.5)
-    assert distribution.knots == (1.5,)
     assert distribution.positive().moment(1) == 1.5
     np.testing.assert_allclose(excess(distribution, [0.5, 1.5, 2.0], 1), [1.0, 0.0, 0.0])
     for ask in (distribution.density, distribution.hazard):

@@ -104,7 +104,7 @@ class Key:
 def quantity(example: str, sign: Sign = "above 0", **rest: Any) -> Key:
     """The key of a quantity; the example says in which unit it is measured."""
     measured = unit_size(example.partition(" ")[2])
-    of_units = {unit: unit_size(si) for unit, (*_, si) in UNITS.items()}
+    of_units = {unit: unit_size(si) for unit, si in UNITS.items()}
     unit = next(unit for unit, size in of_units.items() if size and measured and size[1] == measured[1])
     return Key(example, unit=unit, sign=sign, **rest)
 

@@ -23,7 +23,7 @@ from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.methods import METHODS, Start
 from stickslip.model.newborn import half_distance
 from stickslip.model.operation import Operation
-from stickslip.model.parameters import BY_NAME
+from stickslip.model.parameters import BY_NAME, converted_ranges
 from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Rig
 from stickslip.model.units import Scales, si_unit
@@ -78,15 +78,13 @@ class _Reader:
         start = self._start(simulation["start"], blocks)
         blocks = 1 if file.natural else blocks  # forces are those of all blocks in SI files only
         scales = self._scales(interface, parts, pulled, blocks)
-        ranges = tuple(
-            (name, scales.natural(low, BY_NAME[name].unit), scales.natural(high, BY_NAME[name].unit))
-            for name, low, high in feasible
-        )
         rig = Rig(
             interface=self._interface(interface | parts, blocks),
             slider=body,
             drive=pulled,
-            operation=file.make("drive", lambda: Operation(**speeds, feasible=ranges)),
+            operation=file.make(
+                "drive", lambda: Operation(**speeds, feasible=converted_ranges(feasible, scales.natural))
+            ),
             method=self._method(simulation),
             start=start,
             output=file.make("simulation", lambda: Output(interval=simulation.get("interval"))),

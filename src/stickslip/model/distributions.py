@@ -26,8 +26,7 @@ from stickslip.model.distribution import Distribution as Distribution
 from stickslip.model.distribution import excess as excess
 from stickslip.model.distribution import register as register
 from stickslip.model.quadrature import transforms_of_bins, transforms_on_a_path
-from stickslip.model.records import Number
-from stickslip.model.steady_state import SteadyState as SteadyState
+from stickslip.model.records import Number, Part
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -71,11 +70,10 @@ class Gaussian(Distribution):
             )
 
     def _z(self, x: ArrayLike) -> Array:
-        return (np.asarray(x, dtype=float) - self.mean) / self.std
+        away = np.asarray(x, dtype=float) - self.mean
+        return away / self.std if self.std > 0 else np.where(away < 0, -np.inf, np.inf)
 
     def _beyond_lower(self) -> float:
-        if self.std == 0:
-            return float(self.mean > self.lower)
         return float(special.ndtr(-self._z(self.lower)))
 
     def density(self, x: ArrayLike) -> Array:
@@ -90,13 +88,9 @@ class Gaussian(Distribution):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         low = np.maximum(np.asarray(x, dtype=float), self.lower)
-        if self.std == 0:
-            return np.where(low < self.mean, self.mean**order, 0.0)
-        z = self._z(low)
+        z, finite = self._z(low), np.where(np.isfinite(low), low, 0.0)
+        edge = self.std * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         moments = [special.ndtr(-z)]
-        if order > 0:
-            finite = np.where(np.isfinite(low), low, 0.0)
-            edge = self.std * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         for n in range(1, order + 1):
             earlier = (n - 1) * self.std**2 * moments[n - 2] if n > 1 else 0.0
             moments.append(self.mean * moments[n - 1] + earlier + finite ** (n - 1) * edge)
@@ -115,11 +109,8 @@ class Gaussian(Distribution):
         return values
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        if self.std == 0:
-            mean = np.exp(-q * self.mean)
-            return mean, np.asarray(self.mean * mean)
         variance = self.std**2
-        if math.isinf(self.lower):
+        if math.isinf(self.lower) or variance == 0:
             mean = np.exp(-q * self.mean + 0.5 * q * q * variance)
             return mean, np.asarray((self.mean - q * variance) * mean)
         # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
@@ -139,8 +130,6 @@ class Gaussian(Distribution):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        if self.std == 0:
-            return (self.mean,)
         return () if math.isinf(self.lower) else (self.lower,)
 
     @property
@@ -157,20 +146,15 @@ class _Histogram(Distribution):
         """Rising edges, and the probability between them."""
         raise NotImplementedError
 
-    def _of(self, edges: Array, weights: Array) -> Self:
-        """The distribution of other bins."""
-        raise NotImplementedError
-
     @property
     def std(self) -> float:
         """The standard deviation, which `with_std` sets."""
         return self.standard_deviation()
 
-    def with_std(self, value: float) -> Self:
-        """Return the distribution stretched about its mean to another standard deviation."""
-        edges, weights = self._bins
-        mean, ratio = self.moment(1), value / self.standard_deviation()
-        return self._of(mean + ratio * (edges - mean), weights)
+    def _stretched(self, std: float) -> tuple[float, ...]:
+        """The edges stretched about the mean to another standard deviation."""
+        mean, ratio = self.moment(1), std / self.standard_deviation()
+        return tuple((mean + ratio * (self._bins[0] - mean)).tolist())
 
     def density(self, x: ArrayLike) -> Array:
         x = np.asarray(x, dtype=float)
@@ -224,9 +208,14 @@ class Uniform(_Histogram):
     def _bins(self) -> tuple[Array, Array]:
         return np.array([self.low, self.high]), np.ones(1)
 
-    def _of(self, edges: Array, weights: Array) -> Uniform:
-        del weights
-        return Uniform(*edges.tolist())
+    def with_std(self, value: float) -> Uniform:
+        """Return the distribution stretched about its mean to another standard deviation."""
+        return Uniform(*self._stretched(value))
+
+
+def _above_0(x: ArrayLike) -> Array:
+    """Values, the smallest number in place of those at 0 or below."""
+    return np.asarray(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
 
 
 class _PowerOfGamma(Distribution):
@@ -240,7 +229,7 @@ class _PowerOfGamma(Distribution):
     def density(self, x: ArrayLike) -> Array:
         scale, shape, power = self._form
         u = np.asarray(x, dtype=float) / scale
-        inside = np.maximum(u, np.finfo(float).tiny)
+        inside = _above_0(u)
         rest = (shape * power - 1.0) * np.log(inside) - special.gammaln(shape)
         return np.where(u >= 0, power / scale * np.exp(rest - inside**power), 0.0)
 
@@ -258,8 +247,7 @@ class _PowerOfGamma(Distribution):
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         scale, shape, power = self._form
-        # An underflow to zero is lifted to the smallest number.
-        return np.maximum(scale * rng.standard_gamma(shape, size) ** (1.0 / power), np.finfo(float).tiny)
+        return _above_0(scale * rng.standard_gamma(shape, size) ** (1.0 / power))
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         scale, shape, power = self._form
@@ -331,24 +319,21 @@ class LogNormal(Distribution):
         """Mean of the logarithm."""
         return math.log(self.mean) - 0.5 * self.log_std**2
 
-    def _z(self, x: ArrayLike) -> Array:
-        logarithm = np.log(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
-        return np.asarray((logarithm - self.log_mean) / self.log_std)
+    def _log(self, order: int = 0) -> Gaussian:
+        """The distribution of the logarithm, of values that count by their power of this order."""
+        return Gaussian(self.log_mean + order * self.log_std**2, self.log_std)
 
     def density(self, x: ArrayLike) -> Array:
-        x = np.asarray(x, dtype=float)
-        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.log_std)
-        return np.where(x > 0, bell / np.maximum(x, np.finfo(float).tiny), 0.0)
+        above = _above_0(x)
+        return self._log().density(np.log(above)) / above
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         with np.errstate(over="ignore"):  # a wide distribution has high moments beyond any number
-            scale = float(np.exp(order * self.log_mean + 0.5 * (order * self.log_std) ** 2))
-        x = np.asarray(x, dtype=float)
-        return np.where(x > 0, scale * special.ndtr(order * self.log_std - self._z(x)), scale)
+            all_of_it = np.exp(order * self.log_mean + 0.5 * (order * self.log_std) ** 2)
+        return np.asarray(all_of_it * self._log(order).survival(np.log(_above_0(x))))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        z = -special.ndtri(np.asarray(probability, dtype=float))
-        return np.asarray(np.exp(self.log_mean + self.log_std * z))
+        return np.exp(self._log().inverse_survival(probability))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         return rng.lognormal(self.log_mean, self.log_std, size)
@@ -439,5 +424,50 @@ class Empirical(_Histogram):
     def _bins(self) -> tuple[Array, Array]:
         return np.array(self.edges), np.array(self.weights)
 
-    def _of(self, edges: Array, weights: Array) -> Empirical:
-        return Empirical(tuple(edges.tolist()), tuple(weights.tolist()))
+    def with_std(self, value: float) -> Empirical:
+        """Return the distribution stretched about its mean to another standard deviation."""
+        return Empirical(self._stretched(value), self.weights)
+
+
+@register("steady state")
+@dataclass(frozen=True, kw_only=True)
+class SteadyState(Distribution):
+    """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed point of Eq. (1).
+
+    Used as ``initial=``, it makes the interface start in the state it ends in: the force stays at ``F_k``.
+
+    Parameters
+    ----------
+    thresholds : Distribution
+        The distribution of thresholds of the same interface.
+    """
+
+    thresholds: Annotated[Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "thresholds", self.thresholds.positive())
+
+    @property
+    def _scale(self) -> float:
+        return self.thresholds.moment(1)
+
+    def density(self, x: ArrayLike) -> Array:
+        x = np.asarray(x, dtype=float)
+        return np.where(x >= 0, self.thresholds.survival(np.maximum(x, 0.0)) / self._scale, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        x = np.maximum(np.asarray(x, dtype=float), 0.0)
+        distribution, n = self.thresholds, order + 1
+        beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x), 0.0)
+        return np.asarray((distribution.partial_moment(x, n) - beyond) / (n * self._scale))
+
+    @property
+    def leftmost(self) -> float:
+        return self.thresholds.leftmost
+
+    knots = (0.0,)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        return 0.0, self.thresholds.support[1]

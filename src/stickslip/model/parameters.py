@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, shown
 from stickslip.model.drive import constant
-from stickslip.model.records import AnyRecord, rescaled
+from stickslip.model.records import Change, converted
 from stickslip.model.units import Scales, natural_unit
 
 if TYPE_CHECKING:
     from stickslip.model.rig import Rig
+
+Span = tuple[str, float, float]
+"""The name of a parameter, and two of its values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,28 +59,27 @@ class Parameter:
         object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
-def _of(
-    name: str, unit: str, title: str, part: str = "", read: str = "", write: str = "", *, zero: bool = False
-) -> Parameter:
-    """Parameter of the slider, or of a part of the interface: its field, or what it knows to read and to set itself."""
+def _of(name: str, unit: str, title: str, part: str = "slider", field: str = "", *, zero: bool = False) -> Parameter:
+    """Parameter of the slider or of a part of the interface: a field, or what it has by this name and sets `with_`."""
+    field = field or name
 
     def held(rig: Rig) -> Any:
-        found = getattr(rig.interface, part) if part else rig.slider
-        if not (hasattr(found, name) or hasattr(found, write)):
-            place = f"Interface.{part}" if part else "Rig.slider"
+        found = rig.slider if part == "slider" else getattr(rig.interface, part)
+        if not hasattr(found, field):
+            place = "Rig.slider" if part == "slider" else f"Interface.{part}"
             raise InputError(f"{place} = {found!r}: has no {name} to vary; give a Parameter of your own")
         return found
 
-    def get(rig: Rig) -> float:
-        value = getattr(held(rig), read or name)
-        return float(value() if callable(value) else value)
-
     def set_(rig: Rig, new: float) -> Rig:
         found = held(rig)
-        changed = getattr(found, write)(new) if hasattr(found, write) else replace(found, **{name: new})
-        if part:
-            return replace(rig, interface=replace(rig.interface, **{part: changed}))
-        return replace(rig, slider=changed)
+        set_itself = getattr(found, f"with_{field}", None)
+        changed = replace(found, **{field: new}) if set_itself is None else set_itself(new)
+        if part == "slider":
+            return replace(rig, slider=changed)
+        return replace(rig, interface=replace(rig.interface, **{part: changed}))
+
+    def get(rig: Rig) -> float:
+        return float(getattr(held(rig), field))
 
     return Parameter(name=name, unit=unit, title=title, zero=zero, get=get, set=set_)
 
@@ -106,11 +108,11 @@ DAMPING = _of("damping", "1/time", "damping eta", zero=True)
 """``eta`` of Eq. (11)."""
 VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_velocity, set=_set_velocity)
 """Velocity of the drive at its beginning; the path of the drive stays."""
-DELAY = _of("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean", zero=True)
+DELAY = _of("delay", "time", "delay of re-attachment", "delay", "mean", zero=True)
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
-STD = _of("std", "1", "standard deviation of the thresholds", "thresholds", "standard_deviation", "with_std")
+STD = _of("std", "1", "standard deviation of the thresholds", "thresholds")
 """Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else as it is."""
-AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
+AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 
@@ -118,28 +120,16 @@ def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) 
     """Parameter that is a unit of the rig: 1 in natural units; force and length follow it with these powers."""
 
     def set_(rig: Rig, factor: float) -> Rig:
-        larger = Scales(force=factor**force, stretching=factor**length)
-
-        def in_it(record: AnyRecord) -> AnyRecord:
-            return rescaled(record, lambda unit: 1.0 / larger.unit(unit))
-
         STIFFNESS.get(rig)  # an impedance has no unit to rescale
-        scales, operation = rig.scales, in_it(rig.operation)
-        if scales is not None:
-            scales = replace(
-                scales, force=scales.force * larger.force, stretching=scales.stretching * larger.stretching
-            )
-        feasible = tuple(
-            (name, low / size, high / size)
-            for name, low, high in operation.feasible
-            for size in [larger.unit(parameter_named(name).unit)]
-        )
+        larger, scales = Scales(force=factor**force, stretching=factor**length), rig.scales
+        operation = converted(rig.operation, larger.natural)
         return replace(
             rig,
-            slider=in_it(rig.slider),
-            drive=in_it(rig.drive),
-            scales=scales,
-            operation=replace(operation, feasible=feasible),
+            slider=converted(rig.slider, larger.natural),
+            drive=converted(rig.drive, larger.natural),
+            operation=replace(operation, feasible=converted_ranges(operation.feasible, larger.natural)),
+            scales=scales
+            and replace(scales, force=scales.si(larger.force, "f_s"), stretching=scales.si(larger.stretching, "x_s")),
         )
 
     return Parameter(name=name, unit=unit, title=title, rescales=True, get=lambda _rig: 1.0, set=set_)
@@ -192,3 +182,11 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     except (KeyError, TypeError):
         known = f"must be one of {', '.join(BY_NAME)}, or a Parameter"
         raise InputError(f"{place} = {shown(parameter)}: {known}") from None
+
+
+def converted_ranges(
+    ranges: Iterable[tuple[str, float, float]], change: Change
+) -> tuple[tuple[str, float, float], ...]:
+    """Return ranges of parameters by name with both ends changed, as in `converted`."""
+    units = {name: parameter_named(name).unit for name, *_ in ranges}
+    return tuple((name, change(low, units[name]), change(high, units[name])) for name, low, high in ranges)

@@ -10,6 +10,8 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 from stickslip.errors import InputError, instance, number, sequence, shown, whole
 
 AnyRecord = TypeVar("AnyRecord")
+Change = Callable[[float, str], float]
+"""Of a value and its natural unit, another value."""
 
 
 class Record:
@@ -104,8 +106,8 @@ def choices_of(kind: Any) -> tuple[str, ...]:
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
-def converted(record: AnyRecord, change: Callable[[float, str], float]) -> AnyRecord:
-    """Return a record with every number that has a unit changed, `change(value, unit)`, in records within it, too."""
+def converted(record: AnyRecord, change: Change) -> AnyRecord:
+    """Return a record with every number that has a unit changed, those of records within it, too."""
 
     def changed(value: Any, unit: str) -> Any:
         if isinstance(value, tuple):

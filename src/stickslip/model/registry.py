@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import is_dataclass
+from functools import partial
 from typing import TypeVar
 
 from stickslip.errors import InputError, shown
@@ -16,20 +17,15 @@ def registrar(table: dict[str, type], what: str) -> Callable[[str], Callable[[Ki
 
     The decorator raises `InputError` if the class is none, or if another class has the name.
     """
+    return lambda name: partial(_enter, table, f"{what} {shown(name)}", name)
 
-    def register(name: str) -> Callable[[Kind], Kind]:
-        def enter(kind: Kind) -> Kind:
-            if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-                raise InputError(f"{what} {shown(name)}: {kind.__name__} must be a frozen dataclass")
-            known = table.get(name)
-            # The same class once more is a notebook's cell run again.
-            if known is not None and (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
-                raise InputError(
-                    f"{what} {shown(name)}: {known.__qualname__} has this name already; choose another one"
-                )
-            table[name] = kind
-            return kind
 
-        return enter
-
-    return register
+def _enter(table: dict[str, type], place: str, name: str, kind: Kind) -> Kind:
+    if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        raise InputError(f"{place}: {kind.__name__} must be a frozen dataclass")
+    known = table.setdefault(name, kind)
+    # The same class once more is a notebook's cell run again.
+    if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
+        raise InputError(f"{place}: {known.__qualname__} has this name already; choose another one")
+    table[name] = kind
+    return kind

@@ -43,7 +43,7 @@ class Scales(Record):
             If there is no such unit or quantity.
         """
         above = below = 1.0
-        for scale, power in zip((self.force, self.stretching, self.time), UNITS[natural_unit(name)][:3], strict=True):
+        for scale, power in zip((self.force, self.stretching, self.time), _UNITS[natural_unit(name)][:3], strict=True):
             above, below = above * scale ** max(power, 0), below * scale ** max(-power, 0)
         return above / below
 
@@ -56,36 +56,27 @@ class Scales(Record):
         return value * self.unit(name)
 
 
-UNITS: dict[str, tuple[float, float, float, str]] = {
-    "1": (0, 0, 0, "1"),
-    "f_s": (1, 0, 0, "N"),
-    "x_s": (0, 1, 0, "m"),
-    "time": (0, 0, 1, "s"),
-    "x_s/time": (0, 1, -1, "m/s"),
-    "k": (1, -1, 0, "N/m"),
-    "f_s time^2/x_s": (1, -1, 2, "kg"),
-    "1/time": (0, 0, -1, "1/s"),
-    "f_s x_s": (1, 1, 0, "J"),
-    "f_s time/x_s": (1, -1, 1, "N*s/m"),
-    "f_s/x_s^2": (1, -2, 0, "Pa"),
-    "f_s time^2/x_s^4": (1, -4, 2, "kg/m^3"),
-    "1/x_s": (0, -1, 0, "1/m"),
-    "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)"),
+_UNITS: dict[str, tuple[float, float, float, str, str]] = {
+    "1": (0, 0, 0, "1", ""),
+    "f_s": (1, 0, 0, "N", "force"),
+    "x_s": (0, 1, 0, "m", "length"),
+    "time": (0, 0, 1, "s", "time"),
+    "x_s/time": (0, 1, -1, "m/s", "velocity"),
+    "k": (1, -1, 0, "N/m", "stiffness"),
+    "f_s time^2/x_s": (1, -1, 2, "kg", "mass"),
+    "1/time": (0, 0, -1, "1/s", "rate"),
+    "f_s x_s": (1, 1, 0, "J", "energy"),
+    "f_s time/x_s": (1, -1, 1, "N*s/m", "viscosity"),
+    "f_s/x_s^2": (1, -2, 0, "Pa", "modulus"),
+    "f_s time^2/x_s^4": (1, -4, 2, "kg/m^3", "density"),
+    "1/x_s": (0, -1, 0, "1/m", ""),
+    "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)", ""),
 }
-"""Natural units, as records declare them and results carry them: powers of force, length and time, and the SI unit."""
-QUANTITIES: dict[str, str] = {
-    "force": "f_s",
-    "length": "x_s",
-    "time": "time",
-    "velocity": "x_s/time",
-    "stiffness": "k",
-    "mass": "f_s time^2/x_s",
-    "rate": "1/time",
-    "energy": "f_s x_s",
-    "viscosity": "f_s time/x_s",
-    "modulus": "f_s/x_s^2",
-    "density": "f_s time^2/x_s^4",
-}
+"""Natural units, as records declare them and results carry them: powers of force, length and time, the SI unit, and
+the quantity."""
+UNITS = {unit: si for unit, (*_, si, _) in _UNITS.items()}
+"""SI unit of each natural unit."""
+QUANTITIES = {quantity: unit for unit, (*_, quantity) in _UNITS.items() if quantity}
 """Natural unit of each quantity."""
 
 
@@ -102,7 +93,7 @@ def natural_unit(name: object) -> str:
 
 def si_unit(name: str) -> str:
     """Return the SI unit of a natural unit or a quantity: ``"m/s"``; errors as in `natural_unit`."""
-    return UNITS[natural_unit(name)][-1]
+    return UNITS[natural_unit(name)]
 
 
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
