@@ -22,10 +22,9 @@ from stickslip.model.delays import DelayModel, OnArrest
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.methods import METHODS, Start
 from stickslip.model.newborn import half_distance
-from stickslip.model.operation import Operation
 from stickslip.model.parameters import BY_NAME, converted_ranges
 from stickslip.model.records import converted, declared
-from stickslip.model.rig import Assumption, Fitted, Rig
+from stickslip.model.rig import Assumption, Fitted, Operation, Rig
 from stickslip.model.units import Scales, si_unit
 
 Values = dict[str, Any]

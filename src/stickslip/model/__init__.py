@@ -15,6 +15,7 @@ from stickslip.model.ageing import LogarithmicGrowth as LogarithmicGrowth
 from stickslip.model.body import Chain as Chain
 from stickslip.model.body import ElasticBody as ElasticBody
 from stickslip.model.body import Sheet as Sheet
+from stickslip.model.body import Slider as Slider
 from stickslip.model.delays import Delay as Delay
 from stickslip.model.delays import DelayModel as DelayModel
 from stickslip.model.delays import NegativeDelay as NegativeDelay
@@ -48,8 +49,7 @@ from stickslip.model.methods import Prestressed as Prestressed
 from stickslip.model.methods import QuasiStatic as QuasiStatic
 from stickslip.model.methods import Renewal as Renewal
 from stickslip.model.methods import Start as Start
-from stickslip.model.operation import Operation as Operation
 from stickslip.model.parameters import Parameter as Parameter
+from stickslip.model.rig import Operation as Operation
 from stickslip.model.rig import Rig as Rig
-from stickslip.model.slider import Slider as Slider
 from stickslip.model.units import Scales as Scales

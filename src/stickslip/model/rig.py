@@ -13,10 +13,9 @@ from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, Start
-from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
-from stickslip.model.records import Part, check, rescaled
+from stickslip.model.records import Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
 if TYPE_CHECKING:
@@ -27,6 +26,45 @@ Ends = tuple[float | str, float | str]
 
 USUAL_RANGE = 30.0
 """Factor either way of a parameter's value in a rig, within which it is varied where no range is given."""
+
+
+_Speeds = tuple[Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operation(Record):
+    """How a rig is used; it changes no run, only what is asked of it.
+
+    Parameters
+    ----------
+    speeds : tuple of float
+        Speeds at which it works, that of its drive first.
+    between : (float, float), optional
+        In place of single speeds, a range of them.
+    feasible : tuple of (str, float, float)
+        Names of parameters, and the range of each that could be built or set.
+
+    Raises
+    ------
+    InputError
+        If a speed is not above 0, or a range is none.
+    """
+
+    speeds: _Speeds = ()
+    between: _Speeds | None = None
+    feasible: tuple[tuple[str, float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ranges = {f"feasible[{name}]": ends for name, *ends in self.feasible}
+        for name, ends in (ranges | {"between": self.between or (1.0, 2.0)}).items():
+            low, high = (number(f"Operation.{name}[{i}]", end, above=0) for i, end in enumerate(ends))
+            if high < low or (high == low and name == "between"):
+                raise InputError(f"Operation.{name} = ({low:g}, {high:g}): must rise", f"Operation.{name}")
+
+    def range_of(self, parameter: str) -> tuple[float, float] | None:
+        """Return the range of a parameter that could be built; None if nothing is said of it."""
+        return next(((low, high) for name, low, high in self.feasible if name == parameter), None)
 
 
 @dataclass(frozen=True)
@@ -192,25 +230,24 @@ class Rig(Answer):
         fields = {name: value for name, value in changes.items() if name in self.__dataclass_fields__}
         for name, kind in (("drive", Drive), ("output", Output)):
             if isinstance(fields.get(name), kind) and self.scales is not None:
-                fields[name] = rescaled(fields[name], lambda unit: 1.0 / self.unit(unit))
+                fields[name] = converted(fields[name], self.scales.natural)
         changed = replace(self, **fields)
         for name in [name for name in changes if name not in fields]:
             known = parameter_named(name, place="replace")
-            value = number(name, changed._read(name, changes[name], known), at_least=0)
-            changed = known.set(changed, value / changed.unit(known.unit))
+            changed = known.set(changed, changed._in_natural_units(name, changes[name], known, at_least=0))
         return changed
 
-    def _read(self, place: str, value: object, parameter: Parameter) -> object:
-        """Return a value of a parameter in the rig's own unit, if it is a text with a unit."""
-        if not isinstance(value, str):
-            return value
-        if self.scales is None:
-            raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
-        unit = si_unit(parameter.unit)
-        try:
-            return read_quantity(value, unit, f"2 {unit}")
-        except InputError as error:
-            raise error.at(f"{place} = {value!r}") from None
+    def _in_natural_units(self, place: str, value: object, parameter: Parameter, **bounds: Any) -> float:
+        """A value of a parameter, in the rig's own unit or a text with a unit, in its natural unit."""
+        unit = self.unit_name(parameter.unit)
+        if isinstance(value, str):
+            if self.scales is None:
+                raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
+            try:
+                value = read_quantity(value, unit, f"2 {unit}")
+            except InputError as error:
+                raise error.at(f"{place} = {value!r}") from None
+        return number(place, value, **bounds, hint="" if unit == "1" else f"in {unit}") / self.unit(parameter.unit)
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
         """Return the range a factor `USUAL_RANGE` either way of what the rig has, in natural units."""
@@ -224,10 +261,9 @@ class Rig(Answer):
         ends = sequence("between", between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
             raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
-        unit = self.unit_name(parameter.unit)
-        low = number("between[0]", self._read("between[0]", ends[0], parameter), above=0, hint=unit)
-        high = number("between[1]", self._read("between[1]", ends[1], parameter), above=low, hint=unit)
-        return low / self.unit(parameter.unit), high / self.unit(parameter.unit)
+        low = self._in_natural_units("between[0]", ends[0], parameter, above=0)
+        high = self._in_natural_units("between[1]", ends[1], parameter, above=low * self.unit(parameter.unit))
+        return low, high
 
     def __str__(self) -> str:
         """The rig in words, in its own units."""
