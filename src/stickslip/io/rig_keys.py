@@ -21,7 +21,7 @@ from stickslip.model.delays import DELAYS
 from stickslip.model.distributions import DISTRIBUTIONS, Empirical
 from stickslip.model.drive import Piece
 from stickslip.model.methods import METHODS
-from stickslip.model.records import choices_of, declared
+from stickslip.model.records import Number, choices_of, declared
 from stickslip.model.units import si_unit
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -81,10 +81,11 @@ def _of(record: type, rules: tuple[Either, ...] = (), **examples: Any) -> dict[s
 def _key(record: type, name: str, example: Any) -> Key:
     """The key of a field: unit, bounds, choices and default are those of the field."""
     kind, mark = declared(record)[name]
+    bounds = mark if isinstance(mark, Number) else Number()
     given = next(field.default for field in fields(record) if field.name == name)
     default = _USUAL.get(name) if record in DISTRIBUTIONS.values() and given is MISSING else given
-    sign: Sign = "" if mark is None else "above 0" if mark.above == 0 else "at least 0" if mark.at_least == 0 else ""
-    unit = "" if mark is None or mark.unit == "1" else mark.unit
+    sign: Sign = "above 0" if bounds.above == 0 else "at least 0" if bounds.at_least == 0 else ""
+    unit = "" if bounds.unit == "1" else bounds.unit
     if unit and not isinstance(example, (str, list)):
         example = "2 ms" if unit == "time" else f"2 {si_unit(unit)}"
     return Key(

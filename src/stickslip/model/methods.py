@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-
-from stickslip.errors import number, sequence
 from stickslip.model.records import Number, Record
 from stickslip.model.registry import registrar
 
@@ -158,6 +155,9 @@ class Output(Record):
         object.__setattr__(self, "snapshots", tuple(sorted(self.snapshots)))
 
 
+Profile = Annotated[float | tuple[float, ...], Number(hint="a number, or one for each block")]
+
+
 @dataclass(frozen=True)
 class FromRest:
     """Start: slider at rest, spring unstretched, contacts with the interface's initial distribution."""
@@ -177,12 +177,8 @@ class FromSliding(Record):
         interface's initial distribution: stick-slip and smooth sliding side by side.
     """
 
-    perturbation: float | tuple[float, ...] = 0.0
+    perturbation: Profile = 0.0
     at_rest: Annotated[int, Number(at_least=0, hint="number of blocks")] = 0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "perturbation", _profile("FromSliding.perturbation", self.perturbation))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,22 +204,9 @@ class Prestressed(Record):
     3.0
     """
 
-    stretching: float | tuple[float, ...]
+    stretching: Profile
     push: Annotated[float, Number("f_s", hint="force on each pushed block, per contact")] = 0.0
     pushed_blocks: Annotated[int, Number(at_least=1, hint="number of pushed blocks")] = 1
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stretching", _profile("Prestressed.stretching", self.stretching))
-        super().__post_init__()
-
 
 Start = FromRest | FromSliding | Prestressed
-
-
-def _profile(place: str, value: object) -> float | tuple[float, ...]:
-    """One number, or one for each block."""
-    if isinstance(value, int | float | np.number):
-        return number(place, value)
-    return tuple(
-        number(f"{place}[{i}]", x) for i, x in enumerate(sequence(place, value, "a number, or one for each block"))
-    )

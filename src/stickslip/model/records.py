@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
+from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from stickslip.errors import InputError, instance, number, sequence, shown, whole
@@ -47,14 +48,12 @@ class Part:
 
 
 @lru_cache(maxsize=256)
-def _marked(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
+def declared(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
     """Each field of a record, with its type and what is declared of it, or of the numbers in it; None if nothing is."""
     hints = get_type_hints(record, include_extras=True)
-    found: dict[str, tuple[Any, Number | Part | None]] = {}
-    for field in fields(record):
-        kind = hints[field.name]
-        found[field.name] = kind.__origin__ if hasattr(kind, "__metadata__") else kind, next(_marks(kind), None)
-    return found
+    kinds = {field.name: hints[field.name] for field in fields(record)}
+    bare = {name: kind.__origin__ if hasattr(kind, "__metadata__") else kind for name, kind in kinds.items()}
+    return {name: (bare[name], next(_marks(kind), None)) for name, kind in kinds.items()}
 
 
 def _marks(kind: Any) -> Iterator[Number | Part]:
@@ -64,30 +63,30 @@ def _marks(kind: Any) -> Iterator[Number | Part]:
         yield from _marks(inner)
 
 
-def declared(record: type) -> Mapping[str, tuple[Any, Number | None]]:
-    """Each field of a record, with its type and what is declared of its number or numbers; None if nothing is."""
-    marked = _marked(record)
-    return {name: (kind, mark if isinstance(mark, Number) else None) for name, (kind, mark) in marked.items()}
-
-
 def check(record: Any) -> None:
     """Check every number, choice and part of a record on construction, and keep numbers as Python numbers."""
     record_type: Any = type(record)
-    for name, (kind, mark) in _marked(record_type).items():
+    for name, (kind, mark) in declared(record_type).items():
         value, place = getattr(record, name), getattr(mark, "place", "") or f"{record_type.__name__}.{name}"
+        if value is None and type(None) in get_args(kind):
+            continue
+        if (choices := choices_of(kind)) and value not in choices:
+            raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
+        if kind is bool and not isinstance(value, bool):
+            raise InputError(f"{place} = {shown(value)}: must be True or False", place)
         if isinstance(mark, Part):
             instance(place, value, kind, mark.hint)
-        elif value is None and type(None) in get_args(kind):
-            continue
-        elif (choices := choices_of(kind)) and value not in choices:
-            raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
-        elif kind is bool and not isinstance(value, bool):
-            raise InputError(f"{place} = {shown(value)}: must be True or False", place)
-        elif mark is not None and any(get_origin(each) is tuple for each in (kind, *get_args(kind))):
-            items = enumerate(sequence(place, value, mark.hint))
-            object.__setattr__(record, name, tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items))
         elif mark is not None:
-            object.__setattr__(record, name, _number(kind, place, value, mark))
+            object.__setattr__(record, name, _numbers(kind, place, value, mark))
+
+
+def _numbers(kind: Any, place: str, value: object, mark: Number) -> float | tuple[float, ...]:
+    """A number within the bounds declared, or as many as are given where there may be several."""
+    kinds = (kind, *get_args(kind))
+    if not any(get_origin(each) is tuple for each in kinds) or (float in kinds and isinstance(value, Real)):
+        return _number(kind, place, value, mark)
+    items = enumerate(sequence(place, value, mark.hint))
+    return tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items)
 
 
 def _number(kind: Any, place: str, value: object, mark: Number) -> float:
@@ -118,7 +117,7 @@ def converted(record: AnyRecord, change: Change) -> AnyRecord:
 
     record_type: Any = type(record)
     changes = {
-        name: changed(getattr(record, name), mark.unit if mark else "1")
+        name: changed(getattr(record, name), getattr(mark, "unit", "1"))
         for name, (_, mark) in declared(record_type).items()
     }
     return replace(record, **changes)  # type: ignore[type-var]
