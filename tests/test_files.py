@@ -63,13 +63,10 @@ def test_only_a_regular_file_is_read(place, words):
         files.read(place, "trace", largest=10)
 
 
-def test_a_file_larger_than_allowed_is_not_read():
+def test_a_file_larger_than_allowed_is_not_read_and_one_of_the_kernel_is_empty():
     assert files.read("file", "trace", largest=3) == b"old"
     with pytest.raises(InputError, match=r"^file: has 3e-06 MB, more than a trace may have \(2e-06 MB\)$"):
         files.read("file", "trace", largest=2)
-
-
-def test_a_file_of_the_kernel_is_empty():
     assert files.read("/proc/kmsg", "trace", largest=3) == b""
 
 
@@ -82,15 +79,11 @@ def test_a_link_stays_and_what_it_leads_to_is_written(folder, link):
     assert (folder / place).read_bytes() == b"new"
 
 
-def test_a_file_that_is_replaced_keeps_its_permissions():
+def test_a_file_that_is_replaced_keeps_its_permissions_and_a_hard_link_what_it_had(folder):
     os.chmod("file", 0o640)
-    files.write("file", b"new")
-    assert stat.S_IMODE(os.stat("file").st_mode) == 0o640
-
-
-def test_a_hard_link_keeps_what_it_had(folder):
     os.link("file", "other")
     files.write("file", b"new")
+    assert stat.S_IMODE(os.stat("file").st_mode) == 0o640
     assert (folder / "other").read_bytes() == b"old"
 
 

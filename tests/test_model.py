@@ -10,13 +10,7 @@ from scipy import special
 
 import stickslip as ss
 from stickslip.errors import InputError
-from stickslip.model import (
-    Delay,
-    Interface,
-    OnArrest,
-    RandomDelay,
-    Slider,
-)
+from stickslip.model import Delay, Interface, OnArrest, RandomDelay, Slider
 from stickslip.model.distributions import Gaussian, Uniform
 
 TENTH = Gaussian(mean=1.0, std=0.1)
@@ -54,13 +48,7 @@ def closed_mean(delay: RandomDelay) -> float:
     """Mean of a Gaussian whose negative draws are clipped, drawn again or folded."""
     z = delay.mean / delay.std
     above = delay.mean * special.ndtr(z) + delay.std * normal(z)  # mean of max(tau, 0)
-    match delay.negative:
-        case "clip":
-            return above
-        case "redraw":
-            return above / special.ndtr(z)
-        case "fold":
-            return 2 * above - delay.mean
+    return {"clip": above, "redraw": above / special.ndtr(z), "fold": 2 * above - delay.mean}[delay.negative]
 
 
 @pytest.mark.parametrize("delay", [d for d in DELAYS if isinstance(d, RandomDelay)], ids=str)
@@ -106,15 +94,11 @@ def test_samples_agree_with_moments(delay):
 
 
 def test_what_becomes_of_negative_draws():
-    n = 50_000
-    below = special.ndtr(-0.2 / 0.12)
-    rng = np.random.default_rng
-    clip, redraw, fold = (
-        RandomDelay(mean=0.2, std=0.12, negative=negative).sample(rng(2), n) for negative in ("clip", "redraw", "fold")
-    )
+    n, below = 50_000, special.ndtr(-0.2 / 0.12)
+    delays = [RandomDelay(mean=0.2, std=0.12, negative=negative) for negative in ("clip", "redraw", "fold")]
+    clip, redraw, fold = (delay.sample(np.random.default_rng(2), n) for delay in delays)
     assert abs(np.mean(clip == 0) - below) < 6 * math.sqrt(below / n)
-    assert not np.any(redraw == 0)
-    assert not np.any(fold == 0)
+    assert not np.any([redraw == 0, fold == 0])
     # Folding and clipping start from the same draws.
     np.testing.assert_array_equal(clip[clip > 0], fold[clip > 0])
 

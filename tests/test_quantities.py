@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from contextlib import suppress
 from fractions import Fraction
 
 import pytest
@@ -20,14 +21,6 @@ def refusal(text, unit="N/m"):
     assert "\n" not in message
     assert len(message) < 200
     return message
-
-
-def outcome(read):
-    """What is read, or the message of the refusal."""
-    try:
-        return read()
-    except InputError as error:
-        return str(error)
 
 
 @pytest.mark.parametrize(
@@ -110,32 +103,21 @@ WRONG = (
 JUNK = [*WRONG.split("|"), "9" * 65, "4 N" + "N" * 100_000, "4." + "0" * 100_000 + " N/m", "(" * 64, "4 " + "N*" * 31]
 
 
-@pytest.mark.parametrize("text", JUNK, ids=lambda text: ascii(text[:20]))
-def test_junk_is_refused_at_once(text):
+def test_junk_is_refused_at_once():
     begun = time.process_time()
-    refusal(text)
-    assert time.process_time() - begun < 2.0  # the first call loads the units
+    for text in JUNK:
+        refusal(text)
+    assert time.process_time() - begun < 2.0
 
 
+PREFIXES = {"": Fraction(1), "k": Fraction(1000), "M": Fraction(10**6), "m": Fraction(1, 1000), "u": Fraction(1, 10**6)}
+UNITS = {"m": (1, 0, 0), "g": (0, 1, 0), "s": (0, 0, 1), "N": (1, 1, -2), "Pa": (-1, 1, -2), "J": (2, 1, -2)}
 SIZES = {
-    "m": (Fraction(1), (1, 0, 0)),
-    "mm": (Fraction(1, 1000), (1, 0, 0)),
-    "um": (Fraction(1, 10**6), (1, 0, 0)),
-    "µm": (Fraction(1, 10**6), (1, 0, 0)),
+    **{p + u: (PREFIXES[p] / (1000 if u == "g" else 1), kind) for p in PREFIXES for u, kind in UNITS.items()},
     "in": (Fraction(254, 10**4), (1, 0, 0)),
-    "kg": (Fraction(1), (0, 1, 0)),
-    "g": (Fraction(1, 1000), (0, 1, 0)),
     "t": (Fraction(1000), (0, 1, 0)),
-    "s": (Fraction(1), (0, 0, 1)),
-    "ms": (Fraction(1, 1000), (0, 0, 1)),
     "min": (Fraction(60), (0, 0, 1)),
-    "h": (Fraction(3600), (0, 0, 1)),
-    "N": (Fraction(1), (1, 1, -2)),
-    "kN": (Fraction(1000), (1, 1, -2)),
-    "MN": (Fraction(10**6), (1, 1, -2)),
     "kgf": (Fraction("9.80665"), (1, 1, -2)),
-    "Pa": (Fraction(1), (-1, 1, -2)),
-    "J": (Fraction(1), (2, 1, -2)),
 }
 """Units in metres, kilograms and seconds: what this test knows of them without a library."""
 
@@ -218,23 +200,16 @@ def test_a_value_written_in_full_is_read_back_the_same(value, unit):
 def test_no_text_takes_long(text):
     begun = time.thread_time()
     for read in (lambda: read_quantity(text, "N", "768 N"), lambda: read_number(text)):
-        said = outcome(read)
-        assert len(said) < 200 if isinstance(said, str) else math.isfinite(said)
+        with suppress(InputError):
+            assert math.isfinite(read())
     assert time.thread_time() - begun < 0.5
 
 
-@pytest.mark.parametrize(
-    ("text", "value"), [("0.5", 0.5), ("-1e3", -1e3), (" 7 ", 7.0), ("+.5", 0.5), ("4.", 4.0), ("007", 7.0)]
-)
-def test_plain_numbers(text, value):
-    assert read_number(text) == value
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "²", "0,5", "1_000", "0x10", "nan", "-infinity", "1e999", "1e-320", "9" * 5000, "1 2", "4 s", "٣", "\u22122"],
-)
-def test_what_is_no_plain_number(text):
-    with pytest.raises(InputError) as caught:
-        read_number(text)
-    assert len(str(caught.value)) < 150
+def test_plain_numbers():
+    well_written = {"0.5": 0.5, "-1e3": -1e3, " 7 ": 7.0, "+.5": 0.5, "4.": 4.0, "007": 7.0}
+    assert {text: read_number(text) for text in well_written} == well_written
+    strange = ["", "²", "0,5", "1_000", "0x10", "nan", "-infinity", "1e999", "1e-320", "9" * 5000, "1 2", "4 s", "٣"]
+    for text in (*strange, "\u22122"):
+        with pytest.raises(InputError) as caught:
+            read_number(text)
+        assert len(str(caught.value)) < 150
