@@ -20,13 +20,12 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.model.distributions import Distribution
 from stickslip.paper.cases import FIG1, interface
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, grid, panel, power
+from stickslip.paper.figure import Claim, Figure, at_least, at_most, near, weighed
+from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, power, table
 
-INITIAL_STDS = (0.01, 0.3)
-THRESHOLD_STDS = (0.1, 0.3)
 DISTANCE = 8.0
 _POINTS = 1600  # of the curves
+_PAIRS = {"initial_std": (0.01, 0.3), "threshold_std": (0.1, 0.3)}
 
 # Widths of the start, from all contacts relaxed alike to the steady state of sliding.
 _STARTS = {"delta": 0.0, "0.01": 0.01, "0.03": 0.03, "0.1": 0.1, "0.3": 0.3, "steady": None}
@@ -54,60 +53,47 @@ _SETTLED = {
 }
 
 
-def _force(initial: float | None, threshold: float, method: Any = ss.model.Renewal(_POINTS)) -> Array:
+def _force(initial: float | None, threshold: float, method: Any = ss.model.Renewal(_POINTS)) -> xr.DataArray:
     """Force on the same positions by any method; by all but `Renewal` contacts remember that they have not broken."""
-    force = ss.rigid_slide(interface(initial, threshold), DISTANCE, method=method)["friction_force"].to_numpy()
+    force = ss.rigid_slide(interface(initial, threshold), DISTANCE, method=method)["friction_force"]
     return force[:: (force.size - 1) // _POINTS]
 
 
-def _late_deviation(distribution: Distribution) -> tuple[float, float]:
+def _late_deviation(name: str) -> xr.DataArray:
     """Largest distance of the force from the kinetic friction within 1 x_s about half way, and at the end."""
-    narrow = replace(FIG1.interface, thresholds=distribution)
+    narrow = replace(FIG1.interface, thresholds=_DISTRIBUTIONS[name])
     run = ss.rigid_slide(narrow, _LATE, method=ss.model.Renewal(12_000))
     far = abs(run["friction_force"] / ss.kinetic_friction(narrow) - 1.0)
-    middle, end = slice(0.5 * _LATE - 0.5, 0.5 * _LATE + 0.5), slice(_LATE - 1.0, None)
-    return float(far.sel(displacement=middle).max()), float(far.sel(displacement=end).max())
+    ends = {"middle": 0.5 * _LATE + 0.5, "end": _LATE}
+    return table(lambda where: far.sel(displacement=slice(ends[where] - 1.0, ends[where])).max(), where=ends)
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     counts = (250, 1000, 4000) if quick else (250, 1000, 4000, 16_000)
-    seeds = range(3 if quick else 6)
+    seeds, stds = range(3 if quick else 6), _PAIRS["threshold_std"]
 
-    def contacts(count: int, seed: int, initial: float, threshold: float, _: Progress) -> dict[str, Array]:
+    def contacts(count: int, seed: int, initial: float, threshold: float, _: Progress) -> dict[str, xr.DataArray]:
         stream = 1000 * list(_SETTLED).index((initial, threshold)) + seed  # of random numbers, for every run
         return {"force": _force(initial, threshold, ss.Contacts(count, seed=stream))}
 
-    starts = np.array([[_force(start, threshold) for threshold in THRESHOLD_STDS] for start in _STARTS.values()])
-    master = starts[[list(_STARTS.values()).index(std) for std in INITIAL_STDS]]
-    remembering = [[_force(i, t, ss.MasterEquation()) for t in THRESHOLD_STDS] for i in INITIAL_STDS]
-    deviation = [_late_deviation(distribution) for distribution in _DISTRIBUTIONS.values()]
-    force = grid(progress, contacts, counts, seeds, INITIAL_STDS, THRESHOLD_STDS)["force"]
-    scatter = np.sqrt(np.mean((force - np.array(remembering)) ** 2, axis=-1))
-    kinetic = [ss.kinetic_friction(interface(0.01, s)) for s in THRESHOLD_STDS]
-    shown, of_force = force[counts.index(FIG1.contacts), 0], "initial_std threshold_std displacement"
-    of_all = "contacts seed initial_std threshold_std"
+    remembering = table(lambda initial, std: _force(initial, std, ss.MasterEquation()), **_PAIRS)
+    starts = table(lambda start, std: _force(_STARTS[start], std), start=_STARTS, threshold_std=stds)
+    kinetic = table(lambda std: ss.kinetic_friction(interface(0.01, std)), threshold_std=stds)
+    force = grid(contacts, progress, contacts=counts, seed=seeds, **_PAIRS)["force"]
+    shown = force.sel(contacts=FIG1.contacts, seed=0, drop=True)
+    scatter = ((force - remembering) ** 2).mean("displacement") ** 0.5
     remember = "force of contacts that remember how far they were stretched, per contact [f_s]"
-    far = "largest relative distance from the kinetic friction [1]"
+    far = f"largest relative distance from the kinetic friction, half way to and at X = {_LATE:g} x_s [1]"
     return dataset(
         {
-            "friction_force": (of_force, master),
-            "F_c_contacts": (of_force, shown, f"force of {FIG1.contacts} contacts, per contact [f_s]"),
-            "F_c_remembering": (of_force, remembering, remember),
-            "F_k": ("threshold_std", kinetic, "kinetic friction, per contact [f_s]"),
-            "scatter": (of_all, scatter, "rms distance of contacts from the master equation [f_s]"),
-            "F_c_start": ("start threshold_std displacement", starts, "friction force by start, per contact [f_s]"),
-            "deviation": ("distribution where", deviation, far),
-        },
-        {
-            "displacement": (np.linspace(0.0, DISTANCE, _POINTS + 1),),
-            "initial_std": (INITIAL_STDS, "standard deviation of initial forces [f_s]"),
-            "threshold_std": (THRESHOLD_STDS, "standard deviation of thresholds [f_s]"),
-            "contacts": (counts, "number of contacts [1]"),
-            "seed": (seeds, "seed [1]"),
-            "start": (list(_STARTS), "start: standard deviation of initial forces, or steady sliding"),
-            "distribution": (list(_DISTRIBUTIONS), "distribution of thresholds"),
-            "where": (["middle", "end"], f"half way to, and at, X = {_LATE:g} x_s"),
-        },
+            "friction_force": table(_force, **_PAIRS),
+            "F_c_contacts": (shown, f"force of {FIG1.contacts} contacts, per contact [f_s]"),
+            "F_c_remembering": (remembering, remember),
+            "F_c_start": (starts, "friction force by start, per contact [f_s]"),
+            "F_k": (kinetic, "kinetic friction, per contact [f_s]"),
+            "scatter": (scatter, "rms distance of contacts from the master equation [f_s]"),
+            "deviation": (table(_late_deviation, distribution=_DISTRIBUTIONS), far),
+        }
     )
 
 
@@ -119,16 +105,17 @@ def _turning_points(force: Array) -> Array:
 
 
 def _scatter(data: xr.Dataset) -> Claim:
-    count = data["contacts"].to_numpy()
-    scaled = data["scatter"] * np.sqrt(data["contacts"])
-    runs = data["scatter"].to_numpy().reshape(count.size, -1)
+    count, scatter = data["contacts"], data["scatter"]
+    scaled = scatter * np.sqrt(count)
+    typical = np.exp(np.log(scatter.to_numpy()).mean(axis=(1, 2, 3)))
     return weighed(
         1,
         "N contacts scatter about the master equation as N^(-1/2)",
-        near("power of N", power(count, np.exp(np.log(runs).mean(axis=1))), -0.5, 0.1),
+        near("power of N", power(count, typical), -0.5, 0.1),
         at_least("smallest rms distance times sqrt(N)", scaled.min(), 0.15, "f_s"),
         at_most("largest rms distance times sqrt(N)", scaled.max(), 0.55, "f_s"),
-        evidence=f"rms over 0 to {DISTANCE:g} x_s in {runs.size} runs of {count.min()} to {count.max()} contacts",
+        evidence=f"rms over 0 to {DISTANCE:g} x_s in {scatter.size} runs of {int(count.min())} to "
+        f"{int(count.max())} contacts",
     )
 
 
@@ -144,7 +131,7 @@ def _limit(data: xr.Dataset) -> Claim:
         at_most(still_on_the_way, fall, 0.1),
         near("F_k, standard deviation .1", narrow, 0.505, 1e-5, "f_s"),
         near("F_k, standard deviation .3", wide, 0.54498, 1e-5, "f_s"),
-        evidence=f"{end.size} distributions ({', '.join(map(str, data['distribution'].values))}); F_k in closed form",
+        evidence=f"{end.size} distributions ({', '.join(_DISTRIBUTIONS)}); F_k in closed form",
     )
 
 
@@ -154,7 +141,7 @@ def _steady_start(data: xr.Dataset) -> Claim:
         3,
         "started in the steady state Q_s, the force does not depend on X",
         at_most("largest distance from F_k", far, 1e-6, "f_s"),
-        evidence=f"0 to {DISTANCE:g} x_s; thresholds with standard deviations {' and '.join(map(str, THRESHOLD_STDS))}",
+        evidence=f"0 to {DISTANCE:g} x_s; thresholds with standard deviations 0.1 and 0.3",
     )
 
 
@@ -163,7 +150,7 @@ def _delta_start(data: xr.Dataset) -> Claim:
     oscillations = np.array([[np.subtract(*_turning_points(force)) for force in start] for start in starts])
     measured = [
         at_least(f"oscillation from a delta start over that from .01, thresholds {t:g}", ratio, 1.0)
-        for t, ratio in zip(THRESHOLD_STDS, oscillations[0] / oscillations[1], strict=True)
+        for t, ratio in zip(data["threshold_std"].values, oscillations[0] / oscillations[1], strict=True)
     ]
     for (initial, threshold), settled in _SETTLED.items():
         force = data["friction_force"].sel(initial_std=initial, threshold_std=threshold).to_numpy()

@@ -3,10 +3,9 @@
 Velocities at which stick-slip begins and ends on a ramp, against the rate of ageing, with fits to its square, and the
 linear stability limit of smooth sliding.
 
-Without inertia and damping that would be exact: the contacts know only ``v/beta^2``. Each ramp starts from smooth
-sliding and takes the same time in units of ``beta^-2``. Beside the ramps stands the velocity at which smooth sliding
-loses stability, which takes no run. Where it regains stability is another matter than ``v2``: on the way there the
-oscillation fades to nothing, and ``v2`` is where it falls below a level.
+Without inertia and damping that would be exact: the contacts know only ``v/beta^2``. Each ramp takes the same time in
+units of ``beta^-2``. Where smooth sliding regains stability is another matter than ``v2``, at which the oscillation
+falls below a level.
 """
 
 from __future__ import annotations
@@ -17,49 +16,42 @@ import xarray as xr
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG10, aged
-from stickslip.paper.figure import Claim, Figure, Progress, between, extremes, near, weighed
-from stickslip.paper.kit import Picture, dataset, grid, panel, power
+from stickslip.paper.figure import Claim, Figure, between, extremes, near, weighed
+from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, power, table
 from stickslip.paper.ramps import LEVEL, V1_SCALED, V2_SCALED, ramped
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    rates = np.array((0.8, 2.0) if quick else (0.8, 1.0, 1.25, 1.5, 2.0))
-    seeds = (1, 2)  # of one ramp v2 scatters by .02 beta^2
+    rates = (0.8, 2.0) if quick else (0.8, 1.0, 1.25, 1.5, 2.0)
 
-    def ends(rate: float, seed: int, progress: Progress) -> dict[str, float]:
+    def ends(rate: float, seed: int, progress: Progress) -> xr.Dataset:
         unit = rate**2
         time = (0.6 if quick else 1.0) / unit
         drive = ss.ramp(0.25 * unit, 0.6 * unit, 500.0 * time).then(ss.ramp(0.6 * unit, 1.7 * unit, 250.0 * time))
         method = ss.Contacts(FIG10.contacts, seed=seed)
-        _, seen = ramped(aged(FIG10, rate).replace(drive=drive), method, progress, interval=0.02 / unit, level=LEVEL)
-        return {name: float(seen[name]) for name in ("v1", "v2")}
+        run = ramped(aged(FIG10, rate).replace(drive=drive), method, progress, interval=0.02 / unit, level=LEVEL)
+        return run[["v1", "v2"]]
 
-    seen = grid(progress, ends, rates.tolist(), seeds)
-    linear = [ss.stability.onset(aged(FIG10, r), "velocity", between=(0.25 * r**2, 0.6 * r**2)) for r in rates.tolist()]
-    return dataset(
-        {
-            "v1": ("rate seed", seen["v1"], "v1, onset on the way up [x_s/time]"),
-            "v2": ("rate seed", seen["v2"], "v2, end on the way up [x_s/time]"),
-            "v1_linear": ("rate", linear, "v1: smooth sliding loses stability (linear) [x_s/time]"),
-        },
-        {"rate": (rates, "rate of ageing β [1/sqrt(time)]"), "seed": (seeds, "seed [1]")},
-    )
+    def linear(rate: float) -> float:
+        return ss.stability.onset(aged(FIG10, rate), "velocity", between=(0.25 * rate**2, 0.6 * rate**2))
+
+    seen = grid(ends, progress, rate=rates, seed=(1, 2))  # of one ramp v2 scatters by .02 beta^2
+    return dataset(dict(seen) | {"v1_linear": table(linear, rate=rates)})
 
 
 def _squares(data: xr.Dataset) -> Claim:
-    rates = data["rate"].to_numpy()
-    square = data["rate"] ** 2
+    rates, square = data["rate"], data["rate"] ** 2
     ramps = f"mean of {data.sizes['seed']} ramps"
     measured = []
     for name, band in (("v1", V1_SCALED), ("v2", V2_SCALED)):
         velocity = data[name].mean("seed", skipna=False)
         measured += [
-            *extremes(f"{name}/beta^2, {ramps}", (velocity / square).to_numpy(), *band),
+            *extremes(f"{name}/beta^2, {ramps}", velocity / square, *band),
             between(f"slope of log {name} against log beta", power(rates, velocity), 1.9, 2.15),
         ]
     linear = data["v1_linear"]
     measured += [
-        *extremes("v1/beta^2, smooth sliding loses stability (linear)", (linear / square).to_numpy(), *V1_SCALED),
+        *extremes("v1/beta^2, smooth sliding loses stability (linear)", linear / square, *V1_SCALED),
         near("slope of log v1 (linear) against log beta", power(rates, linear), 2.0, 0.02),
     ]
     return weighed(
@@ -74,7 +66,7 @@ def _squares(data: xr.Dataset) -> Claim:
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
     direct, scaled = picture.subplots(1, 2)
-    rates = data["rate"].to_numpy()
+    rates = data["rate"]
     fine = np.linspace(0.6, 2.15, 100)
     for name, colour, mark in (("v1", plot.BLUE, "o"), ("v2", plot.VERMILLION, "s")):
         values, each = data[name].mean("seed"), (data[name] / data["rate"] ** 2).transpose("rate", "seed")

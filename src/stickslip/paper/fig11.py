@@ -4,11 +4,9 @@ Friction on a ramp of the velocity (a); force on newborn contacts pulled at cons
 contacts (b); its steepest decrease, the effective stiffness, against the velocity (c). Red: where it equals the
 stiffness of the spring.
 
-The paper does not define ``K_eff(v)``. Here all contacts are newborn at the start, the slider is pulled rigidly at a
-constant velocity, and ``K_eff`` is the steepest decrease of the force, ``max(-dF/dX)``. N contacts in small exact steps
-check the renewal equation that gives the force; they come from sliding so fast that all are as good as newborn. A slope
-taken over a finite distance is smaller, by its square: over .065 x_s the values are 3.21, 2.22 and .91 (at v = .1, .3,
-.5), which another study of the model found.
+The paper does not define ``K_eff(v)``. Here it is the steepest decrease of the force, ``max(-dF/dX)``. The N contacts
+come from sliding so fast that all are as good as newborn. A slope taken over a finite distance is smaller, by its
+square: over .065 x_s it is what another study of the model found.
 """
 
 from __future__ import annotations
@@ -22,79 +20,77 @@ from scipy import optimize
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.paper.cases import FIG11
-from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, grid, panel, portions
-from stickslip.paper.ramps import LEVEL, TRACES, V1_SCALED, V2_SCALED, ramped
+from stickslip.paper.figure import Claim, Figure, at_most, between, near, weighed
+from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, shade, table
+from stickslip.paper.ramps import LEVEL, V1_SCALED, V2_SCALED, ramped
 
 _CONVERGED = {0.1: 3.309, 0.3: 2.260, 0.5: 0.9205, 0.8: 0.1122}
 """Velocities, and the slopes there, converged in the grid of gaps, of ages and of the way."""
 _SMOOTHED = {0.1: 3.21, 0.3: 2.22, 0.5: 0.91}
-_KNOWN = tuple(_CONVERGED)
 _WAY = 0.065
 _DISTANCE, _SPACING = 1.6, 0.0025
 _FAST = 20.0  # of sliding in which contacts hold a thousandth of what they hold at rest
 _EACH_WAY = 200.0
 
 
-def _pulled(velocity: float) -> tuple[Array, Array]:
-    """Positions of a slider of constant velocity, and the force of contacts that were all newborn at its start."""
-    return theory.newborn_pull(FIG11.interface, velocity, _DISTANCE, round(_DISTANCE / _SPACING))
+def _pulled(velocity: float) -> xr.DataArray:
+    """Force of contacts that were all newborn where a slider of constant velocity started, against its displacement."""
+    X, force = theory.newborn_pull(FIG11.interface, velocity, _DISTANCE, round(_DISTANCE / _SPACING))
+    return xr.DataArray(force, {"displacement": X}, ("displacement",))
 
 
-def _steepest(X: Array, force: Array, way: float) -> float:
+def _steepest(force: xr.DataArray, way: float) -> float:
     """Steepest decrease of the force, taken over a displacement."""
-    span = max(round(way / (X[1] - X[0])), 2)
-    return float(np.max(force[:-span] - force[span:]) / (X[span] - X[0]))
+    span = max(round(way / _SPACING), 2)
+    return float(np.max(force.values[:-span] - force.values[span:])) / (span * _SPACING)
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    velocities = np.array(_KNOWN) if quick else np.round(np.arange(0.05, 1.21, 0.05), 2)
+    velocities = list(_CONVERGED) if quick else np.round(np.arange(0.05, 1.21, 0.05), 2).tolist()
     count = 4_000 if quick else 100_000
     first, second = portions(progress, 1.0, 1.0)
-    curves = [_pulled(v) for v in velocities.tolist()]
-    stiffness, smoothed = ([_steepest(*curve, way) for curve in curves] for way in (0.0, _WAY))
-    crossing = optimize.brentq(lambda v: _steepest(*_pulled(v), 0.0) - FIG11.slider.stiffness, 0.3, 0.8, xtol=1e-5)
-    X = curves[0][0]
-    coarse = X[19::20]
+    crossing = optimize.brentq(lambda v: _steepest(_pulled(v), 0.0) - FIG11.slider.stiffness, 0.3, 0.8, xtol=1e-5)
+    curves = table(_pulled, velocity=velocities)
+    coarse = curves["displacement"].values[19::20]
 
-    def checked(v: float, _: Progress) -> dict[str, Array]:
+    def checked(v: float, _: Progress) -> dict[str, Any]:
         step: dict[str, Any] = {"before": _FAST, "after": v, "distance": _DISTANCE, "points": 64}
         run = ss.velocity_step(FIG11.interface, method=ss.Contacts(count, seed=11), **step)
-        return {"F_contacts": np.interp(coarse, run["displacement"], run["friction_force"])}
+        return {"F_contacts": ("X_checked", np.interp(coarse, run["displacement"], run["friction_force"]))}
 
-    newborns = grid(first, checked, _KNOWN)["F_contacts"]
+    newborns = grid(checked, first, checked=_CONVERGED)["F_contacts"]
     rig = FIG11.rig.replace(drive=ss.ramp(0.05, 1.8, _EACH_WAY))
-    run, seen = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=LEVEL)
+    run = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=LEVEL)
     unstable = [edge.value for edge in ss.critical(FIG11.rig, "velocity", between=(0.25, 2.0)).edges[:2]]
+    slopes, smoothed = (
+        table(lambda v, way=way: _steepest(curves.sel(velocity=v), way), velocity=velocities) for way in (0.0, _WAY)
+    )
     of_newborns = "force of newborn contacts, per contact [f_s]"
     return dataset(
-        {name: ("time", run[name]) for name in TRACES}
-        | {
-            "friction_force": ("velocity displacement", [force for _, force in curves], of_newborns),
-            "F_contacts": ("checked X_checked", newborns, of_newborns),
-            "K_eff": ("velocity", stiffness, "effective stiffness per contact [k]"),
-            "K_eff_smoothed": ("velocity", smoothed, f"effective stiffness per contact, over {_WAY:g} x_s [k]"),
-            "crossing": ("", crossing, "velocity at which K_eff = K [x_s/time]"),
-            "v1_ramp": ("", seen["v1"], "onset on the ramp [x_s/time]"),
-            "v2_ramp": ("", seen["v2"], "end on the ramp [x_s/time]"),
+        {
+            **run,
+            "friction_force": (curves, of_newborns),
+            "F_contacts": (newborns, of_newborns),
+            "K_eff": (slopes, "effective stiffness per contact [k]"),
+            "K_eff_smoothed": (smoothed, f"effective stiffness per contact, over {_WAY:g} x_s [k]"),
+            "crossing": (crossing, "velocity at which K_eff = K [x_s/time]"),
             "unstable": ("end", unstable, "where smooth sliding is unstable (linear) [x_s/time]"),
         },
         {
             "velocity": (velocities, "velocity [x_s/time]"),
-            "displacement": (X, "displacement of the slider [x_s]"),
-            "checked": (_KNOWN, "velocity [x_s/time]"),
+            "displacement": (curves["displacement"], "displacement of the slider [x_s]"),
+            "checked": (list(_CONVERGED), "velocity [x_s/time]"),
             "X_checked": (coarse, "displacement of the slider [x_s]"),
-            "time": (run["time"],),
-            "end": (["low", "high"], "end of the range"),
+            "end": ["low", "high"],
         },
         count=count,
     )
 
 
 def _crossing(data: xr.Dataset) -> Claim:
-    crossing, v1, v2 = (float(data[name]) for name in ("crossing", "v1_ramp", "v2_ramp"))
+    crossing, v1, v2 = (float(data[name]) for name in ("crossing", "v1", "v2"))
     low, high = data["unstable"].to_numpy().tolist()
-    there = data.sel(velocity=list(_KNOWN))
+    there = data.sel(velocity=list(_CONVERGED))
     falls = float(data["K_eff"].diff("velocity").max())
     exact, smoothed, over = there["K_eff"], there["K_eff_smoothed"], f"K_eff over {_WAY:g} x_s at v ="
     slopes = [near(f"K_eff at v = {v:g}", exact.sel(velocity=v), k, 0.005 * k, "k") for v, k in _CONVERGED.items()]
@@ -127,17 +123,15 @@ def _crossing(data: xr.Dataset) -> Claim:
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
     friction, curves, stiffness = picture.subplot_mosaic("aa;bc").values()
-    low, high = data["unstable"].to_numpy()
-    K, crossing, v2 = FIG11.slider.stiffness, float(data["crossing"]), float(data["v2_ramp"])
+    K, crossing, v2 = FIG11.slider.stiffness, float(data["crossing"]), float(data["v2"])
 
     friction.plot(data["drive_velocity"], data["spring_force"], color=plot.BLUE, linewidth=0.4)
-    friction.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
-    friction.text(0.5 * (low + high), 1.0, "smooth sliding unstable", ha="center", va="top", fontsize=8)
+    shade(friction, data["unstable"], "smooth sliding unstable", 0.92)
     friction.axvline(crossing, color=plot.VERMILLION, linewidth=0.9, linestyle="--")
     title, limits = "(a) friction on a ramp", {"xlim": (0.0, 1.5), "ylim": (-0.55, 1.02)}
     panel(friction, title, data["drive_velocity"], data["spring_force"], **limits)
 
-    for v, colour in zip(_KNOWN, plot.PALETTE, strict=False):
+    for v, colour in zip(_CONVERGED, plot.PALETTE, strict=False):
         force = data["friction_force"].sel(velocity=v)
         curves.plot(data["displacement"], force, color=colour, label=f"$v$ = {v:g}")
         curves.plot(data["X_checked"], data["F_contacts"].sel(checked=v), "o", color=colour, markersize=2)

@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 import stickslip as ss
 from stickslip import plot, theory
 from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2, FIG5
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, weighed
-from stickslip.paper.kit import Picture, dataset, panel
+from stickslip.paper.figure import Claim, Figure, at_least, at_most, near, weighed
+from stickslip.paper.kit import DASHED, Picture, Progress, dataset, panel
 from stickslip.rigid import effective_stiffness
 
 STIFF = 5.0
@@ -45,29 +45,28 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     progress(0.5)
     X, force, rate = (run[name].to_numpy() for name in ("displacement", "friction_force", "breaking_rate"))
     X_star, drive = first_instability(interface, slider.stiffness)
-    forever = first_instability(FIG5.interface, slider.stiffness)
     onset = np.interp(_ONSET, cumulative_trapezoid(rate, X, initial=0), X)
     begin = onset + np.interp(onset, X, force) / slider.stiffness
     drives = np.array([begin, drive, 2.0 * drive - begin])
     # The slider lands where the line of the spring meets the force again, inertia aside.
     landing = X[(X_star + 1e-3 < X) & (slider.stiffness * (drive - X) < force)][0]
     potential = [theory.effective_potential(slider, X, force, d) for d in drives]
-    instability = "slider and drive at the elastic instability"
+    instability = [(X_star, drive), first_instability(FIG5.interface, slider.stiffness)]
+    both = "slider and drive at the elastic instability [x_s]"
     return dataset(
         {
-            "friction_force": ("displacement", force),
-            "K_eff": ("displacement", -run["stiffness"], "effective stiffness, per contact [k]"),
-            "V_eff": ("drive displacement", potential, "effective potential, per contact [f_s x_s]"),
+            "friction_force": run["friction_force"],
+            "K_eff": (-run["stiffness"], "effective stiffness, per contact [k]"),
+            "V_eff": (("drive", "displacement"), potential, "effective potential, per contact [f_s x_s]"),
             "point": ("which", [onset, X_star, landing], "displacement at the points of the figure [x_s]"),
-            "instability": ("reattachment quantity", [(X_star, drive), forever], f"{instability} [x_s]"),
-            "K_critical": ("", ss.critical_stiffness(interface), "critical stiffness, per contact [k]"),
+            "instability": (("reattachment", "quantity"), instability, both),
+            "K_critical": (ss.critical_stiffness(interface), "critical stiffness, per contact [k]"),
         },
         {
-            "displacement": (X,),
             "drive": (drives, "position of the drive [x_s]"),
-            "which": (["contacts start to break", "instability", "landing"], "point"),
-            "reattachment": (["at once", "never"], "when broken contacts re-attach"),
-            "quantity": (["slider", "drive"], "quantity"),
+            "which": ["contacts start to break", "instability", "landing"],
+            "reattachment": ["at once", "never"],
+            "quantity": ["slider", "drive"],
         },
         stiffness=slider.stiffness,
     )
@@ -120,8 +119,8 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     ):
         line = point + np.array(end)
         left.plot(line, K * (drive - line), color=colour, linestyle=style, linewidth=1.0)
-        _draw_point(left, name, (point, float(np.interp(point, X, force))), offset, colour)
-    left.plot(landing, np.interp(landing, X, force), "o", markerfacecolor="white", color=plot.VERMILLION, markersize=5)
+        _draw_point(left, name, (point, float(force.interp(displacement=point))), offset, colour)
+    left.plot(landing, force.interp(displacement=landing), "o", mfc="white", color=plot.VERMILLION, markersize=5)
     left.text(1.09, 0.43, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
     panel(left, rf"(a) $K$ = {K:g} $k$", X, force, xlim=(0, 1.6), ylim=(0, 1.1))
 
@@ -131,7 +130,7 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
         (critical, rf"$K^*$ = {critical:.3f} $k$", plot.BLACK),
         (K, rf"$K$ = {K:g} $k$: soft", plot.VERMILLION),
     ):
-        right.axhline(value, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
+        right.axhline(value, color=colour, linewidth=0.9, linestyle=DASHED)
         right.text(0.02, value + 0.08, text, color=colour, fontsize=8)
     right.fill_between(X, K, K_eff, where=K_eff > K, color=plot.VERMILLION, alpha=0.25, linewidth=0)
     _draw_point(right, "2", (at, K), (-9, 3), plot.VERMILLION)
@@ -146,17 +145,15 @@ def _draw_point(ax: Axes, name: str, at: tuple[float, float], offset: tuple[floa
 
 def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
     """The effective potential before, at and after the instability, with the slider where it rests."""
-    X = data["displacement"].to_numpy()
-    near_point = (X > 0.55) & (X < 1.35)
-    names = ("$t < t^*$", "$t^*$", "$t > t^*$")
-    for i, (colour, name) in enumerate(zip((plot.GREY, plot.VERMILLION, plot.BLACK), names, strict=True)):
-        V = data["V_eff"].to_numpy()[i]
-        V = V - float(np.interp(float(data["point"][1]), X, V)) - 0.09 * i
-        ax.plot(X[near_point], V[near_point], color=colour, linewidth=1.0)
-        ax.text(1.38, V[near_point][-1], name, color=colour, fontsize=7, va="center")
-        if i < 2:
-            at = float(data["point"][i])
-            ax.plot(at, np.interp(at, X, V), "o", color=colour, markersize=4)
+    V = data["V_eff"] - data["V_eff"].interp(displacement=float(data["point"][1]))
+    near_point = V.sel(displacement=slice(0.55, 1.35))
+    names, rests = ("$t < t^*$", "$t^*$", "$t > t^*$"), [*data["point"].values[:2], None]
+    for i, (colour, name, at) in enumerate(zip((plot.GREY, plot.VERMILLION, plot.BLACK), names, rests, strict=True)):
+        line = near_point[i] - 0.09 * i
+        ax.plot(line["displacement"], line, color=colour, linewidth=1.0)
+        ax.text(1.38, float(line[-1]), name, color=colour, fontsize=7, va="center")
+        if at is not None:
+            ax.plot(at, line.interp(displacement=at), "o", color=colour, markersize=4)
     ax.set(xticks=[0.6, 0.9, 1.2], yticks=[], xlim=(0.5, 1.72))
     ax.tick_params(labelsize=7)
     ax.set_xlabel(r"$X$ ($x_\mathrm{s}$)", fontsize=7, labelpad=1)

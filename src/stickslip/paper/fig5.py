@@ -6,6 +6,8 @@ the instability beside Eq. (12).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
@@ -14,10 +16,10 @@ from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, weighed
-from stickslip.paper.kit import Picture, dataset, panel, portions
+from stickslip.paper.figure import Claim, Figure, Measured, at_most, between, near, weighed
+from stickslip.paper.kit import DASHED, Picture, Progress, dataset, grid, panel, portions
 
-_TRACES = ("displacement", "velocity", "spring_force", "friction_force")
+_TRACES = ["displacement", "velocity", "spring_force", "friction_force"]
 _DAMPINGS = {"200": FIG5.slider.damping, "0.3 Omega": 0.3 * FIG5.slider.frequency, "0": 0.0}
 """Of the slider of Fig. 5, of that of Figs. 6 and 7, and none."""
 _AROUND = 1.0
@@ -25,40 +27,42 @@ _AROUND = 1.0
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    parts = portions(progress, *[1.0] * 4)
-    output = ss.Output(interval=2e-4 if quick else 5e-5)
-    master = ss.MasterEquation(rtol=1e-4 if quick else 1e-5)
-
-    def run(method: Method, damping: float = FIG5.slider.damping) -> xr.Dataset:
-        rig = FIG5.rig.replace(damping=damping, drive=ss.constant(FIG5.velocity, 1.6))
-        return ss.simulate(rig, method=method, output=output, progress=next(parts))
-
-    own, contacts = run(master), run(ss.Contacts(FIG5.contacts if quick else 100 * FIG5.contacts, seed=5))
-    solvers = {"master equation": own, "contacts": contacts}
-    runs = [own, *(run(master, damping) for damping in list(_DAMPINGS.values())[1:])]
+    first, second = portions(progress, 1.0, 3.0)
     X_star, drive = first_instability(FIG5.interface, FIG5.slider.stiffness)
     phase = np.linspace(0.0, 6.0, 121)
     elapsed = phase / FIG5.slider.frequency
-    passed = [_passes(one, X_star) for one in runs]
-    velocities = [float(one["velocity"].interp(time=start)) for start, one in zip(passed, runs, strict=True)]
-    slips = [one["displacement"].interp(time=t + elapsed) - X_star for t, one in zip(passed, runs, strict=True)]
-    actual = [theory.slip_displacement(FIG5.slider, velocity, elapsed) for velocity in velocities]
+
+    def run(method: Method, damping: float, progress: Progress) -> xr.Dataset:
+        rig = FIG5.rig.replace(damping=damping, drive=ss.constant(FIG5.velocity, 1.6))
+        output = ss.Output(interval=2e-4 if quick else 5e-5)
+        return ss.simulate(rig, method=method, output=output, progress=progress)[_TRACES]
+
+    def slip(damping: str, progress: Progress) -> dict[Any, Any]:
+        made = run(ss.MasterEquation(rtol=1e-4 if quick else 1e-5), _DAMPINGS[damping], progress)
+        passed = _passes(made, X_star)
+        velocity = float(made["velocity"].interp(time=passed))
+        gone = made["displacement"].interp(time=passed + elapsed).to_numpy() - X_star
+        eq_12 = theory.slip_displacement(FIG5.slider, velocity, elapsed)
+        return dict(made) | {"passed": passed, "slip": ("phase", gone), "slip_actual": ("phase", eq_12)}
+
+    contacts = run(ss.Contacts(FIG5.contacts if quick else 100 * FIG5.contacts, seed=5), FIG5.slider.damping, first)
+    seen = grid(slip, second, damping=_DAMPINGS)
+    solvers = xr.concat([seen[_TRACES].sel(damping="200", drop=True), contacts], "solver")
     printed = theory.slip_displacement(FIG5.slider, FIG5.velocity, elapsed)
     by_slider = "displacement by Eq. (12) with the slider's velocity at the instability [x_s]"
     return dataset(
-        {name: ("solver time", [one[name] for one in solvers.values()]) for name in _TRACES}
+        dict(solvers)
         | {
-            "slip": ("damping phase", slips, "displacement since the instability [x_s]"),
+            "velocity": (solvers["velocity"], "velocity of the slider [v_d]"),
+            "slip": (seen["slip"], "displacement since the instability [x_s]"),
             "slip_printed": ("phase", printed, "displacement by Eq. (12) with the drive's velocity [x_s]"),
-            "slip_actual": ("damping phase", actual, by_slider),
-            "passed": ("damping", passed, "time at which the slider passes X* [time]"),
-            "velocity_passed": ("damping", velocities, "velocity at which the slider passes X* [v_d]"),
-            "X_star": ("", X_star, "displacement at the quasi-static instability [x_s]"),
-            "t_star": ("", drive / FIG5.velocity, "time of the quasi-static instability [time]"),
+            "slip_actual": (seen["slip_actual"], by_slider),
+            "passed": (seen["passed"], "time at which the slider passes X* [time]"),
+            "X_star": (X_star, "displacement at the quasi-static instability [x_s]"),
+            "t_star": (drive / FIG5.velocity, "time of the quasi-static instability [time]"),
         },
         {
-            "time": (own["time"],),
-            "solver": (list(solvers), "solver"),
+            "solver": ["master equation", "contacts"],
             "damping": (list(_DAMPINGS), "damping eta, in v_d/x_s"),
             "phase": (phase, "time since the instability, times Omega [1]"),
         },
@@ -103,40 +107,36 @@ def _slip_by_eq_12(data: xr.Dataset) -> Claim:
 
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
     (forces, position), (velocity, ratio) = picture.subplots(2, 2)
-    run = data.sel(solver="master equation").sel(time=slice(0.9, 1.5))
+    run = data.sel(solver="master equation", time=slice(0.9, 1.5))
     t, t_star, X_star = run["time"], float(data["t_star"]), float(data["X_star"])
-    passed = float(data["passed"][0])
+    passed, within = float(data["passed"][0]), {"xlim": (0.9, 1.5)}
 
     surplus = run["spring_force"] - run["friction_force"]
     forces.plot(t, run["spring_force"], color=plot.BLUE, label=r"$F_\mathrm{d}$")
     forces.plot(t, run["friction_force"], color=plot.VERMILLION, label=r"$F_\mathrm{c}$")
     forces.plot(t, surplus, color=plot.BLACK, label=r"$F_\mathrm{d} - F_\mathrm{c}$")
-    words = plot.label(run["spring_force"].assign_attrs(long_name="force per contact"))
-    panel(forces, "(a)", data["time"], words, xlim=(0.9, 1.5))
+    panel(forces, "(a)", t, run["spring_force"].assign_attrs(long_name="force per contact"), **within)
     plot.legend_above(forces)
 
     position.plot(t, run["displacement"], color=plot.GREEN)
-    after = passed + data["phase"].to_numpy() / FIG5.slider.frequency
-    for slip, colour, style, text in (
-        (data["slip_actual"][0], plot.BLACK, (0, (5, 2)), "Eq. (12), actual velocity"),
-        (data["slip_printed"], plot.ORANGE, (0, (1.5, 1.5)), r"Eq. (12), $v_\mathrm{d}$, as printed"),
-    ):
-        position.plot(after, X_star + slip, color=colour, linestyle=style, label=text)
+    after = passed + data["phase"] / FIG5.slider.frequency
+    actual, printed = X_star + data["slip_actual"][0], X_star + data["slip_printed"]
+    position.plot(after, actual, color=plot.BLACK, linestyle=DASHED, label="Eq. (12), actual velocity")
+    words = r"Eq. (12), $v_\mathrm{d}$, as printed"
+    position.plot(after, printed, color=plot.ORANGE, linestyle=":", label=words)
     position.plot(passed, X_star, "o", color=plot.GREEN, markersize=4)
     position.annotate("$X^*$", (passed, X_star), xytext=(6, -9), textcoords="offset points")
-    limits = {"xlim": (0.9, 1.5), "ylim": (0.5, 1.7)}
-    panel(position, "(b)", data["time"], data["displacement"], "upper left", **limits)
+    panel(position, "(b)", t, data["displacement"], "upper left", **within, ylim=(0.5, 1.7))
 
     velocity.plot(t, run["velocity"], color=plot.GREEN)
-    panel(velocity, "(c)", data["time"], plot.label(data["velocity"], units="v_d"), xlim=(0.9, 1.5))
+    panel(velocity, "(c)", t, data["velocity"], **within)
     for ax in (forces, position, velocity):
         ax.axvline(t_star, color=plot.GREY, linewidth=0.8, linestyle="--")
     forces.text(t_star - 0.01, 0.45, "$t^*$", ha="right", color=plot.GREY)
 
-    later = data.sel(phase=slice(0.02, None))
     names = (r"$\eta$ = 200", r"$\eta$ = 0.3 $\Omega$", r"$\eta$ = 0")
     for eta, colour, name in zip(_DAMPINGS, plot.PALETTE, names, strict=False):
-        one = later.sel(damping=eta)
+        one = data.sel(damping=eta, phase=slice(0.02, None))
         ratio.plot(one["phase"], one["slip"] / one["slip_actual"], color=colour, label=name)
         ratio.plot(one["phase"], one["slip"] / one["slip_printed"], color=colour, linestyle="--")
     ratio.axhspan(0.9, 1.1, color=plot.GREY, alpha=0.25, linewidth=0)

@@ -4,15 +4,15 @@ Critical delay against the mass of the slider (a), the velocity of the drive (b)
 slip persists from a narrow start (nonlinear). Squares: smooth sliding is unstable (linear). Blue lines are fits,
 dotted outside the range fitted; in (c) the two fits are one curve of M v^2.
 
-The paper's ``tau*`` is where stick-slip persists from a narrow start: nonlinear, "sustained" here. Beside it
-stands the linear critical delay, at which smooth sliding itself becomes unstable. Time can be measured in ``x_s/v``:
-then Eq. (11) holds the velocity only in ``M v^2``, so that (a) and (b) are one curve.
+The paper's ``tau*`` is the nonlinear one. With time in ``x_s/v`` Eq. (11) holds the velocity only in ``M v^2``: (a) and
+(b) are one curve.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,25 +22,25 @@ from matplotlib.axes import Axes
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG4, FIG6, slider
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, between, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, grid, panel, portions
+from stickslip.paper.figure import Claim, Figure, Measured, at_least, at_most, between, near, weighed
+from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, portions
 
 _MASS = FIG6.slider.mass
 _slider = functools.partial(slider, FIG6.slider.stiffness)
-_FITTED = 1e-3  # largest mass in the fit
+_FITTED = 1e-3 * (1 + 1e-9)  # largest mass in the fit, and what rounding adds
 # About where tau* v is expected, to start the search: A1 + A2 (M v^2)^(1/3). The answer does not depend on it.
 _EXPECTED = (0.05, 0.55)
 _A1, _A2 = (0.047, 0.054), (0.47, 0.57)
 
 
 @functools.cache  # some cases are in several panels
-def _delays(slider: ss.Slider, velocity: float, tolerance: float) -> tuple[float, float]:
+def _delays(slider: ss.Slider, velocity: float, tolerance: float) -> dict[str, float]:
     """Sustained (nonlinear) and linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(slider.mass * velocity**2)) / velocity
     rig = ss.Rig(FIG6.interface, slider, ss.constant(velocity))
     linear = ss.stability.onset(rig, "delay", between=(1e-3 / velocity, 1e2 / velocity))
     (window,) = ss.sustained(rig, "delay", between=(0.7 * guess, min(4 * guess, 1.01 * linear)), tolerance=tolerance)
-    return window.low.value, linear
+    return {"sustained": window.low.value, "linear": linear}
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -48,59 +48,55 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     masses = (1e-6, _MASS, 1e-3) if quick else (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
     velocities = (1.0, 3.0) if quick else (0.1, 0.2, 0.4, 0.7, 1.0, 1.7, 3.0, 5.0, 10.0)
     ratios = (0.3, 1.0) if quick else (0.1, 0.3, 1.0, 2.0)
-    at_same = ", at velocity 1 and the mass M v^2"
-    curves = (
-        ("by_mass", "mass", "", [(_slider(0.3, mass), 1.0) for mass in masses]),
-        ("by_velocity", "velocity", "", [(FIG6.slider, v) for v in velocities]),
-        ("at_same_M_v2", "velocity", at_same, [(_slider(0.3, _MASS * v**2), 1.0) for v in velocities]),
-        ("by_ratio", "ratio", "", [(_slider(ratio), 1.0) for ratio in ratios]),
-    )
-    sustained = "critical delay tau*: the shortest with which stick-slip persists from a narrow start (nonlinear)"
-    linear = "linear critical delay: the shortest with which smooth sliding is unstable"
-    delays: dict[str, tuple[Any, ...]] = {}
-    parts = portions(progress, *[len(cases) for *_, cases in curves], 1.0)
-    for name, along, words, cases in curves:
-        both = grid(next(parts), lambda case, _: {"": _delays(*case, tolerance)}, cases)[""]
-        delays[f"sustained_{name}"] = (along, both[:, 0], f"{sustained}{words} [time]")
-        delays[f"linear_{name}"] = (along, both[:, 1], f"{linear}{words} [time]")
-    eta_200, _ = _delays(FIG4.slider, 1.0, tolerance)
-    v = np.array(velocities)
+    words = {
+        "sustained": "critical delay tau*: the shortest with which stick-slip persists from a narrow start (nonlinear)",
+        "linear": "linear critical delay: the shortest with which smooth sliding is unstable",
+    }
+    parts = portions(progress, len(masses), len(velocities), len(velocities), len(ratios), 1.0)
+
+    def curve(name: str, case: Callable[[float], tuple[ss.Slider, float]], **axis: Sequence[float]) -> dict[str, Any]:
+        found = grid(lambda x, _: _delays(*case(x), tolerance), next(parts), **axis)
+        return {f"{kind}_{name}": (found[kind], f"{text} [time]") for kind, text in words.items()}
+
+    delays = curve("by_mass", lambda mass: (_slider(0.3, mass), 1.0), mass=masses)
+    delays |= curve("by_velocity", lambda v: (FIG6.slider, v), velocity=velocities)
+    delays |= curve("at_same_M_v2", lambda v: (_slider(0.3, _MASS * v**2), 1.0), velocity=velocities)
+    delays |= curve("by_ratio", lambda ratio: (_slider(ratio), 1.0), ratio=ratios)
+    eta_200 = _delays(FIG4.slider, 1.0, tolerance)["sustained"]
+    v = delays["sustained_by_velocity"][0]
     fits = [
-        _fit(np.array(masses), delays["sustained_by_mass"][1]),
-        _fit(_MASS * v**2, delays["sustained_by_velocity"][1] * v),
+        _fit(delays["sustained_by_mass"][0]),
+        _fit((v * v["velocity"]).assign_coords(mass=_MASS * v["velocity"] ** 2)),
     ]
     least_squares = "A1 and A2 of tau* v = A1 + A2 (M v^2)^(1/3), least squares, M v^2 up to 1e-3"
     return dataset(
         delays
         | {
-            "sustained_eta_200": ("", eta_200, f"{sustained}, eta 200 [time]"),
-            "fit": ("curve coefficient", fits, f"{least_squares} [x_s, x_s^(2/3) f_s^(-1/3)]"),
+            "sustained_eta_200": (eta_200, f"{words['sustained']}, eta 200 [time]"),
+            "fit": (("curve", "coefficient"), fits, f"{least_squares} [x_s, x_s^(2/3) f_s^(-1/3)]"),
         },
         {
             "mass": (masses, "mass of the slider, per contact [f_s time^2/x_s]"),
             "velocity": (velocities, "velocity of the drive [x_s/time]"),
             "ratio": (ratios, "damping over Omega [1]"),
-            "curve": (["mass", "velocity"], "curve that is fitted"),
-            "coefficient": (["A1", "A2"], "coefficient"),
+            "curve": ["mass", "velocity"],
+            "coefficient": ["A1", "A2"],
         },
         tolerance=tolerance,
     )
 
 
-def _fit(mass: Array, tau: Array) -> Array:
-    """Coefficients A1 and A2 of ``tau = A1 + A2 M^(1/3)``."""
-    kept = _fitted(mass)
-    return np.asarray(np.polyfit(np.cbrt(mass[kept]), tau[kept], 1)[::-1])
-
-
-def _fitted(mass: Array) -> Any:
-    return mass <= _FITTED * (1 + 1e-9)
+def _fit(tau: xr.DataArray) -> Array:
+    """Coefficients A1 and A2 of ``tau = A1 + A2 M^(1/3)``, to the masses that are fitted."""
+    kept = tau[(tau["mass"] <= _FITTED).values]
+    return np.polyfit(np.cbrt(kept["mass"]), kept, 1)[::-1]
 
 
 def _powers(data: xr.Dataset) -> Claim:
     of_mass, of_velocity = data["fit"].to_numpy()
-    mass, tau, linear = data["mass"].to_numpy(), data["sustained_by_mass"].to_numpy(), data["linear_by_mass"]
-    misfit = abs((of_mass[0] + of_mass[1] * np.cbrt(mass)) / tau - 1)[_fitted(mass)].max()
+    tau, linear = data["sustained_by_mass"], data["linear_by_mass"]
+    fitted = tau.sel(mass=slice(None, _FITTED))
+    misfit = abs((of_mass[0] + of_mass[1] * np.cbrt(fitted["mass"])) / fitted - 1).max()
     apart, linear_apart = (
         abs(data[f"{name}_by_velocity"] * data["velocity"] / data[f"{name}_at_same_M_v2"] - 1).max()
         for name in ("sustained", "linear")
@@ -125,7 +121,7 @@ def _powers(data: xr.Dataset) -> Claim:
         near("linear critical delay, M 1e-4, v 1", linear.sel(mass=_MASS, method="nearest"), 0.138218, 1e-6),
         Measured(name=spread, value=float(linear.max() / linear.min())),
         # As printed it would go so whichever of the two delays is meant.
-        printed=all(low <= A <= high for A, (low, high) in zip(_fit(mass, linear.to_numpy()), (_A1, _A2), strict=True)),
+        printed=all(low <= A <= high for A, (low, high) in zip(_fit(linear), (_A1, _A2), strict=True)),
         reading="tau* is the shortest delay with which stick-slip persists from a narrow start, damping is a fixed "
         f"fraction of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
         "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same for all masses; tau* does "

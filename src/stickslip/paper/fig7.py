@@ -6,10 +6,8 @@ computed cycle; grey: smooth sliding and stick-slip are both stable. (e) Velocit
 a narrow start, and at which smooth sliding is unstable, by the standard deviation of the delays and by what is done
 with negative draws: clip to zero, fold to positive, redraw.
 
-With a fixed delay there are two boundaries, and both are computed: smooth sliding loses stability at ``v1`` (linear),
-and the cycle of stick-slip, followed downwards, ends at its fold ``v1'`` (nonlinear). A ramp passes ``v1`` before the
-oscillation has grown. With random delays stick-slip ends at high velocity too, if it lasts at all: that depends on the
-standard deviation, and on what is done with negative draws.
+Smooth sliding loses stability at ``v1`` (linear); the cycle of stick-slip, followed downwards, ends at its fold ``v1'``
+(nonlinear). A ramp passes ``v1`` before the oscillation has grown.
 """
 
 from __future__ import annotations
@@ -21,14 +19,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.ticker import NullFormatter
 
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG7, V1
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, between, extremes, near, weighed
-from stickslip.paper.kit import Picture, dataset, grid, panel, portions
-from stickslip.paper.ramps import TRACES, draw_around, draw_mark, draw_ramp, ramped, time_of
+from stickslip.paper.figure import Claim, Figure, at_least, at_most, between, extremes, near, weighed
+from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, shade
+from stickslip.paper.ramps import draw_around, draw_mark, draw_oscillation, draw_ramp, ramped, time_of
 
 _SLOW, _FAST = 0.1, 3.0  # of the ramp of (a)
 _TOP = 8.0  # of (b): far enough for stick-slip to end
@@ -55,65 +52,59 @@ def _random(case: str) -> ss.Rig:
     return FIG7.rig.replace(interface=replace(FIG7.interface, delay=_CASES[case]))
 
 
-def _ranges(case: str, points: int) -> dict[str, list[float]]:
+def _ranges(case: str, points: int) -> dict[str, Any]:
     """Velocities between which stick-slip persists and smooth sliding is unstable; oscillation at some velocities."""
-    rig = _random(case)
-    nowhere = [math.nan, math.nan]
+    rig, nowhere = _random(case), [math.nan, math.nan]
     # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
     windows = ss.sustained(rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01).windows
     edges = ss.critical(rig, "velocity", between=(0.05, 100.0)).edges
     seen = {v: ss.cycles.is_sustained(rig.replace(velocity=v)).peak_to_peak for v in _LASTS.get(case, ())}
     return {
-        "sustained": [windows[0].low.value, windows[-1].high.value] if windows else nowhere,
-        "unstable": [edges[0].value, edges[-1].value] if edges else nowhere,
-        "oscillation": [seen.get(v, math.nan) for v in _VELOCITIES],
+        "sustained": ("end", [windows[0].low.value, windows[-1].high.value] if windows else nowhere),
+        "unstable": ("end", [edges[0].value, edges[-1].value] if edges else nowhere),
+        "oscillation": ("v", [seen.get(v, math.nan) for v in _VELOCITIES]),
     }
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     cases = _SWEPT if quick else tuple(_CASES)
-    seeds = (1,) if quick else (1, 2, 3)
-    count = 4_000 if quick else FIG7.contacts
+    seeds, count = ((1,), 4_000) if quick else ((1, 2, 3), FIG7.contacts)
     parts = portions(progress, *[1.0] * (len(seeds) + len(_SWEPT) + 2), 2.0 * len(cases))
 
-    def loop(rig: ss.Rig, top: float, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
+    def loop(rig: ss.Rig, top: float, seed: int) -> xr.Dataset:
         drive = ss.ramp(_SLOW, top, _EACH_WAY).then(ss.ramp(top, _SLOW, _EACH_WAY))
         return ramped(rig.replace(drive=drive), ss.Contacts(count, seed=seed), next(parts), start=ss.FromRest())
 
     ramps = [loop(FIG7.rig, _FAST, seed) for seed in seeds]
-    run, found = ramps[0]
-    sweeps = [run, *(loop(_random(case), _TOP, 1)[0] for case in _SWEPT)]
+    ends = xr.concat([run[["v1", "v1_down"]] for run in ramps], "seed")
+    runs = [ramps[0], *(loop(_random(case), _TOP, 1) for case in _SWEPT)]
+    sweeps = xr.concat([run[["spring_force", "drive_velocity"]] for run in runs], "sweep")
     (band,) = ss.bistable_range(FIG7.rig, "velocity", between=(0.3, _FAST))
     next(parts)(1.0)
     start, step = FIG7.rig.replace(velocity=1.5), 0.2 if quick else 0.05
     branch = ss.cycles.cycle_branch(start, "velocity", step=step, between=(0.3, _FAST))
     next(parts)(1.0)
-    ranges = grid(next(parts), lambda case, _: _ranges(case, 5 if quick else 16), cases)
-    persists = "where stick-slip persists from a narrow start (nonlinear)"
-    oscillation = "peak to peak of the spring force, per contact [f_s]"
-    velocity = "velocity of the drive [x_s/time]"
+    ranges = grid(lambda case, _: _ranges(case, 5 if quick else 16), next(parts), case=cases)
+    persists = "where stick-slip persists from a narrow start (nonlinear) [x_s/time]"
+    oscillation, velocity = "peak to peak of the spring force, per contact [f_s]", "velocity of the drive [x_s/time]"
     return dataset(
-        {name: ("sweep time", [run[name] for run in sweeps]) for name in TRACES}
-        | {
-            "v1_ramp": ("seed", [seen["v1"] for _, seen in ramps], "v1, on the way up a ramp [x_s/time]"),
-            "v1_down_ramp": ("seed", [seen["v1_down"] for _, seen in ramps], "v1', on the way down a ramp [x_s/time]"),
-            "v1_linear": ("", band.high.value, "v1: smooth sliding loses stability (linear) [x_s/time]"),
-            "v1_down_fold": ("", band.low.value, "v1': stick-slip decays at its fold (nonlinear) [x_s/time]"),
-            "cycle": ("v_cycle", branch["amplitude"], oscillation),
-            "up": ("v_ramp", found["up"], oscillation),
-            "down": ("v_ramp", found["down"], oscillation),
-            "sustained": ("case end", ranges["sustained"], f"{persists} [x_s/time]"),
-            "unstable": ("case end", ranges["unstable"], "where smooth sliding is unstable (linear) [x_s/time]"),
-            "oscillation": ("case v", ranges["oscillation"], oscillation),
+        {
+            **ramps[0][["up", "down"]],
+            **ends,
+            **sweeps,
+            "v1_linear": band.high.value,
+            "v1_down_fold": (band.low.value, "v1': stick-slip decays at its fold (nonlinear) [x_s/time]"),
+            "cycle": ("v_cycle", branch["amplitude"].values, oscillation),
+            "sustained": (ranges["sustained"], persists),
+            "unstable": (ranges["unstable"], "where smooth sliding is unstable (linear) [x_s/time]"),
+            "oscillation": (ranges["oscillation"], oscillation),
         },
         {
-            "time": (run["time"],),
-            "sweep": (["fixed", *_SWEPT], "delays of the ramp"),
-            "seed": (seeds, "seed [1]"),
+            "sweep": ["fixed", *_SWEPT],
+            "seed": seeds,
             "v_cycle": (branch["velocity"], velocity),
-            "v_ramp": (found["velocity"], velocity),
             "case": (cases, "standard deviation of the delays, negative draws"),
-            "end": (["low", "high"], "end of the range"),
+            "end": ["low", "high"],
             "v": (_VELOCITIES, velocity),
         },
         count=count,
@@ -121,7 +112,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _hysteresis(data: xr.Dataset) -> Claim:
-    v1, v1_down = data["v1_ramp"].to_numpy(), data["v1_down_ramp"].to_numpy()
+    v1, v1_down = data["v1"], data["v1_down"]
     linear, fold = float(data["v1_linear"]), float(data["v1_down_fold"])
     return weighed(
         10,
@@ -178,48 +169,38 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
         v = float(data[name])
         draw_mark(ax, time_of(fixed, v, down=name == "v1_down_fold"), f"${symbol}$ = {v:.3f}", 0.88, 0.58)
     inset = ax.inset_axes((0.04, 0.74, 0.36, 0.26))
-    draw_around(inset, fixed, time_of(fixed, float(data["v1_ramp"][0])), 0.55 * _SHOWN, 0.45 * _SHOWN)
+    draw_around(inset, fixed, time_of(fixed, float(data["v1"][0])), 0.55 * _SHOWN, 0.45 * _SHOWN)
     inset.set_yticks([])
     inset.tick_params(labelsize=7)
     for name, case in zip("bc", _SWEPT, strict=True):
         sweep = data.sel(sweep=case).drop_vars("sweep")
         title = rf"({name}) $\tau_\mathrm{{d}}$ = {_MEAN:g} ± {_CASES[case].std:g}"
         draw_ramp(axes[name], sweep, title, low, 1.05, left=name == "b", right=name == "c")
-    _draw_hysteresis(axes["d"], data)
+    _draw_hysteresis(axes["d"], fixed)
     _draw_windows(axes["e"], data)
 
 
 def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
-    fold, linear = float(data["v1_down_fold"]), float(data["v1_linear"])
-    ax.axvspan(fold, linear, color=plot.GREY, alpha=0.15, linewidth=0)
-    ax.plot(data["v_ramp"], data["up"], color=plot.ORANGE, linewidth=0.9, label="ramp up")
-    ax.plot(data["v_ramp"], data["down"], color=plot.SKY, linewidth=0.9, label="ramp down")
+    draw_oscillation(ax, data, "(d) hysteresis of (a)")
     ax.plot(data["v_cycle"], data["cycle"], color=plot.BLACK, label="cycle, computed")
-    ax.text(0.5 * (fold + linear), 1.13, "both\nstable", ha="center", va="center", fontsize=8)
-    words = "peak to peak of $F_d$ ($f_\\mathrm{s}$)"
-    panel(ax, "(d) hysteresis of (a)", data["v_ramp"], words, "lower right", xlim=(0, _FAST), ylim=(0, 1.25))
+    shade(ax, (data["v1_down_fold"], data["v1_linear"]), "both\nstable", 1.07)
+    ax.set_ylim(0.0, 1.25)
+    ax.legend(loc="lower right")
 
 
 def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     names = data["case"].to_numpy().tolist()
     persists: dict[str, Any] = {"color": plot.BLUE, "linewidth": 6, "solid_capstyle": "butt"}
     unstable: dict[str, Any] = {"color": plot.VERMILLION, "linewidth": 1.6}
-    for y, name in zip(reversed(range(len(names))), names, strict=True):
-        low, high = data["sustained"].sel(case=name).to_numpy().tolist()
-        if math.isfinite(low):
-            ax.plot([low, high], [y, y], **persists)
-        else:
+    for y, name in enumerate(names):
+        ranges = data.sel(case=name)
+        ax.plot(ranges["sustained"], [y, y], **persists, label=None if y else "stick-slip persists")
+        ax.plot(ranges["unstable"], [y + 0.22] * 2, **unstable, label=None if y else "smooth sliding unstable")
+        if np.isnan(ranges["sustained"]).any():
             ax.text(0.22, y, "none", va="center", fontsize=8, color=plot.BLUE)
-        ends = data["unstable"].sel(case=name).to_numpy()
-        if np.all(np.isfinite(ends)):
-            ax.plot(ends, [y - 0.22, y - 0.22], **unstable)
-    ax.plot([], [], **persists, label="stick-slip persists")
-    ax.plot([], [], **unstable, label="smooth sliding unstable")
     words, title = "std of the delays,\nnegative draws", f"(e) random delays of mean {_MEAN:g}"
-    panel(ax, title, data["v"], words, xscale="log", xlim=(0.2, _TOP), ylim=(-0.7, len(names) - 0.3))
-    ax.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_yticks(range(len(names)), names[::-1])
+    panel(ax, title, data["v"].assign_attrs(spacing="log"), words, xlim=(0.2, _TOP), ylim=(len(names) - 0.3, -0.7))
+    ax.set_yticks(range(len(names)), names)
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
 
 

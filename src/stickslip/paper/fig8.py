@@ -4,13 +4,14 @@ Spring force of ageing contacts at four rates of ageing, from relaxed contacts (
 thresholds of contacts aged at rest beside Eq. (17) (c); peak to peak of the force against the rate of ageing (d).
 Grey: smooth sliding is linearly unstable.
 
-The upper edge of the range of stick-slip depends on the start, so both are shown, with N contacts and with the kinetic
-equation. Relaxed contacts have short stretchings, and thresholds of the stationary distribution.
+The upper edge of the range of stick-slip depends on the start: both are shown. Relaxed contacts have short stretchings,
+and thresholds of the stationary distribution.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,13 +20,12 @@ import stickslip as ss
 from stickslip import plot
 from stickslip.model import Method, Start
 from stickslip.paper.cases import FIG8, aged
-from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, weighed
-from stickslip.paper.kit import Array, Picture, dataset, grid, panel
+from stickslip.paper.figure import Claim, Figure, at_most, between, near, weighed
+from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, shade
 
 _STARTS: dict[str, Start] = {"relaxed": ss.FromRest(), "smooth": ss.FromSliding()}
 _METHODS: dict[str, Method] = {"contacts": ss.Contacts(FIG8.contacts, seed=8), "kinetic equation": ss.MasterEquation()}
 _SHOWN = {0.7: plot.BLUE, 0.9: plot.SKY, 1.5: plot.VERMILLION, 2.0: plot.GREEN}
-_INTERVAL = 0.005
 _COUNT, _BINS = 100_000, 60  # of thresholds
 _EDGES = (0.80, 1.63)
 """Rates between which smooth sliding is unstable, as runs from it show."""
@@ -33,37 +33,27 @@ _EDGES = (0.80, 1.63)
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     rates = (0.7, 1.5, 2.0) if quick else (0.6, 0.7, 0.9, 1.0, 1.2, 1.5, 1.8, 2.0, 2.5, 4.0)
-    duration = dict.fromkeys(_METHODS, 12.0) if quick else {"contacts": 30.0, "kinetic equation": 20.0}
-    t = _INTERVAL * np.arange(round(max(duration.values()) / _INTERVAL) + 1)
+    duration = 12.0 if quick else 30.0
 
-    def run(solver: str, rate: float, start: str, progress: Progress) -> dict[str, Array]:
-        drive, output = ss.constant(FIG8.velocity, duration[solver]), ss.Output(interval=_INTERVAL)
-        rig = aged(FIG8, rate).replace(drive=drive)
+    def run(solver: str, rate: float, start: str, progress: Progress) -> dict[str, Any]:
+        rig, output = aged(FIG8, rate).replace(drive=ss.constant(FIG8.velocity, duration)), ss.Output(interval=0.005)
         made = ss.simulate(rig, method=_METHODS[solver], output=output, start=_STARTS[start], progress=progress)
-        return {"force": np.pad(made["spring_force"], (0, t.size - made.sizes["time"]), constant_values=np.nan)}
+        late = made["spring_force"].sel(time=slice(0.5 * duration, None))
+        return {"spring_force": made["spring_force"], "amplitude": late.max() - late.min()}
 
-    force = grid(progress, run, list(_METHODS), rates, list(_STARTS))["force"]
+    seen = grid(run, progress, solver=_METHODS, rate=rates, start=_STARTS)
     edges = [edge.value**-0.5 for edge in ss.critical(FIG8.rig, ss.stability.AGEING, between=(0.2, 3.0)).edges]
-    f, distribution, seen = _at_rest()
-    late = np.where(t >= 0.5 * min(duration.values()), force, np.nan)
-    amplitude = np.nanmax(late, axis=-1) - np.nanmin(late, axis=-1)
+    f, distribution, aged_at_rest = _at_rest()
     linear = "rates between which smooth sliding is unstable (linear) [1/sqrt(time)]"
     return dataset(
         {
-            "spring_force": ("solver rate start time", force),
-            "amplitude": ("solver rate start", amplitude, "peak to peak of $F_d$ [f_s]"),
-            "unstable": ("end", [min(edges), max(edges)], linear),
+            "spring_force": seen["spring_force"],
+            "amplitude": (seen["amplitude"], "peak to peak of $F_d$ [f_s]"),
+            "unstable": ("end", sorted(edges), linear),
             "P_c": ("f", distribution, "stationary distribution of thresholds, Eq. (17) [1/f_s]"),
-            "P_c_seen": ("f", seen, "the same, of contacts aged at rest [1/f_s]"),
+            "P_c_seen": ("f", aged_at_rest, "the same, of contacts aged at rest [1/f_s]"),
         },
-        {
-            "solver": (list(_METHODS), "solver"),
-            "rate": (rates, "rate of ageing β [1/sqrt(time)]"),
-            "start": (list(_STARTS), "start"),
-            "time": (t,),
-            "end": (["low", "high"], "end of the range"),
-            "f": (f, "threshold [f_s]"),
-        },
+        {"end": ["low", "high"], "f": (f, "threshold [f_s]")},
     )
 
 
@@ -123,8 +113,7 @@ def _window(data: xr.Dataset) -> Claim:
                 words = f"{'from smooth sliding' if start == 'smooth' else start}, {solver}"
                 value = oscillation.sel(solver=solver, rate=rate, start=start)
                 measured.append(between(f"peak to peak F_d at beta = {rate:g}, {words}", value, least, most, "f_s"))
-        run = data["spring_force"].sel(solver=solver, rate=1.5, start="relaxed").dropna("time")
-        run = run.sel(time=slice(5.0, None))
+        run = data["spring_force"].sel(solver=solver, rate=1.5, start="relaxed", time=slice(5.0, None))
         measured.append(between(f"largest F_d at beta = 1.5, {solver}", run.max(), 0.73, 0.77, "f_s"))
         periods.append(ss.measure.find_cycles(run["time"].to_numpy(), run.to_numpy()).period)
     measured += [
@@ -163,9 +152,7 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     panel(ax, "(c) thresholds at rest", data["f"], density, "upper left", xlim=(0.15, 1.5))
 
     ax = axes["d"]
-    low, high = data["unstable"].to_numpy().tolist()
-    ax.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
-    ax.text(0.5 * (low + high), 0.04, "smooth\nsliding\nunstable", ha="center", va="bottom", fontsize=8)
+    shade(ax, data["unstable"], "smooth\nsliding\nunstable", 0.04)
     marks = (("contacts", "o", "-"), ("kinetic equation", "x", "none"))
     starts = (("relaxed", plot.VERMILLION, "from relaxed contacts"), ("smooth", plot.BLUE, "from sliding"))
     for start, colour, words in starts:

@@ -3,8 +3,7 @@
 The velocity of the drive (red) goes up and down over ageing contacts (a); the onset of stick-slip (b) and its end on
 the way up (c), enlarged; peak to peak of the force on both ramps, with the level that defines v2 and v2' (d).
 
-The ramps start from smooth sliding. They are slow where a transition is awaited: stick-slip grows, or decays, over some
-tens of ``x_s`` of travel, and at the lower end of the way down that takes long.
+The ramps are slow where a transition is awaited: stick-slip grows, or decays, over some tens of ``x_s`` of travel.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from matplotlib.ticker import MaxNLocator
 import stickslip as ss
 from stickslip import plot
 from stickslip.paper.cases import FIG9
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, extremes, weighed
-from stickslip.paper.kit import Picture, dataset, panel, portions
-from stickslip.paper.ramps import TRACES, draw_around, draw_mark, draw_ramp, ramped, time_of
+from stickslip.paper.figure import Claim, Figure, at_least, between, extremes, weighed
+from stickslip.paper.kit import Picture, Progress, dataset, panel, portions
+from stickslip.paper.ramps import draw_around, draw_mark, draw_oscillation, draw_ramp, ramped, time_of
 
 _LEVEL = 0.4
 """Peak to peak of the spring force that counts as stick-slip, in f_s."""
@@ -35,38 +34,24 @@ def _symbol(name: str) -> str:
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    seeds = (1,) if quick else (1, 2, 3)
-    count = 1_000 if quick else FIG9.contacts
-    rig = FIG9.rig.replace(drive=_UP.then(_DOWN))
-    parts = portions(progress, *[1.0] * len(seeds))
+    seeds, count = ((1,), 1_000) if quick else ((1, 2, 3), FIG9.contacts)
+    rig, parts = FIG9.rig.replace(drive=_UP.then(_DOWN)), portions(progress, *[1.0] * len(seeds))
     ramps = [ramped(rig, ss.Contacts(count, seed=seed), next(parts), level=_LEVEL) for seed in seeds]
-    run, seen = ramps[0]
+    ends = xr.concat([run[list(_ENDS)] for run in ramps], "seed")
     linear = ss.stability.onset(FIG9.rig, "velocity", between=(0.3, 4.0))
-    return dataset(
-        {name: ("time", run[name]) for name in TRACES}
-        | {name: ("seed", [each[name] for _, each in ramps], f"{name} of the ramp [x_s/time]") for name in _ENDS}
-        | {"v1_linear": ("", linear, "v1: smooth sliding loses stability (linear) [x_s/time]")}
-        | {way: ("v", seen[way], "peak to peak of $F_d$ [f_s]") for way in ("up", "down")},
-        {
-            "time": (run["time"],),
-            "seed": (seeds, "seed [1]"),
-            "v": (seen["velocity"], "velocity of the drive [x_s/time]"),
-        },
-        count=count,
-    )
+    return dataset({**ramps[0], **ends, "v1_linear": linear}, {"seed": seeds}, count=count)
 
 
 def _four_transitions(data: xr.Dataset) -> Claim:
-    seen = {name: data[name].to_numpy() for name in _ENDS}
-    ends = [extremes(_symbol(name), seen[name], *band, "x_s/time") for name, band in _ENDS.items()]
+    ends = [extremes(_symbol(name), data[name], *band, "x_s/time") for name, band in _ENDS.items()]
     return weighed(
         15,
         "two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
         "two while it falls, at v2' and v1'",
         between("v1, smooth sliding loses stability (linear)", data["v1_linear"], *_ENDS["v1"], "x_s/time"),
         *itertools.chain(*ends),
-        at_least("v1 over v1', smallest", np.min(seen["v1"] / seen["v1_down"]), 5.0),
-        printed=bool(np.isfinite([*seen.values()]).all() and np.all(seen["v1_down"] < seen["v1"])),
+        at_least("v1 over v1', smallest", (data["v1"] / data["v1_down"]).min(skipna=False), 5.0),
+        printed=bool(np.isfinite(data[list(_ENDS)].to_array()).all() and (data["v1_down"] < data["v1"]).all()),
         evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
         f"where F_d varies by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "
         "gradually; v1 and v1' do not",
@@ -88,11 +73,9 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
         draw_around(ax, data, time_of(data, float(data[name][0])), 0.6 * span, 0.4 * span)
         ax.xaxis.set_major_locator(MaxNLocator(3, integer=True))
         panel(ax, title, data["time"], data["spring_force"])
-    oscillation.plot(data["v"], data["up"], color=plot.ORANGE, label="up")
-    oscillation.plot(data["v"], data["down"], color=plot.SKY, label="down")
+    draw_oscillation(oscillation, data, "(d) hysteresis")
     oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
-    words = "peak to peak of $F_d$ ($f_\\mathrm{s}$)"
-    panel(oscillation, "(d) hysteresis", data["v"], words, "best", xlim=(0.0, 4.0), ylim=(0.0, None))
+    oscillation.legend()
 
 
 FIGURE = Figure(__name__, __doc__, 5.4, _data, _drawing, _four_transitions)

@@ -8,24 +8,23 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, SupportsFloat, get_args
+from typing import Any, Literal, SupportsFloat
 
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from stickslip.answers import plain
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.io import files
+from stickslip.paper.kit import Picture, Progress
 from stickslip.plot import PAGE, house_style, new_figure, save
-
-if TYPE_CHECKING:
-    import matplotlib.figure
+from stickslip.plot.style import format_of
 
 Format = Literal["png", "pdf", "svg"]
 Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]
-Progress = Callable[[float], None]
+_PRINTED: Verdict = "reproduced"
+_READ: Verdict = "reproduced under the stated reading"
+_NOT: Verdict = "not reproduced"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,29 +67,29 @@ class Measured:
 
 
 def between(name: str, value: SupportsFloat, low: float, high: float, unit: str = "") -> Measured:
-    """Return a number that must lie in a band."""
+    """A number that must lie in a band."""
     return Measured(name=name, value=float(value), low=low, high=high, unit=unit)
 
 
 def near(name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = "") -> Measured:
-    """Return a number that must be within a tolerance of the settled one."""
+    """A number that must be within a tolerance of the settled one."""
     return between(name, value, exact - tolerance, exact + tolerance, unit)
 
 
 def at_most(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
-    """Return a number that must not exceed a bound."""
+    """A number that must not exceed a bound."""
     return between(name, value, -math.inf, bound, unit)
 
 
 def at_least(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
-    """Return a number that must reach a bound."""
+    """A number that must reach a bound."""
     return between(name, value, bound, math.inf, unit)
 
 
-def extremes(name: str, values: NDArray[np.float64], low: float, high: float, unit: str = "") -> tuple[Measured, ...]:
-    """Return the smallest and the largest of several numbers, which must all lie in a band."""
-    found = ("smallest", values.min()), ("largest", values.max())
-    return tuple(between(f"{name}, {which}", value, low, high, unit) for which, value in found)
+def extremes(name: str, values: xr.DataArray, low: float, high: float, unit: str = "") -> list[Measured]:
+    """The smallest and the largest of several numbers, which must all lie in a band."""
+    found = {"smallest": values.min(skipna=False), "largest": values.max(skipna=False)}
+    return [between(f"{name}, {which}", value, low, high, unit) for which, value in found.items()]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +124,7 @@ class Claim:
     @property
     def settled(self) -> Verdict:
         """What an independent study of the model has settled; another verdict is a fault of ours."""
-        return verdict(printed=not (self.exact or self.reading), read=not self.exact)
+        return _NOT if self.exact else _READ if self.reading else _PRINTED
 
     @property
     def ok(self) -> bool:
@@ -141,7 +140,7 @@ class Claim:
         lines = [f"{'ok' if self.ok else 'FAILED'}  {self.title}", f"    {self.verdict}"]
         if self.verdict != self.settled:
             lines[-1] += f" (expected: {self.settled})"
-        elif self.verdict == "not reproduced":
+        elif self.verdict == _NOT:
             lines[-1] = f"    as expected: {self.verdict}"
         said = {"reading": self.reading, "exact": self.exact}
         lines += [f"    {name}: {words}" for name, words in said.items() if words]
@@ -150,15 +149,8 @@ class Claim:
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
         measured = [plain(m) | {"ok": m.ok} for m in self.measured]
-        found: dict[str, object] = plain(self)
+        found: dict[str, Any] = plain(self)
         return found | {"settled": self.settled, "measured": measured, "ok": self.ok}
-
-
-def verdict(*, printed: bool, read: bool = False) -> Verdict:
-    """Return the verdict: the claim holds as `printed`, or else as `read`, or not at all."""
-    if printed:
-        return "reproduced"
-    return "reproduced under the stated reading" if read else "not reproduced"
 
 
 def weighed(
@@ -171,13 +163,9 @@ def weighed(
     reading: str = "",
     exact: str = "",
 ) -> Claim:
-    """Return a claim with its verdict.
-
-    If nothing else is said it holds as printed where its numbers are met; and, where that is said to be otherwise,
-    under the stated reading if they are.
-    """
+    """A claim with its verdict: unless said otherwise it holds as printed, or else as read, if its numbers are met."""
     met = all(m.ok for m in measured)
-    found = verdict(printed=met if printed is None else printed, read=bool(reading) and read and met)
+    found = _PRINTED if (met if printed is None else printed) else _READ if reading and read and met else _NOT
     said = {"statement": statement, "evidence": evidence, "reading": reading, "exact": exact}
     return Claim(number=number, verdict=found, measured=measured, **said)
 
@@ -200,14 +188,14 @@ class Figure:
         doc: str | None,
         height: float,
         data: Callable[[Progress, bool], xr.Dataset],
-        drawing: Callable[[matplotlib.figure.Figure, xr.Dataset], None],
+        drawing: Callable[[Picture, xr.Dataset], None],
         *claims: Callable[[xr.Dataset], Claim],
     ) -> None:
         # A module's docstring says the title in its first line, then the caption; the height is in inches.
-        heading, _, text = (doc or "").partition("\n\n")
+        heading, text, *_ = (doc or "").split("\n\n")
         self.name = module.rpartition(".")[2]
         self.title = heading.partition(": ")[2].removesuffix(".")
-        self.caption = " ".join(text.partition("\n\n")[0].split())
+        self.caption = " ".join(text.split())
         self._height, self._data, self._drawing, self._claims = height, data, drawing, claims
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
@@ -229,7 +217,7 @@ class Figure:
         data.attrs["provenance"] = store.provenance("paper", arguments)
         return data
 
-    def draw(self, data: xr.Dataset) -> matplotlib.figure.Figure:
+    def draw(self, data: xr.Dataset) -> Picture:
         """Draw the data that `compute` gave; `stickslip.plot.save` writes the picture."""
         self._check(data)
         with house_style():
@@ -286,15 +274,9 @@ class Reproduction:
 
     def to_dict(self) -> dict[str, object]:
         """Return what JSON can hold."""
-        return {
-            "figure": self.figure.name,
-            "title": self.figure.title,
-            "caption": self.figure.caption,
-            "pictures": [str(picture) for picture in self.pictures],
-            "data": str(self.data),
-            "claims": [claim.plain() for claim in self.claims],
-            "ok": self.ok,
-        }
+        said = {"figure": self.figure.name, "title": self.figure.title, "caption": self.figure.caption}
+        files = {"pictures": list(map(str, self.pictures)), "data": str(self.data)}
+        return said | files | {"claims": [claim.plain() for claim in self.claims], "ok": self.ok}
 
 
 def places(
@@ -312,12 +294,11 @@ def places(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a directory ({error.strerror}); choose another place") from None
-    for name in formats:
-        if name not in get_args(Format):
-            raise InputError(f"formats: {name!r} is unknown; choose from {', '.join(get_args(Format))}")
     data, pictures = folder / f"{figure.name}.nc", tuple(folder / f"{figure.name}.{name}" for name in formats)
     for place in (data, *pictures):
         files.target(place)
+    for picture in pictures:
+        format_of(picture)
     return data, pictures
 
 

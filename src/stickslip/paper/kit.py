@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, SupportsFloat
 
 import matplotlib.figure
 import numpy as np
@@ -13,11 +13,44 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.paper.figure import Progress
-from stickslip.simulation import LABELS
+from stickslip.plot.style import DASHED as DASHED
 
 Array = NDArray[np.float64]
 Picture = matplotlib.figure.Figure
+Progress = Callable[[float], None]
+
+_WORDS = {
+    "contacts": "number of contacts [1]",
+    "delay": "delay [time]",
+    "initial_std": "standard deviation of initial forces [f_s]",
+    "rate": "rate of ageing β [1/sqrt(time)]",
+    "seed": "seed [1]",
+    "threshold_std": "standard deviation of thresholds [f_s]",
+    "v1_linear": "v1: smooth sliding loses stability (linear) [x_s/time]",
+}
+"""What variables of several figures are."""
+
+
+def dataset(
+    variables: Mapping[Any, Any], coordinates: Mapping[str, Any] | None = None, **attributes: object
+) -> xr.Dataset:
+    """Return a labelled Dataset.
+
+    A variable is an array with coordinates of its own, or ``("dimension", values)``; ``"words [unit]"`` follow where it
+    has none, as those of a run have. A coordinate is given by its values, or ``(values, words)``.
+    """
+    words, given = dict(_WORDS), dict(variables) | dict(coordinates or {})
+    for name, values in given.items():
+        if isinstance(values, tuple) and isinstance(values[-1], str):
+            words[name] = values[-1]
+            given[name] = values[0] if len(values) == 2 else values[:2]
+    places = {name: (name, np.asarray(given.pop(name))) for name in coordinates or {}}
+    data = xr.Dataset(given, places, attributes)
+    for name, variable in data.variables.items():
+        if name in words or not variable.attrs:
+            long_name, _, unit = words.get(str(name), str(name)).removesuffix("]").partition(" [")
+            variable.attrs = {"long_name": long_name} | ({"units": unit} if unit else {})
+    return data
 
 
 def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
@@ -30,43 +63,36 @@ def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
         yield part
 
 
-def grid(progress: Progress, run: Callable[..., Mapping[str, Any]], *axes: Sequence[Any]) -> dict[str, NDArray[Any]]:
-    """Run every case of a grid as ``run(*case, progress)``; each result stands along the axes, then along its own."""
-    cases, found = list(itertools.product(*axes)), []
-    for case, part in zip(cases, portions(progress, *[1.0] * len(cases)), strict=True):
-        found.append(run(*case, part))
+def grid(
+    run: Callable[..., Mapping[Any, Any]], progress: Progress | None = None, /, **axes: Iterable[Any]
+) -> xr.Dataset:
+    """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if that is to be told.
+
+    What a run gives by name stands along the axes, then along dimensions of its own.
+    """
+    coordinates = {name: list(values) for name, values in axes.items()}
+    cases, found = list(itertools.product(*coordinates.values())), []
+    for case, part in zip(cases, portions(progress or (lambda _: None), *[1.0] * len(cases)), strict=True):
+        found.append(xr.Dataset(dict(run(*case, *([part] if progress else [])))))
         part(1.0)
-    shape = tuple(map(len, axes))
-    return {name: np.reshape([each[name] for each in found], (*shape, *np.shape(found[0][name]))) for name in found[0]}
+    rows = xr.concat(found, "case", data_vars="all", coords="minimal", compat="override", join="override")
+    shape = [len(values) for values in coordinates.values()]
+    shaped = {
+        name: ([*axes, *row.dims[1:]], row.to_numpy().reshape(*shape, *row.shape[1:]), row.attrs)
+        for name, row in rows.data_vars.items()
+    }
+    return xr.Dataset(shaped, dict(rows.coords) | coordinates)
+
+
+def table(run: Callable[..., Any], /, **axes: Iterable[Any]) -> xr.DataArray:
+    """Return one number, or array, for every case of a grid: ``run(*case)``."""
+    return grid(lambda *case: {"value": run(*case)}, **axes)["value"]
 
 
 def power(x: Any, y: Any) -> float:
     """Return the slope of log y against log x; NaN if a value is."""
     spread = np.cov(np.log(x), np.log(y))
     return float(spread[0, 1] / spread[0, 0])
-
-
-def dataset(
-    variables: Mapping[str, tuple[Any, ...]], coordinates: Mapping[str, tuple[Any, ...]], **attributes: object
-) -> xr.Dataset:
-    """Return a labelled Dataset.
-
-    A variable is given as ``("dimensions in one text", values, "words [unit]")``, a coordinate as ``(values, "words
-    [unit]")``; texts have no unit, and what a run has already needs no words.
-    """
-    return xr.Dataset(
-        {name: _labelled(name, *given) for name, given in variables.items()},
-        {name: _labelled(name, name, *given) for name, given in coordinates.items()},
-        attributes,
-    )
-
-
-def _labelled(
-    name: str, dimensions: str, values: Any, words: str = ""
-) -> tuple[list[str], NDArray[Any], Mapping[str, str]]:
-    long_name, has_unit, unit = words.removesuffix("]").partition(" [")
-    labels = {"long_name": long_name} | ({"units": unit} if has_unit else {})
-    return dimensions.split(), np.asarray(values), labels if words else LABELS[name]
 
 
 def panel(
@@ -89,6 +115,13 @@ def panel(
     plot.letter(ax, title)
 
 
+def shade(ax: Axes, ends: Iterable[SupportsFloat], words: str, height: float) -> None:
+    """Shade a range along the axis to the right in grey, and say what it is above a height."""
+    low, high = map(float, ends)
+    ax.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
+    ax.text(0.5 * (low + high), height, words, ha="center", va="bottom", fontsize=8)
+
+
 def second_axis(
     ax: Axes, x: xr.DataArray, y: xr.DataArray, limits: tuple[float, float], ticks: Sequence[float], **style: Any
 ) -> Axes:
@@ -96,7 +129,6 @@ def second_axis(
     right = ax.twinx()
     right.spines["right"].set_visible(True)
     right.plot(x, y, color=plot.VERMILLION, **style)
-    right.set_ylim(limits)
-    right.set_yticks(ticks)
+    right.set(ylim=limits, yticks=ticks)
     right.tick_params(axis="y", colors=plot.VERMILLION)
     return right

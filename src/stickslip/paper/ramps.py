@@ -11,14 +11,13 @@ from matplotlib.axes import Axes
 import stickslip as ss
 from stickslip import plot
 from stickslip.model import Start
-from stickslip.paper.figure import Progress
-from stickslip.paper.kit import second_axis
+from stickslip.paper.kit import DASHED, Progress, panel, second_axis
 
-TRACES = "spring_force", "drive_velocity"
 LEVEL = 0.6
 """Peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s."""
 V1_SCALED, V2_SCALED = (0.34, 0.50), (1.05, 1.25)
 """Bands of v1 and v2 over ``beta^2``."""
+_FOUND = ("v1", "v2", "v2_down", "v1_down", "up", "down")
 _STRONG = 0.8
 """Spring force, in f_s, that stands as high as the largest velocity."""
 
@@ -31,10 +30,11 @@ def ramped(
     interval: float = 0.02,
     level: float | None = None,
     start: Start = ss.FromSliding(),
-) -> tuple[xr.Dataset, xr.Dataset]:
-    """Return the run of a ramp, from smooth sliding if nothing else is said, and its transitions."""
+) -> xr.Dataset:
+    """Return the force on a ramp, from smooth sliding if nothing else is said, and what `transitions` finds there."""
     run = ss.simulate(rig, method=method, output=ss.Output(interval=interval), start=start, progress=progress)
-    return run, ss.transitions(run, level=level)
+    found = ss.transitions(run, level=level)
+    return run[["spring_force", "drive_velocity"]].assign(found[[name for name in _FOUND if name in found]])
 
 
 def draw_ramp(
@@ -43,7 +43,7 @@ def draw_ramp(
     """Draw the force on a ramp, and the velocity on a second axis: zero at zero force."""
     plot.force_trace(run[["spring_force"]], ax, color=plot.BLUE)
     ax.lines[0].set_linewidth(0.5)
-    ax.set(ylim=(low, top), yticks=[tick for tick in (-0.4, 0.0, 0.4, _STRONG) if tick > low])
+    panel(ax, title, ylim=(low, top), yticks=[tick for tick in (-0.4, 0.0, 0.4, _STRONG) if tick > low])
     fastest = round(float(run["drive_velocity"].max()))
     limits, ticks = (low * fastest / _STRONG, top * fastest / _STRONG), [0, fastest / 2, fastest]
     second = second_axis(ax, run["time"][::50], run["drive_velocity"][::50], limits, ticks, linewidth=1.6)
@@ -51,7 +51,15 @@ def draw_ramp(
         ax.set_ylabel("")
     if right:
         second.set_ylabel(plot.label(run["drive_velocity"], most=24), color=plot.VERMILLION)
-    plot.letter(ax, title)
+
+
+def draw_oscillation(ax: Axes, run: xr.Dataset, title: str) -> None:
+    """Draw the oscillation of the force on a ramp against the velocity, up and down."""
+    ax.plot(run["velocity"], run["up"], color=plot.ORANGE, linewidth=0.9, label="ramp up")
+    ax.plot(run["velocity"], run["down"], color=plot.SKY, linewidth=0.9, label="ramp down")
+    panel(ax, title, run["velocity"], "peak to peak of $F_d$ ($f_\\mathrm{s}$)")
+    ax.set_xlim(0.0, float(run["drive_velocity"].max()))
+    ax.set_ylim(0.0)
 
 
 def time_of(run: xr.Dataset, velocity: float, *, down: bool = False) -> float:
@@ -65,7 +73,7 @@ def time_of(run: xr.Dataset, velocity: float, *, down: bool = False) -> float:
 
 def draw_mark(ax: Axes, time: float, text: str, height: float, line: float, side: str = "center") -> None:
     """Mark a time by a dashed line, up to a fraction of the panel, and words above it."""
-    ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=(0, (4, 2)))
+    ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=DASHED)
     ax.text(time, height, text, ha=side, fontsize=8)
 
 
