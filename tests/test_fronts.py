@@ -522,7 +522,7 @@ def test_a_front_that_stops_inside_the_bar_is_arrested():
         (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
         (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
         (lambda run: ss.plot.slip_profiles(run, fewest=1000), r"^slip_profiles: the run holds no event of 1000"),
-        (lambda _: ss.plot.front_curve(RIGID), r"^plot: Rig.slider = Slider\(.* this picture is of a Chain"),
+        (lambda _: ss.plot.front_curve(RIGID), r"^Rig.slider = Slider\(.* needs an elastic slider"),
     ],
 )
 def test_pictures_that_cannot_be_drawn(passing, ask, message):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 from typing import Literal, get_args
@@ -141,38 +142,35 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     ax : Axes, optional
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
-    chain, interface = _chain(rig), rig.natural.interface
-    start = rig.start
-    if isinstance(data, xr.Dataset) and not isinstance(start, Prestressed):
-        raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
+    ax = new_axes() if ax is None else ax
+    if isinstance(data, xr.Dataset):
+        _local_speeds(data, rig, ax)
     least = front_threshold(rig)
     theory: list[Front] = []
-    for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
-        try:
+    with contextlib.suppress(InputError):  # from some prestress on contacts give way by themselves
+        for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
             theory.append(front_speed(rig, prestress=float(tau)))
-        except InputError:  # from here on contacts give way by themselves
-            break
     if not theory:
-        raise InputError(f"front_curve: Interface.thresholds = {interface.thresholds}: no prestress has a front")
-    prestress, speed = (np.array([getattr(front, name) for front in theory]) for name in ("prestress", "speed"))
-    ax = new_axes() if ax is None else ax
-    if isinstance(data, xr.Dataset) and isinstance(start, Prestressed):
-        found = measure.fronts(data)
-        stretching = np.broadcast_to(np.asarray(start.stretching, dtype=float), chain.blocks)
-        sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
-        local = (stretching - sliding) / (strength - sliding)
-        first = found.isel(front=0)
-        inside = np.arange(chain.blocks) > start.pushed_blocks + 10
-        inside &= np.arange(chain.blocks) < int(first["last_block"]) - 10
-        met = found["speed"].values[inside]
-        ax.plot(local[inside], met, ".", color=style.BLUE, markersize=3, label="along the run")
-    there = speed > 0
-    ax.plot(prestress[there], speed[there], color=style.BLACK, label=f"theory ({theory[0].blocks})")
+        raise InputError(f"front_curve: Interface.thresholds = {rig.interface.thresholds}: no prestress has a front")
+    moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
+    ax.plot(*np.transpose(moving), color=style.BLACK, label=f"theory ({theory[0].blocks})")
     _dress_speed(ax, rig)
     ax.axvline(least, color=style.ORANGE, linewidth=0.9, label="threshold")
     ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None))
     legend_above(ax, columns=2)
     return ax
+
+
+def _local_speeds(run: xr.Dataset, rig: Rig, ax: Axes) -> None:
+    """Draw the speed on each block that the first front passes, away from its ends, against the prestress there."""
+    start, interface, chain = rig.start, rig.natural.interface, _chain(rig)
+    if not isinstance(start, Prestressed):
+        raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
+    sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
+    local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (strength - sliding)
+    found = measure.fronts(run)
+    inside = slice(start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0))
+    ax.plot(local[inside], found["speed"][inside], ".", color=style.BLUE, markersize=3, label="along the run")
 
 
 @house_style()
@@ -188,18 +186,16 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
         Blocks of the shortest precursor that is marked.
     """
     ax, _ = along_time(run, "spring_force", ax, 2.6, color=style.GREY, linewidth=0.9)
-    found = _events(run, fewest)
-    reach, at = found["reach"].values, found["force_before"].values
-    whole = found["blocks"].values >= run.sizes["block"]
+    found = _events(run, fewest).sortby("reach", ascending=False)
+    whole = found["blocks"] >= run.sizes["block"]
     partial = (~whole, style.BLUE, "precursor, with its length")
     for kind, colour, text in (partial, (whole, style.VERMILLION, "slip of all blocks")):
         if kind.any():
-            ax.plot(found["start"].values[kind], at[kind], "o", color=colour, markersize=3.5, label=text)
+            ax.plot(found["start"][kind], found["force_before"][kind], "o", color=colour, markersize=3.5, label=text)
     told: list[float] = []  # of events close together, the longest
-    for i in np.argsort(-reach, kind="stable"):
-        x = float(found["start"][i])
-        if not whole[i] and all(abs(x - other) > _APART * float(run["time"][-1]) for other in told):
-            ax.annotate(f"{reach[i]}", (x, at[i]), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+    for x, y, reach in found[["start", "force_before", "reach"]].isel(event=~whole.values).to_array().values.T:
+        if all(abs(x - other) > _APART * float(run["time"][-1]) for other in told):
+            ax.annotate(f"{reach:.0f}", (x, y), (0, 4), textcoords="offset points", ha="center", fontsize=7)
             told.append(x)
     legend_above(ax)
     return ax
@@ -247,32 +243,32 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -
     fewest : int
         Blocks of the smallest event that is drawn.
     """
-    moved = on_blocks(run, "displacement", "plot")
-    found = _events(run, fewest)
+    moved, found = on_blocks(run, "displacement", "plot"), _events(run, fewest)
     if found.sizes["event"] == 0:
         raise InputError(f"slip_profiles: the run holds no event of {fewest} blocks or more; run it for longer")
     ax = new_axes() if ax is None else ax
-    colours = style.dark_to_bright(found.sizes["event"])
-    for start, end, colour in zip(found["start"].values, found["end"].values, colours, strict=True):
-        slip = moved.sel(time=end, method="nearest").values - moved.sel(time=start, method="nearest").values
+    slips = _gone(moved, found).assign_attrs(moved.attrs | {"long_name": "slip in an event"})
+    for slip, colour in zip(slips, style.dark_to_bright(found.sizes["event"]), strict=True):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
-    dress(ax.yaxis, (moved - moved[0]).assign_attrs(moved.attrs | {"long_name": "slip in an event"}))
+    dress(ax.yaxis, slips)
     ax.set(xlabel="block", xlim=(0, run.sizes["block"] - 1))
     ax.set_ylim(bottom=0)
     return ax
 
 
+def _gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
+    """How much larger the values of the blocks are after each event than before."""
+    return values.sel(time=events["end"], method="nearest") - values.sel(time=events["start"], method="nearest")
+
+
 def _events(run: xr.Dataset, fewest: int) -> xr.Dataset:
     """Events of at least so many blocks; `reach`: up to which block, from 1, contacts broke; `force_before` it."""
-    force = variable(run, "spring_force", "time")
     found = measure.events(run)
     found = found.isel(event=np.flatnonzero(found["blocks"].values >= fewest))
-    broken, reach = on_blocks(run, "broken", "plot"), []
-    for start, end in zip(found["start"].values, found["end"].values, strict=True):
-        gone = broken.sel(time=end, method="nearest").values - broken.sel(time=start, method="nearest").values
-        reach.append(int(np.flatnonzero(gone >= 0.5).max(initial=-1)) + 1)
-    before = np.interp(found["start"].values, run["time"].values, force.values)
-    return found.assign(reach=("event", np.array(reach, dtype=int)), force_before=("event", before))
+    broken = on_blocks(run, "broken", "plot")
+    reach = ((_gone(broken, found) >= 0.5) * (np.arange(run.sizes["block"]) + 1)).max("block")
+    before = np.interp(found["start"], run["time"], variable(run, "spring_force", "time"))
+    return found.assign(reach=reach, force_before=("event", before))
 
 
 def _dress_speed(ax: Axes, rig: Rig) -> None:

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter
 
 from stickslip.errors import InputError
 from stickslip.measure import Regime, counted, regime, regime_and_drops
-from stickslip.measure.arrays import check_numbers, in_words
+from stickslip.measure.arrays import in_words
 from stickslip.measure.front_map import is_of_a_chain
 from stickslip.measure.headings import ratio
 from stickslip.model.units import engineering
@@ -49,7 +49,7 @@ def force_trace(
         If the Dataset has no such variable.
     """
     ax, force = along_time(run, "spring_force", ax, color=color)
-    if events is not None:
+    if events is not None and events.sizes.get("event"):
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
         gap = run["filled"].to_numpy().astype(bool)
@@ -78,19 +78,16 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
     ax, speed = along_time(run, "velocity", ax, color=style.GREEN, label="slider")
     usual = 0.0
     if "drive_velocity" in run:
-        drive = variable(run, "drive_velocity", "time").to_numpy()
-        usual = float(np.max(np.abs(drive)))
-        line = envelope(run["time"].to_numpy(), drive)
-        ax.plot(*line, color=style.GREY, linewidth=0.9, linestyle=style.DASHED, label="drive")
+        look: Any = {"color": style.GREY, "linewidth": 0.9, "linestyle": style.DASHED, "label": "drive"}
+        _, drive = along_time(run, "drive_velocity", ax, **look)
+        usual = float(abs(drive).max())
         legend_above(ax)
-    if scale is None:
-        scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
-    if scale == "log":
-        linear = usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0
+    if scale == "log" or (scale is None and 0.0 < _WIDE_RANGE * usual < float(abs(speed).max())):
+        linear = usual or float(abs(speed).median()) or 1.0
         ax.set_yscale("symlog", linthresh=linear)
         minus = style.minus  # decades within the linear part would crowd around 0
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "" if 0 < abs(value) < linear else minus(value)))
-        dress(ax.yaxis, speed)
+    dress(ax.yaxis, speed)
     return ax
 
 
@@ -133,8 +130,6 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the snapshots of the distribution of stretchings ``Q(x)`` that a run recorded."""
     if "stretching_density" not in run or set(run["stretching_density"].dims) != {"snapshot", "x"}:
         raise InputError("plot: this run holds no snapshots; record them with Output(snapshots=(1.0, 2.0))")
-    for name in ("stretching_density", "snapshot", "x"):
-        check_numbers("plot", run[name])
     ax = new_axes() if ax is None else ax
     count = run.sizes["snapshot"]
     colours = style.dark_to_bright(count) if count > len(style.PALETTE) else style.PALETTE
@@ -161,20 +156,18 @@ _ENERGIES = {
 @house_style()
 def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
-    parts = [variable(run, name, "time") for name in _ENERGIES]
-    work = variable(run, "work", "time")
+    # An envelope would not stack; one of each group of samples will do.
+    thin = run.isel(time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS)))
+    parts = [variable(thin, name, "time") for name in _ENERGIES]
+    work = variable(thin, "work", "time")
     ax = new_axes(style.PAGE, 2.6) if ax is None else ax
-    # An envelope would not stack; the last of each group of samples will do.
-    count = run.sizes["time"]
-    kept = np.unique(np.append(np.arange(0, count, max(1, count // style.MOST_POINTS)), count - 1))
     names, colours = zip(*_ENERGIES.values(), strict=True)
-    stack = [part[kept] for part in parts]
-    ax.stackplot(run["time"][kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
+    ax.stackplot(thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0)
     total = work + sum(float(part[0]) for part in parts)
-    ax.plot(run["time"][kept], total[kept], color=style.BLACK, linestyle=style.DASHED, label="work of the drive")
-    dress(ax.xaxis, run["time"])
-    per_contact = ", per contact" if "per contact" in str(work.attrs.get("long_name", "")) else ""
-    dress(ax.yaxis, total.assign_attrs(units=work.attrs.get("units", ""), long_name=f"energy{per_contact}"))
+    ax.plot(thin["time"], total, color=style.BLACK, linestyle=style.DASHED, label="work of the drive")
+    dress(ax.xaxis, thin["time"])
+    words = str(work.attrs.get("long_name", "")).replace("work of the drive", "energy")
+    dress(ax.yaxis, total.assign_attrs(work.attrs | {"long_name": words}))
     ax.margins(x=0)
     legend_above(ax, columns=3)
     return ax
@@ -206,13 +199,12 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     if seen is None:
         seen, found = regime_and_drops(run)
         events = found if events is None and seen.kind == "stick-slip" else events
-    panels = [name for name in ("velocity", "attached") if name in run]
+    panels = [draw for name, draw in {"velocity": velocity, "attached": attached}.items() if name in run]
     figure = style.new_figure(style.PAGE, 2.4 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    force_trace(run, axes[0], events=events)
-    axes[0].set_title(_title(run, seen))
-    for name, ax in zip(panels, axes[1:], strict=True):
-        {"velocity": velocity, "attached": attached}[name](run, ax)
+    force_trace(run, axes[0], events=events).set_title(_title(run, seen))
+    for draw, ax in zip(panels, axes[1:], strict=True):
+        draw(run, ax)
     for ax in axes:
         ax.label_outer()
     figure.align_ylabels(axes)
@@ -272,12 +264,9 @@ def _coefficient_on_the_right(ax: Axes, run: xr.Dataset) -> None:
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     """Shade the slips and put a dot on the peak before each."""
-    if (count := events.sizes.get("event", 0)) == 0:
-        return
-    start, end = events["start"].to_numpy(), events["end"].to_numpy()
+    start, lasts = events["start"].to_numpy(), (events["end"] - events["start"]).to_numpy()
     shade: Any = {"facecolor": style.ORANGE, "alpha": 0.3, "linewidth": 0, "zorder": 0.5}
     shade["label"] = "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
-    spans = list(zip(start, end - start, strict=True))
-    ax.broken_barh(spans, (0, 1), transform=ax.get_xaxis_transform(), **shade)
-    size, text = 3.5 if count <= _MANY_SLIPS else 2.0, counted(events)
+    ax.broken_barh(list(zip(start, lasts, strict=True)), (0, 1), transform=ax.get_xaxis_transform(), **shade)
+    size, text = 3.5 if start.size <= _MANY_SLIPS else 2.0, counted(events)
     ax.plot(start, events["force_before"], "o", color=style.VERMILLION, markersize=size, markeredgewidth=0, label=text)
