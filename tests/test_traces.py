@@ -182,13 +182,17 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
             "line 12: time 1 does not come after 2.25;",
         ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
-        ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, "holds no number in column 1"),
+        (
+            "a,F_d\n" + rows(lambda _, f: f"x,{f}"),
+            {"force": "a", "step": 1.0},
+            r"no such column of numbers.* 1 'a' \(no numbers",
+        ),
         (
             "time force\n" + rows(lambda t, f: f"{t} {f} N m"),
             {},
             "column 2 holds numbers in 'N m'; write one known unit",
         ),
-        ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, "without a mark between thousands"),
+        ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, r"2 'force' \(no numbers such as 1234.5\)"),
         (
             "time,force\n" + rows(lambda t, _: f"{t:.2f},{5 + t % 2:.3f}".replace(".", ",")),
             {},
@@ -260,7 +264,7 @@ def test_units_that_are_not_named_are_told_as_assumed(tmp_path):
 
 
 def test_numbers_below_more_text_than_is_looked_at_are_told_of(tmp_path):
-    with pytest.raises(ss.InputError, match=r"the numbers start only after line 1000; leave the text before them out"):
+    with pytest.raises(ss.InputError, match="no column of numbers that begins by line 1000"):
         read_trace(written(tmp_path, 1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n"))
 
 
@@ -292,7 +296,10 @@ def test_a_cell_in_another_unit_is_no_force(tmp_path, unit, cell):
         ("t,T (°C)\n" + rows(lambda t, f: f"{t},{f}"), "which column is the force"),
         ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), "which column is the force"),
         ("a,F\n" + rows(lambda t, f: f"{t},{f}"), "which column is the time.*--time .* time=.*--step .* step="),
-        ("Time,Force (N)\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"), "column 1 'Time' holds times of day .*--step"),
+        (
+            "Time,Force (N)\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"),
+            r"which column is the time.*--step.* 1 'Time' \(no numbers",
+        ),
         ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), "line"),
         ("t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"), "column 2 holds numbers in 'N' below the heading 's'"),
         (rows(lambda t, f: f"{t}" + f",{f}" * 1500), "1501 columns, more than 1000"),

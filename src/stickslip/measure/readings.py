@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 import re
@@ -14,7 +15,6 @@ import numpy as np
 
 from stickslip.errors import InputError, number, shortened, shown
 from stickslip.io import files
-from stickslip.io.tables import unknown
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.bench import far_outside, spikes
 from stickslip.measure.headings import Heading, ratio, simple, unit_named
@@ -101,7 +101,9 @@ def read_trace(
         del raw  # and the table, once read: they are as large as the file
         constant = _constant(load)
         asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
-        chosen = _choose(table, asked, step)
+        chosen = _choose(table, asked, step or table.step)
+        if step is not None:
+            chosen.pop("time", None)
         units = {name: table.headings[i].unit for name, i in chosen.items()}
         if table.headings[chosen["force"]].quantity == "coefficient":
             units["force"] = "1"
@@ -211,7 +213,7 @@ def _dataset(units: dict[str, str], values: dict[str, Array], unreadable: dict[i
 
 
 def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | None) -> dict[str, int]:
-    """Columns that were asked for, and those that the headings tell."""
+    """Columns that were asked for, and those that the headings tell; the times may be told by a step."""
     chosen = {name: _column(table, name, wanted) for name, wanted in asked.items() if wanted is not None}
     for one, other in combinations(chosen, 2):
         if chosen[one] == chosen[other]:
@@ -227,48 +229,29 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
                 found = [i for i, quantity in free.items() if quantity in ("load", "")]
         if len(found) == 1:
             chosen[name] = found[0]
-        elif name == "force":
-            raise _not_found(table, name)
-    if step is not None:
-        chosen.pop("time", None)
-    elif table.step is None and "time" not in chosen:
-        raise _not_found(table, "time")
+        elif name == "force" or (name == "time" and not step):
+            or_step = ", or give the seconds from one row to the next (--step on the command line, step= in Python)"
+            raise InputError(
+                f"which column is the {name}? Name it (--{name} on the command line, {name}= in Python)"
+                f"{or_step if name == 'time' else ''}; there are {table.listed()}"
+            )
     return chosen
-
-
-def _not_found(table: Table, name: str) -> InputError:
-    """What to raise where no column, or one of several, is the force or the time."""
-    text = [i for i, each in enumerate(table.headings) if each.quantity == name and i not in table.numeric]
-    why = f"which column is the {name}?"
-    if text:
-        why = (
-            f"column {text[0] + 1} '{table.headings[text[0]]}' holds times of day or other text; numbers are written "
-            "1234.5, without a mark between thousands;"
-        )
-    step = ", or give the seconds from one row to the next (--step on the command line, step= in Python)"
-    return InputError(
-        f"{why} Name it (--{name} on the command line, {name}= in Python){step if name == 'time' else ''}; there are "
-        f"{table.listed()}"
-    )
 
 
 def _column(table: Table, name: str, wanted: str | int) -> int:
     """Index of a column given by name or number."""
-    text, headings = str(wanted), table.headings
+    text, titles = str(wanted), [heading.name for heading in table.headings]
     names = {simple(text), simple(Heading.read(text).name)} - {""}
-    found = [i for i, heading in enumerate(headings) if simple(heading.name) in names]
-    if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text) and 0 < int(text) <= len(headings):
+    found = [i for i, title in enumerate(titles) if simple(title) in names]
+    if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         found = [int(text) - 1]
-    if len(found) == 1 and found[0] in table.numeric:
-        return found[0]
-    mistake = (
-        f"{len(found)} columns have this name"
-        if found[1:]
-        else f"holds no number in column {found[0] + 1}"
-        if found
-        else f"no such column; {unknown(text, [heading.name for heading in headings if heading.name])}"
-    )
-    raise InputError(f"{name} = {shown(wanted)}: {mistake} (columns of numbers, counted from 1: {table.listed()})")
+    if len(found) != 1 or found[0] not in table.numeric:
+        near = difflib.get_close_matches(text, {*titles} - {text}, n=1, cutoff=0.5)
+        raise InputError(
+            f"{name} = {shown(wanted)}: no such column of numbers, or several of this name; "
+            f"{f'did you mean {near[0]!r}? ' if near else ''}counted from 1, there are {table.listed()}"
+        )
+    return found[0]
 
 
 def _constant(load: str | int | None) -> tuple[float, str] | None:

@@ -60,17 +60,24 @@ class Table(NamedTuple):
     step: float | None = None
 
     def listed(self) -> str:
-        """The columns of numbers, for a message."""
-        shown = [f"{i + 1}" + (f" '{self.headings[i]}'" if self.headings[i].name else "") for i in self.numeric[:12]]
-        return ", ".join(shown) + (" ..." if len(self.numeric) > 12 else "")
+        """The columns, for a message."""
+        named = [f"{i} '{heading}'" if heading.name else str(i) for i, heading in enumerate(self.headings, start=1)]
+        shown = [each if i in self.numeric else f"{each} (no numbers such as 1234.5)" for i, each in enumerate(named)]
+        return ", ".join(shown[:12]) + (" ..." if len(shown) > 12 else "")
 
 
 def read_table(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
-    if raw.startswith(b"TDSm"):
-        return _of_tdms(raw)
-    if raw.startswith(b"PK\x03\x04"):
-        raw, delimiter, decimal = _of_spreadsheet(raw), "\t", "."
+    for start, (kind, package, reader) in _NO_TEXT.items():
+        if raw.startswith(start):
+            try:
+                return reader(raw)
+            except InputError:
+                raise
+            except ImportError:
+                raise InputError(f"is a {kind}; `pip install {package}` to read it, or export it as text") from None
+            except Exception as error:  # they let errors of zip, XML, struct and their own through
+                raise InputError(f"is no {kind} that can be read ({error}); export it as text") from None
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
@@ -95,10 +102,10 @@ def _is_number(cell: str, comma: bool = False) -> bool | None:
     return value is not None and (not unit or any(map(is_unit, unit.split())))
 
 
-def _is_row(cells: list[str], numeric: list[int], comma: bool) -> bool:
-    """Whether cells are a row of the table: numbers in its columns of numbers."""
-    found = [_is_number(cell, comma) for i, cell in enumerate(cells) if i in numeric]
-    return len(found) == len(numeric) and any(found) and False not in found
+def _share(cells: Iterable[str], comma: bool = False) -> float:
+    """Which part of cells hold numbers, of those that do not say that they have none."""
+    told = [is_number for cell in cells if (is_number := _is_number(cell, comma)) is not None]
+    return sum(told) / max(len(told), 1)
 
 
 def _split(line: str, mark: str) -> list[str]:
@@ -163,10 +170,9 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     head = [(i, line) for i in range(min(len(lines), _HEAD)) if (line := lines[i]).strip()]
     ends = [k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")]
     labview, head = (head[: ends[-1]], head[ends[-1] + 1 :]) if ends else ([], head)
-    begin = head[0][0] if head else 0
-    places = np.linspace(begin + (len(lines) - begin) // 3, len(lines), _SAMPLE, endpoint=False).astype(int)
-    # text may stand at the beginning
-    sample = [line for i in np.unique(places).tolist() if _holds(line := lines[i])] if head else []
+    begin = (2 * head[0][0] + len(lines)) // 3 if head else 0  # text may stand above
+    places = np.linspace(begin, len(lines), _SAMPLE if head else 0, endpoint=False)
+    sample = [line for i in np.unique(places.astype(int)).tolist() if _holds(line := lines[i])]
     if not sample:
         raise InputError("is empty, or holds blanks and comments only; it should hold a column of forces")
     content = [(i, line) for i, line in head if _holds(line)]
@@ -176,16 +182,15 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     if width > MOST_COLUMNS:
         raise InputError(f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
     columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
-    are_numbers = [[known for cell in column if (known := _is_number(cell, comma)) is not None] for column in columns]
-    numeric = [i for i, are in enumerate(are_numbers) if sum(are) >= max(min(0.5 * len(are), len(are) - 3), 1)]
-    if not numeric:
-        raise InputError(
-            f"line {content[0][0] + 1}, {shortened(content[0][1])!r}: found no column of numbers in {len(lines)} rows; "
-            "it should hold a column of forces"
-        )
-    start = next((i for i, line in content if _is_row(_split(line, mark), numeric, comma)), None)
+    numeric = [i for i, column in enumerate(columns) if _share(column, comma) >= 0.5]
+    rows = ((i, _split(line, mark)) for i, line in content if numeric)
+    full = ((i, [row[k] for k in numeric]) for i, row in rows if len(row) > numeric[-1])
+    start = next((i for i, row in full if _share(row, comma) == 1.0), None)
     if start is None:
-        raise InputError(f"the numbers start only after line {head[-1][0] + 1}; leave the text before them out")
+        raise InputError(
+            f"line {content[0][0] + 1}, {shortened(content[0][1])!r}: found no column of numbers that begins by line "
+            f"{head[-1][0] + 1}; it should hold a column of forces, without more text above it"
+        )
     above = [line.lstrip().lstrip("#%/! ") for i, line in head if i < start]
     headings = _headings(filter(None, (_as_wide(line, mark, width) for line in above)), width)
     headings, step = _labview([line for _, line in labview], headings, numeric, mark, comma)
@@ -220,21 +225,16 @@ def _layout(sample: list[str], head: list[str], delimiter: str | None, decimal: 
     if delimiter is not None and (len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal):
         raise InputError(f"delimiter = {delimiter!r}: must be one character, such as ';', and no decimal sign")
 
-    def part(way: tuple[str, bool]) -> float:
-        """Which part of the cells are numbers, in rows as long as most."""
-        mark, comma = way
-        rows = [_split(line, mark)[:_LOOKED_AT] for line in sample[:: len(sample) // _LOOKED_AT + 1]]
-        width: int = _most([len(row) for row in rows])
-        cells = [(_is_number(cell, comma), len(row) == width) for row in rows for cell in row]
-        told = [is_number and fits for is_number, fits in cells if is_number is not None]
-        return sum(told) / max(len(told), 1)
+    def numbers(way: tuple[str, bool]) -> float:
+        some = sample[:: len(sample) // _LOOKED_AT + 1]
+        return _share((cell for line in some for cell in _split(line, way[0])[:_LOOKED_AT]), way[1])
 
     marks = [delimiter] if delimiter else ["\t", ";", "|", *(() if decimal == "," else ","), _BLANKS, _BEFORE_NUMBERS]
     ways = [(mark, comma) for comma in (False, True) for mark in marks if decimal in (None, ".,"[comma])]
-    mark, comma = max(ways, key=part)
+    mark, comma = max(ways, key=numbers)
     if mark == "," and not (comma or delimiter or decimal or "." in "".join(sample)):  # 0,25,5,1 may be two numbers
         width, rows = _most([len(_split(line, mark)) for line in sample]), (_split(line, mark) for line in head)
-        names = {len(cells) for cells in rows if not any(map(_is_number, cells))} - {1}
+        names = {len(cells) for cells in rows if not _share(cells)} - {1}
         if width not in names and (names or ", " not in "".join(sample)):
             raise InputError(
                 f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns, or fewer with decimal "
@@ -345,42 +345,29 @@ def _numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _of_spreadsheet(raw: bytes) -> bytes:
+def _of_spreadsheet(raw: bytes) -> Table:
     """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
     import pandas as pd
 
-    try:
-        sheets = pd.read_excel(io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl")
-    except ImportError:
-        raise InputError("is a spreadsheet; `pip install openpyxl` to read .xlsx, or export the table as CSV") from None
-    except Exception as error:  # openpyxl lets errors of zip, XML and its own through
-        raise InputError(f"is no spreadsheet that can be read ({error}); export the table as CSV") from None
-
+    sheets = pd.read_excel(io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl")
     sheet = max(sheets.values(), key=lambda sheet: sheet.apply(pd.to_numeric, errors="coerce").count().sum())
     plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
     text: str = plain.to_csv(sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE)
-    return text.encode()
+    return _of_text(text.encode(), "\t", ".")
 
 
 def _of_tdms(raw: bytes) -> Table:
     """The channels of numbers in a TDMS file, of those that are equally long."""
-    try:
-        import nptdms
-    except ImportError:
-        raise InputError("is a TDMS file; `pip install npTDMS` to read it, or export it as text") from None
-    try:
-        channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
-        found = [one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)]
-    except Exception as error:  # npTDMS lets errors of struct and its own through
-        raise InputError(f"is no TDMS file that can be read ({error}); export it as text") from None
-    if not found:
-        raise InputError("holds no channel of numbers; it should hold one of forces")
-    length = _most([len(one) for one in found])
-    found = [one for one in found if len(one) == length]
+    import nptdms
+
+    channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
+    lengths = [len(one) if np.issubdtype(one[:].dtype, np.number) else 0 for one in channels]
+    length = _most([*filter(None, lengths)] or [0])
+    found = [one for one, its in zip(channels, lengths, strict=True) if its == length > 0]
     headings = []
     for one in found:
-        unit = str(one.properties.get("unit_string", "") or one.properties.get("NI_UnitDescription", ""))
-        heading = Heading.read(one.name)
+        heading, about = Heading.read(one.name), one.properties
+        unit = str(about.get("unit_string", "") or about.get("NI_UnitDescription", ""))
         headings.append(Heading(heading.name, unit or heading.unit))
     steps = {float(step) for one in found if (step := one.properties.get("wf_increment"))}
     return Table(
@@ -390,3 +377,10 @@ def _of_tdms(raw: bytes) -> Table:
         line="sample {}".format,
         step=steps.pop() if len(steps) == 1 else None,
     )
+
+
+_NO_TEXT: dict[bytes, tuple[str, str, Callable[[bytes], Table]]] = {
+    b"TDSm": ("TDMS file", "npTDMS", _of_tdms),
+    b"PK\x03\x04": ("spreadsheet", "openpyxl", _of_spreadsheet),
+}
+"""Files that are no text by how they begin: what they are, the package that reads them, and how."""
