@@ -379,7 +379,7 @@ def test_readings_that_make_no_rig_are_one_line(slips, given, words):
 @pytest.mark.parametrize(
     ("content", "fields"),
     [
-        (b"a b c\n" + b"".join(b"%d %d %d\n" % (i, i * i % 7, i % 5) for i in range(60)), ["force column"]),
+        (b"t b c\n" + b"".join(b"%d %d %d\n" % (i, i * i % 7, i % 5) for i in range(60)), ["force column"]),
         (b"force\n" + b"".join(b"%d\n" % (i % 7) for i in range(60)), ["seconds per row"]),
         (b"time,force\n" + b"".join(b"%d,%d\n" % (i % 20, i % 7) for i in range(60)), ["seconds per row"]),
     ],

@@ -126,8 +126,7 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
-    step = _quantity("--step", columns.step, "s", "0.5 ms", unit="s")
-    return ss.read_trace(data, force=columns.force, time=columns.time, step=step, **more)
+    return ss.read_trace(data, **vars(columns), **more)
 
 
 def _quantity(option: str, text: str | None, si: str, example: str, *, unit: str) -> float | None:

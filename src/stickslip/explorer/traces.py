@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip import fitting, measure
-from stickslip.errors import InputError, instance, number, shown, whole
+from stickslip.errors import InputError, instance, number, whole
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
 from stickslip.fitting.bench import newtons
@@ -28,7 +28,7 @@ from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import listed
 from stickslip.model import Contacts, constant
-from stickslip.model.quantities import read_number, read_quantity
+from stickslip.model.quantities import read_value
 from stickslip.model.rig import Assumption, Rig
 from stickslip.model.units import engineering
 from stickslip.plot.style import envelope
@@ -71,28 +71,21 @@ def _options(request: Plain) -> dict[str, str]:
     return {key: text for key, value in options.items() if (text := str(value).strip())}
 
 
+_FIELDS = {"force": "force column", "time": "time column", "step": "seconds per row"}
+
+
 def _read(request: Plain) -> xr.Dataset:
     """The trace of a request, from its content and the columns that were named."""
-    options, step = _options(request), None
-    if text := options.get("step"):
-        try:
-            step = read_quantity(text, "s", "0.5 ms", bare=True)
-        except InputError as error:
-            raise InputError(f"step = {shown(text)}: {error}") from None
+    given: dict[str, Any] = {name: text for name, text in _options(request).items() if name in _FIELDS}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
         file.write_bytes(request["content"])
         try:
-            time = options.get("time") if step is None else None
-            return measure.read_trace(file, force=options.get("force"), time=time, step=step)
+            return measure.read_trace(file, **given)
         except InputError as error:
             words = str(error).replace(str(file), _name(request))
-            raise InputError(re.sub(r"\(--(force|time|step)\b[^)]*\)", _field_of, words)) from None
-
-
-def _field_of(option: re.Match[str]) -> str:
-    """The field of the page that stands for an option of the command line."""
-    return f"(in the field {'seconds per row' if option[1] == 'step' else f'{option[1]} column'})"
+            fields = re.sub(r"\(--(\w+)[^)]*\)", lambda option: f"(in the field {_FIELDS[option[1]]})", words)
+            raise InputError(fields) from None
 
 
 def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
@@ -111,11 +104,8 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The readings of a trace, the rig that they make by closed forms, and what intervals would take."""
     watch(0.0)
     events, given = fitting.pick_events(_read(request)), _options(request)
-    try:
-        zeta = read_number(given["damping"]) if "damping" in given else _DAMPING
-    except InputError as error:
-        raise InputError(f"damping ratio = {shown(given['damping'])}: {error}") from None
-    number("damping ratio", zeta, at_least=0, at_most=0.95)
+    zeta = read_value("damping ratio", given.get("damping", _DAMPING), "1", "0.15", bare=True)
+    number("damping ratio", zeta, at_most=0.95)
     overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
     # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
     kinetic = (float(events.troughs.mean()) + overshoot * events.mean_peak) / (1.0 + overshoot)
@@ -185,25 +175,20 @@ def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> 
     short = documents.shortened(long, seconds)
     documents.check_size(short, seconds)
     run = simulate(short, progress=watch)
-    after = measure.drops(run)["start"].to_numpy() / unit
-    times, values = run["time"].to_numpy() / unit, run["spring_force"].to_numpy() / newtons(events, {})
-    settled = after[after > min(settle, 0.5 * float(times[-1]))]
-    shift = first - settled[0] if settled.size else begin - settle
-    seen = (times + shift >= begin) & (times + shift <= end)
-    made = xr.Dataset({"spring_force": ("time", values)}, {"time": times})
-    series = [line(times[seen] + shift, values[seen])]
-    return _beside(events, series, begin, end), _fits(events, made, settle)
-
-
-def _fits(events: fitting.Events, run: xr.Dataset, settled: float) -> str:
-    """Whether the slips that a rig makes are those of the trace, in words."""
-    run["spring_force"].attrs["units"], run["time"].attrs["units"] = events.force_unit, events.time_unit
+    t, F = run["time"].to_numpy() / unit, run["spring_force"].to_numpy() / newtons(events, {})
+    force, times = ("time", F, {"units": events.force_unit}), ("time", t, {"units": events.time_unit})
+    made = xr.Dataset({"spring_force": force}, {"time": times})
     try:
-        words, agrees = compared(fitting.pick_events(run, smallest=events.smallest, after=settled), events)
+        slips = fitting.pick_events(made, smallest=events.smallest, after=min(settle, 0.5 * float(t[-1])))
+        told, agrees = compared(slips, events)
+        words = f"This rig {'fits' if agrees else 'does not fit'}: {told} (mean drop and period, at 90 % confidence)."
+        shift = first - float(slips.time[slips.peak_at[0]])
     except InputError:
         drop = f"{float(events.drops.mean()):.3g} {events.force_unit}".rstrip()
-        return f"This rig does not fit: its run hardly slips, the trace has drops of {drop}."
-    return f"This rig {'fits' if agrees else 'does not fit'}: {words} (mean drop and period, at 90 % confidence)."
+        words = f"This rig does not fit: its run hardly slips, the trace has drops of {drop}."
+        shift = begin - settle
+    seen = (t + shift >= begin) & (t + shift <= end)
+    return _beside(events, [line(t[seen] + shift, F[seen])], begin, end), words
 
 
 def _window(events: fitting.Events) -> tuple[float, float, float]:
@@ -237,12 +222,12 @@ def line(x: Array, y: Array) -> Plain:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=8)
-def _cost(slips: int) -> float:
+@lru_cache(maxsize=1)
+def _cost() -> float:
     """Seconds of one core for a draw of the table, measured."""
     simulate_block(0, fitting.Prior(), 1, 30, 0)  # compiles
     begun = time.perf_counter()
-    simulate_block(0, fitting.Prior(), _TIMED, slips, 0)
+    simulate_block(0, fitting.Prior(), _TIMED, SLIPS, 0)
     return (time.perf_counter() - begun) / _TIMED
 
 
@@ -252,7 +237,7 @@ def _plan(events: fitting.Events) -> Plain:
         fitting.check(events)
     except InputError as error:
         return {"refused": str(error)}
-    ready, each = draws_kept(fitting.Prior(), SLIPS), _cost(SLIPS) / (os.cpu_count() or 1)
+    ready, each = draws_kept(fitting.Prior(), SLIPS), _cost() / (os.cpu_count() or 1)
     return {"sizes": [{"draws": draws, "seconds": max(draws - ready, 0) * each} for draws in (_COARSE, DRAWS)]}
 
 
@@ -274,8 +259,6 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
         rig = {"no_rig": str(error)}
     yield {
         **rig,
-        "slips": len(events),
-        "draws": draws,
         "parameters": _parameters(found),
         "quantities": [[one.title, str(one)] for one in found.quantities],
         "notes": list(found.notes),
@@ -299,7 +282,6 @@ def _parameters(found: fitting.Fit) -> list[Plain]:
         {
             "title": one.title,
             "text": str(one),
-            "verdict": one.verdict,
             "says": _SAYS[str(one.verdict)],
             "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
             "part": list(one.parts or ()),
@@ -326,15 +308,13 @@ def _drops(found: fitting.Fit, events: fitting.Events) -> Plain:
     at = np.linspace(0.0, 1.25 * float(events.drops.max()), 120)
     below = []
     for row in range(min(_SERIES, len(found))):
-        peaks, troughs = found.series(row, min(len(events), 400), np.random.default_rng([0, row]))
-        drops = peaks - troughs
+        drops = np.subtract(*found.series(row, min(len(events), 400), np.random.default_rng([0, row])))
         if (drops := drops[drops >= events.smallest]).size:
             below.append((drops[:, None] <= at).mean(axis=0))
     low, high = np.quantile(below, (0.05, 0.95), axis=0)
-    here = (events.drops[:, None] <= at).mean(axis=0)
     return {
         "drop": {"title": "force drop", "unit": events.force_unit, "values": packed(at)},
-        "trace": packed(here),
+        "trace": packed((events.drops[:, None] <= at).mean(axis=0)),
         "low": packed(low),
         "high": packed(high),
     }

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from stickslip.errors import InputError, number, shortened, shown
+from stickslip.errors import InputError, shortened, shown
 from stickslip.io import files
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.bench import far_outside, spikes
 from stickslip.measure.headings import Heading, ratio, simple, unit_named
 from stickslip.measure.tables import Table, read_cell, read_table
+from stickslip.model.quantities import read_value
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +36,7 @@ def read_trace(
     time: str | int | None = None,
     displacement: str | int | None = None,
     load: str | int | None = None,
-    step: float | None = None,
+    step: float | str | None = None,
     flip: bool = False,
     delimiter: str | None = None,
     decimal: Literal[".", ","] | None = None,
@@ -56,8 +57,8 @@ def read_trace(
         Columns by name or by number, from 1. By default the columns whose names or units say so; the only
         column of numbers besides is the force. A column of the coefficient of friction will do for a force. The
         normal load may be a quantity, too: ``"20 N"``.
-    step : float, optional
-        Time from one row to the next, in s, where the file has no column of times.
+    step : float or str, optional
+        Time from one row to the next, where the file has no column of times: in s, or ``"0.5 ms"``.
     flip : bool
         Change the sign of the force: for a sensor that counts pull as negative, and has an offset.
     delimiter : str, optional
@@ -91,23 +92,22 @@ def read_trace(
     >>> trace["spring_force"].attrs["units"], trace["time"].attrs["units"], float(trace["spring_force"].max())
     ('mN', 'ms', 11.5)
     """
-    if step is not None:
-        step = number("step", step, at_least=1e-12, at_most=1e12, hint="s from one row to the next")
-        if time is not None:
-            raise InputError(f"{path}: both step = {step:g} and time = {time!r} are given; leave one out")
+    if step is not None and time is not None:
+        raise InputError(f"{path}: both step = {step} and time = {time!r} are given; leave one out")
+    seconds = None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
     raw = files.read(path, "force trace", largest=LARGEST_FILE)
     try:
         table = read_table(raw, delimiter, decimal)
         del raw  # and the table, once read: they are as large as the file
         constant = _constant(load)
         asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
-        chosen = _choose(table, asked, step or table.step)
-        if step is not None:
+        chosen = _choose(table, asked, seconds or table.step)
+        if seconds:
             chosen.pop("time", None)
         units = {name: table.headings[i].unit for name, i in chosen.items()}
         if table.headings[chosen["force"]].quantity == "coefficient":
             units["force"] = "1"
-        values, unreadable = _rows(table, chosen, step or table.step or 0.0)
+        values, unreadable = _rows(table, chosen, seconds or table.step or 0.0)
         del table
     except InputError as error:
         raise InputError(f"{path}: {error}") from None

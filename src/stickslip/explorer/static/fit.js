@@ -122,7 +122,7 @@ function showPosterior(reply) {
   found = reply;
   mark("posterior", "");
   $("posterior").hidden = false;
-  const rows = reply.parameters.map(({ title, text, verdict, says, prior, part }) => {
+  const rows = reply.parameters.map(({ title, text, says, prior, part }) => {
     const [low, median, high] = part.map((value) => 100 * value), bar = element("span", { className: "range" });
     bar.append(element("i", { style: `left:${low}%;width:${high - low}%` }), element("b", { style: `left:${median}%` }));
     bar.setAttribute("role", "img");
