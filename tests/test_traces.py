@@ -10,7 +10,6 @@ import time
 import numpy as np
 import pytest
 
-import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.measure import read_trace
 
@@ -28,8 +27,8 @@ def rows(form, forces=FORCES):
 
 
 COMMA = str.maketrans(".", ",")
-
-
+NUMBERS = rows(lambda _, f: f"{f}")
+PAIRS, SEMICOLONS = (rows(lambda t, f, mark=mark: f"{t}{mark}{f}") for mark in ",;")
 TIMES = 0.25 * np.arange(FORCES.size)
 GERMAN = "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n" + "".join(
     f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True)
@@ -46,44 +45,44 @@ LABVIEW = (
 @pytest.mark.parametrize(
     ("text", "options"),
     [
-        (rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        (NUMBERS, {"step": 0.25}),
         (rows(lambda _, f: f"{f} N1 "), {"step": 0.25}),
         (rows(lambda _, f: f"{f}".translate(COMMA)), {"step": 0.25, "decimal": ","}),
         (rows(lambda _, f: f"{f:.2f} N".translate(COMMA)), {"step": 0.25, "decimal": ","}),
-        ("force\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
-        ("Force (N)\n\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
-        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {}),
+        ("force\n" + NUMBERS, {"step": 0.25}),
+        ("Force (N)\n\n" + NUMBERS, {"step": 0.25}),
+        ("t,F_d\n" + PAIRS, {}),
         ("time [s], Force [N]\n" + rows(lambda t, f: f"{t}, {f}"), {}),
         ("Zeit (s);Kraft (N)\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {}),
         ("t F\n" + rows(lambda t, f: f"  {t}   {f}  "), {}),
         ("t F\n" + rows(lambda t, f: f"{t} {f}".translate(COMMA)), {}),
         ("# t F_d\n" + rows(lambda t, f: f"{t:.6e} {f:.6e}"), {}),
-        (rows(lambda t, f: f"{t},{f}"), {"time": 1, "force": 2}),
-        (rows(lambda t, f: f"{t},{f}"), {"force": 2, "step": 0.25}),
+        (PAIRS, {"time": 1, "force": 2}),
+        (PAIRS, {"force": 2, "step": 0.25}),
         ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
         ('"t","spring_force","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
         ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
-        ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
+        ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + SEMICOLONS, {}),
         (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
         ("t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {"delimiter": ";"}),
         ("t;F_d\n" + rows(lambda t, f: f"{t:g};{f:.2e}".translate(COMMA)), {"delimiter": ";", "decimal": ","}),
         ('"Time (s)","Force (N)"\n' + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')), {}),
-        (rows(lambda _, f: f"{f}").replace("\n", "\r\n"), {"step": 0.25}),
-        ("\ufeff" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
-        (rows(lambda _, f: f"{f}") + "End of file\n", {"step": 0.25}),
-        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {"step": 0.25}),
+        (NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
+        ("\ufeff" + NUMBERS, {"step": 0.25}),
+        (NUMBERS + "End of file\n", {"step": 0.25}),
+        ("t,F_d\n" + PAIRS, {"step": 0.25}),
         (GERMAN.encode("latin-1"), {}),
         (GERMAN.encode("utf-8-sig"), {}),
         (GERMAN.encode("utf-16-le"), {}),
         (GERMAN.replace("\n", "\r\n").encode("cp1252"), {}),
-        ("Time,Force\ns,N\n" + rows(lambda t, f: f"{t},{f}"), {}),
-        ("s,N\n" + rows(lambda t, f: f"{t},{f}"), {}),
+        ("Time,Force\ns,N\n" + PAIRS, {}),
+        ("s,N\n" + PAIRS, {}),
         ("Time (s)  Force (N)\n" + rows(lambda t, f: f"{t}  {f}"), {}),
         ("# time (s), force (N)\n" + rows(lambda t, f: f"{t} {f}"), {}),
         ("ts,date,F,T\ns,,N,°C\n" + rows(lambda t, f: f"{t},2024-02-01,{f},21.5"), {}),
         ("Time;Force\ns;N\n\n" + rows(lambda t, f: f"{t};{f}\n"), {}),
         (rows(lambda t, f: f"{t} s\t{f} N"), {}),
-        ("t,F\n" + rows(lambda t, f: f"{t},{f}").replace("\n1.0,", "\n# paused\n1.0,"), {}),
+        ("t,F\n" + PAIRS.replace("\n1.0,", "\n# paused\n1.0,"), {}),
     ],
 )
 def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
@@ -94,62 +93,79 @@ def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
     assert not data["filled"].any()
 
 
+LABVIEW_WITHOUT_COMMENTS = (
+    "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
+    "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
+)
+
+
 @pytest.mark.parametrize(
     ("text", "units"),
     [
-        ("t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"), ("ms", "mN")),
-        (("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"), ("s", "µN")),
-        ("Time,Channel A\n(s),(kN)\n\n" + rows(lambda t, f: f"{t},{f}"), ("s", "kN")),
-        ("Time / s;Force / mN\n" + rows(lambda t, f: f"{t};{f}"), ("s", "mN")),
-        ("time_s,force_kN\n" + rows(lambda t, f: f"{t},{f}"), ("s", "kN")),
+        ("t (ms);F (mN)\n" + SEMICOLONS, ("ms", "mN")),
+        (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), ("s", "µN")),
+        ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, ("s", "kN")),
+        ("Time / s;Force / mN\n" + SEMICOLONS, ("s", "mN")),
+        ("time_s,force_kN\n" + PAIRS, ("s", "kN")),
+        ("Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"), ("ms", "kN")),
+        ("t;Friction coefficient (kN)\n" + SEMICOLONS, ("s", "kN")),
         (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), ("s", "kN")),
         (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), ("s", "kN")),
+        *(
+            (LABVIEW_WITHOUT_COMMENTS + names + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"), ("s", "Newtons"))
+            for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", "")
+        ),
     ],
 )
 def test_units_are_kept(tmp_path, text, units):
     data = read_trace(written(tmp_path, text))
     np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], TIMES)
     assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
     assert data.attrs["rows"] == FORCES.size
 
 
-def test_the_comment_that_labview_names_but_does_not_write_is_no_column(tmp_path):
-    """With two numbers to a row below three names, the times were taken for the force."""
-    head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
-    head += "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
-    for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", ""):
-        trace = read_trace(written(tmp_path, head + names + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"), "bench.lvm"))
-        assert trace["spring_force"].to_numpy() == pytest.approx(FORCES)
-        assert trace["time"].to_numpy() == pytest.approx(0.25 * np.arange(FORCES.size))
-        assert trace["spring_force"].attrs["units"] == "Newtons"
+def spoiled(form, changes):
+    """The rows of a table, some of which are others."""
+    return "\n".join(changes.get(i, form(0.25 * i, f)) for i, f in enumerate(FORCES)) + "\n"
 
 
 @pytest.mark.parametrize(
-    "word", ["NaN N1", "inf", "---", "1e999", "1" + 400 * "0", "overload", "True", "1.2.3", "1," * 9_000]
+    ("form", "row"),
+    [
+        *(
+            (lambda _, f: f"{f}", word)
+            for word in ("NaN N1", "inf", "---", "1e999", "1" + 400 * "0", "overload", "True", "1.2.3", "1," * 9_000)
+        ),
+        (lambda t, f: f"{t};{f} N", "5;99.0 broken"),
+        (lambda t, f: f"{t};{f} N", "5;7.0 mm"),
+        (lambda t, f: f"{t};{f} N", "5;700 mN"),
+        (lambda t, f: f"{t};{f}", "5;7 mN"),
+        (lambda t, f: f"{t};{f}".translate(COMMA), "5,00;5.330"),  # where commas are decimal 1.234 may be 1234
+    ],
 )
-def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, word):
-    lines = [f"{f}" for f in FORCES]
-    lines[20] = word
-    data = read_trace(written(tmp_path, "\n".join(lines)), step=0.25)
-    assert data.sizes["time"] == FORCES.size
+def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
+    options = {"time": 1, "force": 2} if ";" in row else {"step": 0.25}
+    data = read_trace(written(tmp_path, spoiled(form, {20: row})), **options)
+    assert data.sizes["time"] == data.attrs["rows"] == FORCES.size
     assert float(data["spring_force"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
+    np.testing.assert_array_equal(np.delete(data["spring_force"], 20), np.delete(FORCES, 20))
     assert list(np.flatnonzero(data["filled"])) == [20]
-    assert json.loads(data.attrs["unreadable"]) == [{"line": 21, "text": word}]
-    assert "line 21" in data.attrs["note"]
+    assert json.loads(data.attrs["unreadable"]) == [{"line": 21, "text": row}]
+    assert "1 of 60 rows could not be read; the force there is interpolated in time (line 21: " in data.attrs["note"]
+    many = written(tmp_path, spoiled(form, {i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)}))
+    with pytest.raises(InputError, match=r"7 of 60 rows cannot be read, first line 21: .* in the unit of the others"):
+        read_trace(many, **options)
 
 
 def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
-    lines = [f"{0.25 * i},{f}" for i, f in enumerate(FORCES)]
-    lines[10], lines[30] = "2.5,", "??"
-    data = read_trace(written(tmp_path, "t,F_d\n" + "\n".join(lines)))
-    assert data.sizes["time"] == FORCES.size - 1  # the time of row 30 is not known
-    assert 7.5 not in data["time"].values
+    """A comment is no row, though a force follows in it."""
+    changes = {10: "2.5,", 30: "??", 31: "7.75,8,5", 40: "# paused,7\n10.0,7.0"}
+    data = read_trace(written(tmp_path, "t,F_d\n" + spoiled(lambda t, f: f"{t},{f}", changes)))
+    assert data.sizes["time"] == FORCES.size - 2  # the times of two rows are not known
+    assert not {7.5, 7.75} & {*data["time"].values}
     assert bool(data["filled"].sel(time=2.5))
-    assert "2 of 60 rows" in data.attrs["note"]
-
-
-NUMBERS = rows(lambda _, f: f"{f}")
-TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
+    assert "3 of 60 rows" in data.attrs["note"]
 
 
 @pytest.mark.parametrize(
@@ -161,11 +177,11 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
         (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
-        (TWO, {"force": "F_c"}, "did you mean 'F_d'"),
-        (TWO, {"force": 0}, "counted from 1"),
-        (TWO, {"force": 1, "time": 1}, "both force and time"),
-        (TWO, {"step": 0.1, "time": "time"}, "leave one out"),
-        (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
+        ("t,F_d\n" + PAIRS, {"force": "F_c"}, "did you mean 'F_d'"),
+        ("t,F_d\n" + PAIRS, {"force": 0}, "counted from 1"),
+        ("t,F_d\n" + PAIRS, {"force": 1, "time": 1}, "both force and time"),
+        ("t,F_d\n" + PAIRS, {"step": 0.1, "time": "time"}, "leave one out"),
+        (PAIRS, {"step": 0.1}, "which column is the force"),
         (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
         (rows(lambda _, f: f"{f} N/m"), {"step": 0.1}, "column 1 holds numbers in 'N/m'"),
         ("", {"step": 1.0}, "empty"),
@@ -177,47 +193,60 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         ("t,F_d\n" + rows(lambda t, f: f"{-t},{f}"), {}, "line 3: time -0.25 does not come after -0;"),
         ("t,F_d\n" + rows(lambda _, f: f"1,{f}"), {}, "times must rise"),
         (
-            "t,F_d\n" + "".join(f"{ {3: 'x', 10: 1.0}.get(i, 0.25 * i) },{i % 7}\n" for i in range(60)),
+            "t,F\n" + spoiled(lambda t, f: f"{t},{f}", {3: "x,1", 10: "1,1"}),
             {},
-            "line 12: time 1 does not come after 2.25;",
+            "line 12: time 1 does not come after 2.25",
         ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
-        (
-            "a,F_d\n" + rows(lambda _, f: f"x,{f}"),
-            {"force": "a", "step": 1.0},
-            r"no such column of numbers.* 1 'a' \(no numbers",
-        ),
-        (
-            "time force\n" + rows(lambda t, f: f"{t} {f} N m"),
-            {},
-            "column 2 holds numbers in 'N m'; write one known unit",
-        ),
+        ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, r"no such column.* 1 'a' \(no numbers"),
+        ("time force\n" + rows(lambda t, f: f"{t} {f} N m"), {}, "numbers in 'N m'; write one known unit"),
         ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, r"2 'force' \(no numbers such as 1234.5\)"),
         (
-            "time,force\n" + rows(lambda t, _: f"{t:.2f},{5 + t % 2:.3f}".replace(".", ",")),
+            "time,force\n" + rows(lambda t, f: f"{t},{f}".replace(".", ",")),
             {},
-            "may hold 4 columns, or fewer with decimal commas",
+            "4 columns, or fewer with decimal commas",
         ),
+        (
+            "t,F,x\n" + rows(lambda t, f: f"{t},{f} N,7".replace(".", ",")),
+            {},
+            "5 columns, or fewer with decimal commas",
+        ),
+        ("t,position\n" + PAIRS, {}, r"is the force\? .*--force .* force= .* 1 't', 2 'position'"),
+        ("t (s),z (mm)\n" + PAIRS, {}, r"which column is the force.*2 'z \(mm\)'"),
+        ("t,T (°C)\n" + PAIRS, {}, "which column is the force"),
+        ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), {}, "which column is the force"),
+        ("a,F\n" + PAIRS, {}, "which column is the time.*--time .* time=.*--step .* step="),
+        ("Time,Force\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"), {}, r"--step.* 1 'Time' \(no numbers"),
+        ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), {}, "line"),
+        ("t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"), {}, "column 2 holds numbers in 'N' below the heading 's'"),
+        (rows(lambda t, f: f"{t}" + f",{f}" * 1500), {}, "1501 columns, more than 1000"),
+        (NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n", {"step": 1.0}, "4 of 64 rows"),
+        (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "no column of numbers that begins by line 1000"),
+        (b"\x89HDF\r\n" + bytes(100), {}, "HDF5"),
+        (b"CDF\x01" + bytes(100), {}, "NetCDF"),
+        (NUMBERS.replace("\n", "foo\n"), {"step": 1.0}, "no column of numbers"),
+        (NUMBERS.replace("\n", "E+\n"), {"step": 1.0}, "no column of numbers"),
+        ("Load cell (N)\n" + NUMBERS, {"step": 1.0, "load": "7"}, "no such column"),
+        ("F (N)\n" + NUMBERS, {"step": 1.0, "load": "-7 N"}, "load = '-7 N': must be a force above 0"),
+        ("F (N)\n" + NUMBERS, {"step": 1.0, "load": "7 s"}, "load = '7 s': must be a force above 0"),
     ],
 )
-def test_files_that_are_no_trace_are_refused_in_one_line(tmp_path, text, options, message):
+def test_what_is_no_trace_or_could_be_misread_is_refused_in_one_line(tmp_path, text, options, message):
     path = written(tmp_path, text)
-    with pytest.raises(ss.InputError, match=message) as caught:
+    begin = time.process_time()
+    with pytest.raises(InputError, match=message) as caught:
         read_trace(path, **options)
+    assert time.process_time() - begin < 1.0
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
 
 
 def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(ss.InputError, match="no such file"):
-        read_trace(tmp_path / "none.csv", step=1.0)
-    with pytest.raises(ss.InputError, match="is a directory, not a force trace"):
-        read_trace(tmp_path, step=1.0)
-    for start, message in ((b"\x89HDF\r\n", "HDF5"), (b"CDF\x01", "NetCDF"), (b"PK\x03\x04", "spreadsheet")):
-        (tmp_path / "wrong").write_bytes(start + bytes(100))
-        with pytest.raises(ss.InputError, match=message):
-            read_trace(tmp_path / "wrong", step=1.0)
+    for path, message in ((tmp_path / "none.csv", "no such file"), (tmp_path, "is a directory, not a force trace")):
+        with pytest.raises(InputError, match=message):
+            read_trace(path, step=1.0)
     monkeypatch.setattr("stickslip.measure.readings.LARGEST_FILE", 100)
-    with pytest.raises(ss.InputError, match="MB"):
+    with pytest.raises(InputError, match="MB"):
         read_trace(written(tmp_path, NUMBERS), step=1.0)
 
 
@@ -232,8 +261,6 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
     other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
-    with pytest.raises(ss.InputError, match="load = '-3 N'"):
-        read_trace(tmp_path / "trace.csv", load="-3 N")
 
 
 @pytest.mark.parametrize(
@@ -256,64 +283,11 @@ def test_a_bare_friction_column_beside_units_is_a_coefficient(tmp_path):
 
 
 def test_units_that_are_not_named_are_told_as_assumed(tmp_path):
-    data = read_trace(written(tmp_path, "t,F\n" + rows(lambda t, f: f"{t},{f}")))
+    data = read_trace(written(tmp_path, "t,F\n" + PAIRS))
     assert "no unit of the force: N assumed" in data.attrs["note"]
     assert "no unit of the time: s assumed" in data.attrs["note"]
-    named = read_trace(written(tmp_path, "t (s),F (N)\n" + rows(lambda t, f: f"{t},{f}")))
+    named = read_trace(written(tmp_path, "t (s),F (N)\n" + PAIRS))
     assert named.attrs["note"] == ""
-
-
-def test_numbers_below_more_text_than_is_looked_at_are_told_of(tmp_path):
-    with pytest.raises(ss.InputError, match="no column of numbers that begins by line 1000"):
-        read_trace(written(tmp_path, 1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n"))
-
-
-@pytest.mark.parametrize(("unit", "cell"), [(" N", "99.0 broken"), (" N", "7.0 mm"), (" N", "700 mN"), ("", "7 mN")])
-def test_a_cell_in_another_unit_is_no_force(tmp_path, unit, cell):
-    lines = [f"{0.25 * i};{f}{unit}" for i, f in enumerate(FORCES)]
-    lines[7] = f"1.75;{cell}"
-    data = read_trace(written(tmp_path, "t;F\n" + "\n".join(lines)))
-    assert (
-        f"1 of 60 rows could not be read; the force there is interpolated in time (line 9: '1.75;{cell}')" in data.note
-    )
-    np.testing.assert_array_equal(np.delete(data["spring_force"], 7), np.delete(FORCES, 7))
-    assert FORCES.min() < float(data["spring_force"][7]) < FORCES.max()
-    lines[20:30] = [lines[7].replace("1.75", f"{0.25 * i}") for i in range(20, 30)]
-    with pytest.raises(
-        ss.InputError, match=f"11 of 60 rows cannot be read, first line 9: '1.75;{cell}'.* in the unit of"
-    ):
-        read_trace(written(tmp_path, "t;F\n" + "\n".join(lines)))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            "t,position\n" + rows(lambda t, f: f"{t},{f}"),
-            r"which column is the force\? .*--force .* force= .* 1 't', 2 'position'",
-        ),
-        ("t (s),z (mm)\n" + rows(lambda t, f: f"{t},{f}"), r"which column is the force.*2 'z \(mm\)'"),
-        ("t,T (°C)\n" + rows(lambda t, f: f"{t},{f}"), "which column is the force"),
-        ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), "which column is the force"),
-        ("a,F\n" + rows(lambda t, f: f"{t},{f}"), "which column is the time.*--time .* time=.*--step .* step="),
-        (
-            "Time,Force (N)\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"),
-            r"which column is the time.*--step.* 1 'Time' \(no numbers",
-        ),
-        ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), "line"),
-        ("t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"), "column 2 holds numbers in 'N' below the heading 's'"),
-        (rows(lambda t, f: f"{t}" + f",{f}" * 1500), "1501 columns, more than 1000"),
-        ("F\n" + NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n", "4 of 64 rows cannot be read"),
-    ],
-)
-def test_what_could_be_misread_is_refused(tmp_path, text, message):
-    path = written(tmp_path, text)
-    begin = time.process_time()
-    with pytest.raises(ss.InputError, match=message) as caught:
-        read_trace(path, **({"step": 1.0} if text.startswith("F\n") else {}))
-    assert time.process_time() - begin < 1.0
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 500
 
 
 def test_a_spreadsheet_is_read(tmp_path):
@@ -356,16 +330,16 @@ def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, m
     (tmp_path / name).write_bytes(start + bytes(100))
     if name.endswith("tdms"):
         pytest.importorskip(module)
-    with pytest.raises(ss.InputError, match=r"a\.(xlsx|tdms): is no (spreadsheet|TDMS file) that can be read|install"):
+    with pytest.raises(InputError, match=r"a\.(xlsx|tdms): is no (spreadsheet|TDMS file) that can be read|install"):
         read_trace(tmp_path / name)
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ss.InputError, match=rf"(?i)pip install {module}") as caught:
+    with pytest.raises(InputError, match=rf"(?i)pip install {module}") as caught:
         read_trace(tmp_path / name)
     assert "\n" not in str(caught.value)
 
 
 def test_a_force_may_be_flipped(tmp_path):
-    path = written(tmp_path, "t,F\n" + rows(lambda t, f: f"{t},{f}"))
+    path = written(tmp_path, "t,F\n" + PAIRS)
     data = read_trace(path, flip=True)
     np.testing.assert_array_equal(data["spring_force"], -FORCES)
     assert data.attrs["flipped"] == 1
@@ -402,16 +376,6 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
     assert int(peak) <= 600_000  # kB
 
 
-def test_a_load_without_a_unit_is_a_column(tmp_path):
-    """And one column needs no mark between columns."""
-    place = tmp_path / "one.csv"
-    place.write_text("Load cell (N)\n" + "\n".join(f"{5 + 0.1 * math.sin(k / 5):.4f}" for k in range(300)) + "\n")
-    assert read_trace(place, step=0.01).spring_force.attrs["units"] == "N"
-    for load, words in (("7", "no such column"), ("-7 N", "must be a force above 0"), ("7 s", "must be a force")):
-        with pytest.raises(InputError, match=words):
-            read_trace(place, step=0.01, load=load)
-
-
 WAVE = 2.0 + np.arange(4000) * 0.01 % 1.0
 
 
@@ -433,24 +397,8 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
         read_trace(written(tmp_path, two(forces)))
 
 
-def test_a_row_of_a_number_too_many_and_the_end_of_a_file_of_dos(tmp_path):
-    data = read_trace(written(tmp_path, two(WAVE, at=50, more=",5") + "\x1a"))
-    assert data.sizes["time"] == 3999
-    assert "line 52" in data.attrs["note"]
-
-
-def test_a_number_with_the_other_decimal_sign_is_none_and_a_comment_no_row(tmp_path):
-    """Where commas are decimal 1.234 may be 1234; the force column of a comment is no force."""
-    lines = rows(lambda t, f: f"{t};{f}".translate(COMMA)).splitlines()
-    lines[9] = "2,25;5.330"
-    data = read_trace(written(tmp_path, "\n".join(["t;F", *lines[:20], "# paused;7,00", *lines[20:]])))
-    assert np.flatnonzero(data["filled"]).tolist() == [9]
-    assert data.attrs["rows"] == FORCES.size
-
-
-def test_exponents_of_fortran_and_cells_in_no_unit(tmp_path):
-    column = "".join(f"{f:.6f}D+01\n" for f in WAVE)
-    np.testing.assert_allclose(read_trace(written(tmp_path, column), step=0.01)["spring_force"], 10.0 * WAVE)
-    for end in ("foo", "E+", " N/m"):
-        with pytest.raises(InputError, match=r"found no column of numbers|holds numbers in 'N/m'"):
-            read_trace(written(tmp_path, column.replace("D+01", end)), step=0.01)
+def test_exponents_of_fortran_and_the_end_of_a_file_of_dos(tmp_path):
+    column = "Load cell (N)\n" + "".join(f"{f:.6f}D+01\n" for f in WAVE) + "\x1a"
+    data = read_trace(written(tmp_path, column), step="10 ms")
+    np.testing.assert_allclose(data["spring_force"], 10.0 * WAVE)
+    assert float(data["time"][100]) == pytest.approx(1.0)

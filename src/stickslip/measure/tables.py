@@ -35,7 +35,9 @@ _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _CONTROLS = bytes([*range(9), *range(13, 32), 127])
 _COMMENTS = ("#", "%", "//", "!")
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_NUMBER = re.compile(
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
+)
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
 """What separates columns besides one character: blanks, or only those before a number, where units stand behind it."""
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
