@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import json
 import os
 import re
 from collections.abc import Mapping
@@ -72,16 +71,13 @@ def read_trace(
         `spring_force` along `time`, and `filled`, true where the force was interpolated; `measured_displacement`,
         `load` and, with a load, `mu`, the force over the load, where the file has them. Units are those of the file; N
         and s where it says nothing. A coefficient of friction read as `spring_force` has the unit 1. Attributes
-        ``source``, ``rows``, ``flipped``,
-        ``note`` (what was filled in and what was assumed, in words) and ``unreadable`` (JSON: a list of line
-        numbers and texts).
+        ``source``, ``rows``, ``flipped`` and ``note``: what was filled in and what was assumed, in words.
 
     Raises
     ------
     InputError
-        If there is no such file, or it is no table of numbers, or no such column; if the choice of the
-        columns or a unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16
-        are left.
+        If there is no such file, or it is no table of numbers, or no such column; if the choice of the columns or a
+        unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are left.
 
     Examples
     --------
@@ -107,18 +103,17 @@ def read_trace(
         units = {name: table.headings[i].unit for name, i in chosen.items()}
         if table.headings[chosen["force"]].quantity == "coefficient":
             units["force"] = "1"
-        values, unreadable = _rows(table, chosen, seconds or table.step or 0.0)
+        values, notes = _rows(table, chosen, seconds or table.step or 0.0)
         del table
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if constant:
         values["load"], units["load"] = np.full_like(values["force"], constant[0]), constant[1]
-    data = _dataset(units, values, unreadable, flip)
-    return data.assign_attrs(source=Path(path).name)
+    return _dataset(units, values, notes, flip).assign_attrs(source=Path(path).name)
 
 
-def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[str, Array], dict[int, str]]:
-    """The columns that were chosen, with times, and the lines that cannot be read; `InputError` if these are many."""
+def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[str, Array], list[str]]:
+    """The columns that were chosen, with times, and a note of rows that cannot be read; `InputError` if many cannot."""
     columns, lines = table.read(chosen.values())
     values = {name: columns[i] for name, i in chosen.items()}
     force = values["force"]
@@ -141,10 +136,13 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
             f"line {lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times must rise: sort "
             "the rows, or give the step (--step on the command line, step= in Python) instead"
         )
-    return values, {line: table.line(line) for line in bad.tolist()}
+    first = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5].tolist()]
+    first += [f"and {bad.size - 5} more"] if bad.size > 5 else []
+    told = f"rows could not be read; the force there is interpolated in time ({'; '.join(first)})"
+    return values, [f"{bad.size} of {lines.size} {told}"] if bad.size else []
 
 
-def _dataset(units: dict[str, str], values: dict[str, Array], unreadable: dict[int, str], flip: bool) -> xr.Dataset:
+def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
     import xarray as xr
 
@@ -170,14 +168,6 @@ def _dataset(units: dict[str, str], values: dict[str, Array], unreadable: dict[i
         "spring_force": along_time(pull, unit, "coefficient of friction" if coefficient else "force"),
         "filled": along_time((~readable | spiky)[kept], "1", "row was unreadable, or a spike; force interpolated"),
     }
-    notes = []
-    if unreadable:
-        first = [f"line {line}: {shortened(text)!r}" for line, text in [*unreadable.items()][:5]]
-        first += [f"and {len(unreadable) - 5} more"] if len(unreadable) > 5 else []
-        notes.append(
-            f"{len(unreadable)} of {force.size} rows could not be read; the force there is interpolated in time "
-            f"({'; '.join(first)})"
-        )
     if spiky.any():
         notes.append(f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
     for name, usual in (("force", "N"), ("time", "s")):
@@ -198,12 +188,7 @@ def _dataset(units: dict[str, str], values: dict[str, Array], unreadable: dict[i
     return xr.Dataset(
         found,
         coords={"time": along_time(t, units.get("time") or "s", "time")},
-        attrs={
-            "rows": force.size,
-            "flipped": int(flip),
-            "note": "; ".join(notes),
-            "unreadable": json.dumps([{"line": line, "text": text} for line, text in unreadable.items()]),
-        },
+        attrs={"rows": force.size, "flipped": int(flip), "note": "; ".join(notes)},
     )
 
 

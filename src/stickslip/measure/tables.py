@@ -11,9 +11,9 @@ import io
 import math
 import re
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from statistics import mode
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -117,11 +117,6 @@ def _split(line: str, mark: str) -> list[str]:
     return next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
 
 
-def _most(values: Sequence[Any]) -> Any:
-    """The value that most have."""
-    return Counter(values).most_common(1)[0][0]
-
-
 def _holds(line: str) -> bool:
     """Whether a line is neither blank nor a comment."""
     text = line.lstrip()
@@ -180,7 +175,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     content = [(i, line) for i, line in head if _holds(line)]
     mark, comma = _layout(sample, [line for _, line in content], delimiter, decimal)
     cells = [_split(line, mark) for line in sample]
-    width = _most([len(row) for row in cells])
+    width = mode(len(row) for row in cells)
     if width > MOST_COLUMNS:
         raise InputError(f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
     columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
@@ -196,7 +191,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     above = [line.lstrip().lstrip("#%/! ") for i, line in head if i < start]
     headings = _headings(filter(None, (_as_wide(line, mark, width) for line in above)), width)
     headings, step = _labview([line for _, line in labview], headings, numeric, mark, comma)
-    units = {i: _most([read_cell(cell, comma)[1] for cell in columns[i]]) for i in numeric}
+    units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}
     for i, unit in units.items():
         if unit and not (ratio(unit, headings[i].unit) if headings[i].unit else unit_named(unit)):
             below = f" below the heading {headings[i].unit!r}" if headings[i].unit else ""
@@ -235,7 +230,7 @@ def _layout(sample: list[str], head: list[str], delimiter: str | None, decimal: 
     ways = [(mark, comma) for comma in (False, True) for mark in marks if decimal in (None, ".,"[comma])]
     mark, comma = max(ways, key=numbers)
     if mark == "," and not (comma or delimiter or decimal or "." in "".join(sample)):  # 0,25,5,1 may be two numbers
-        width, rows = _most([len(_split(line, mark)) for line in sample]), (_split(line, mark) for line in head)
+        width, rows = mode(len(_split(line, mark)) for line in sample), (_split(line, mark) for line in head)
         names = {len(cells) for cells in rows if not _share(cells)} - {1}
         if width not in names and (names or ", " not in "".join(sample)):
             raise InputError(
@@ -364,7 +359,7 @@ def _of_tdms(raw: bytes) -> Table:
 
     channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
     lengths = [len(one) if np.issubdtype(one[:].dtype, np.number) else 0 for one in channels]
-    length = _most([*filter(None, lengths)] or [0])
+    length = mode([*filter(None, lengths)] or [0])
     found = [one for one, its in zip(channels, lengths, strict=True) if its == length > 0]
     headings = []
     for one in found:
