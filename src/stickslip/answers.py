@@ -24,9 +24,14 @@ class Answer:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold of a record, mapping, sequence, array or value; what is not finite becomes None."""
+    """Return what JSON can hold of a record, mapping, sequence, array or value; what is not finite becomes None.
+
+    Beside a number of a record that has an error there is one.
+    """
     if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        held = {field.name: getattr(value, field.name) for field in fields(value)}
+        errors = {f"{name}_error": each.error for name, each in held.items() if hasattr(each, "error")}
+        return {name: plain(each) for name, each in (held | errors).items()}
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from stickslip.answers import Answer, plain
 from stickslip.errors import UndecidedError
 from stickslip.measure.arrays import Array
 from stickslip.words import prefixed
@@ -43,22 +42,13 @@ class Estimate(float):
         return f"({said}) {unit}" if unit else said
 
 
-class WithErrors(Answer):
-    """Base of the answers that hold estimates: as plain values, each has its error beside it."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values, each estimate with its error."""
-        errors = {f"{name}_error": one.error for name, one in vars(self).items() if isinstance(one, Estimate)}
-        found: dict[str, Any] = super().to_dict() | plain(errors)
-        return found
-
-
 class Fit(NamedTuple):
-    """What least squares found: values with their covariance, the curve, and whether it converged."""
+    """What least squares found: values with their covariance, and the curve."""
 
     value: Array
     covariance: Array
     rms: float
+    misfit: float  # the same over the range of the data
     curve: Array
     converged: bool
 
@@ -119,4 +109,5 @@ def least_squares(
     turned = turned / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]
     turned = turned * np.where(logarithmic, value, 1.0)
     covariance = turned.T @ turned * square / max(data.size - value.size, 1)
-    return Fit(value, covariance, scale * math.sqrt(square / data.size), model(value), best.status > 0)
+    misfit = math.sqrt(square / data.size)
+    return Fit(value, covariance, scale * misfit, misfit, model(value), best.status > 0)

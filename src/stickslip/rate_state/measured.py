@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.measure.arrays import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth, MasterEquation
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, small_step
-from stickslip.rate_state.fitting import Estimate, WithErrors, least_squares
+from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import Law, RateAndState, laws_to_fit
 from stickslip.rate_state.steps import Step, velocity_step_in
 from stickslip.sliding import kinetic_friction
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class FittedStep(WithErrors, ABC):
+class FittedStep(Answer, ABC):
     """What fits of a step have in common, in the units of the data."""
 
     step: Step  #: what was fitted
@@ -36,11 +37,7 @@ class FittedStep(WithErrors, ABC):
     level: float = 0.0  #: friction before the step
     trend: float = 0.0  #: its slope in displacement
     rms: float = 0.0  #: of the residuals
-
-    @property
-    def misfit(self) -> float:
-        """Root mean square of the residuals over the range of the friction."""
-        return self.rms / float(np.ptp(self.step.friction))
+    misfit: float = 0.0  #: the same over the range of the friction
 
     def friction(self, displacement: ArrayLike) -> Array:
         """Friction of the fit over the displacement of the load point, 0 at the time that was given."""
@@ -52,9 +49,9 @@ class FittedStep(WithErrors, ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error; of the step its velocities and units."""
-        kept = ("before", "after", "length_unit", "time_unit", "friction_unit")
-        of_step = {name: getattr(self.step, name) for name in kept}
-        return {name: x for name, x in super().to_dict().items() if name != "step"} | of_step | {"misfit": self.misfit}
+        found = super().to_dict()
+        step = found.pop("step")
+        return found | {name: step[name] for name in ("before", "after", "length_unit", "time_unit", "friction_unit")}
 
     def _words(self, estimates: Mapping[str, tuple[Estimate, str]]) -> str:
         """Estimates in their units, stiffness, time of the step and residuals."""
@@ -84,17 +81,8 @@ class StepFit(FittedStep):
         """The law and its parameters, to slide with."""
         return RateAndState(law=self.law, a=self.a, b=self.b, distance=self.distance)
 
-    @property
-    def critical_stiffness(self) -> float:
-        """``(b - a)/D``: with a softer spring steady sliding is unstable; 0 if it never is."""
-        return self.parameters.critical_stiffness()
-
     def _rise(self, since: Array) -> Array:
         return self.parameters.step(since, self.step.ratio, stiffness=self.stiffness)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values, each estimate with its error."""
-        return super().to_dict() | {"critical_stiffness": self.critical_stiffness}
 
     def __str__(self) -> str:
         found = {"a": self.a, "b": self.b, "a - b": self.a_minus_b}
@@ -191,7 +179,7 @@ def _fitted(
     line = dict(zip(("level", "trend"), (of_line @ (step.friction - above(fit.value))).tolist(), strict=False))
     velocity = step.before if step.measured and late > 0 else step.after
     at = Estimate(step.at + late / velocity, late.error / velocity)
-    record = kind(step=step, late=float(late), at=at, rms=fit.rms, **line, **given, **values)
+    record = kind(step=step, late=float(late), at=at, rms=fit.rms, misfit=fit.misfit, **line, **given, **values)
     return record, fit.covariance * inflation**2
 
 

@@ -9,14 +9,14 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from stickslip.answers import plain
+from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import Array
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.records import Number, rescaled
 from stickslip.model.units import si_unit
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
-from stickslip.rate_state.fitting import Estimate, Fit, WithErrors, least_squares
+from stickslip.rate_state.fitting import Estimate, Fit, least_squares
 from stickslip.rate_state.laws import Law, RateAndState, laws_to_fit
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
@@ -33,7 +33,7 @@ _LEAST, _MOST = 1e-7, 1e3
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class RateAndStateFit(WithErrors):
+class RateAndStateFit(Answer):
     """Rate-and-state parameters of an interface, and what they are worth.
 
     Per contact and in natural units; `in_units` gives those of a rig. `Estimate` is a number with its standard
@@ -180,17 +180,17 @@ def rate_and_state(
             "rate_and_state: the friction force does not change with the velocity: without temperature, ageing and "
             "delay there is nothing to fit; give one of them"
         )
-    fit, misfit = _small(interface, speed)
-    drift, failing = [math.nan] * 3, _failing(interface, speed, fit, misfit)
+    small = fit = _small(interface, speed)
+    drift, failing = [math.nan] * 3, _failing(interface, speed, small)
     if not failing:
-        low, high = (_small(interface, v)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
-        drift = ((high - low) / fit.value).tolist()
+        low, high = (_small(interface, v).value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
+        drift = ((high - low) / small.value).tolist()
         for (name, most), now in zip(DRIFTS.items(), drift, strict=True):
             told = f"{name} changes by {100 * now:.3g} % over a decade of velocity; must be below {100 * most:g} %"
             failing = failing or (told if abs(now) >= most else "")
-    chosen, step_misfit, asymmetry = laws[0], None, None
+    chosen, asymmetry = laws[0], None
     if not failing:
-        chosen, fit, step_misfit, asymmetry = _of_a_step(interface, speed, step, laws, fit.value)
+        chosen, fit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
     spring, (a, b, distance) = contact_stiffness(interface, speed), fit.estimates()
     try:
         exact = critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)))
@@ -201,8 +201,8 @@ def rate_and_state(
         a=a,
         b=b,
         distance=distance,
-        misfit=misfit,
-        step_misfit=step_misfit,
+        misfit=small.misfit,
+        step_misfit=None if failing else fit.misfit,
         drift=tuple(drift),
         asymmetry=asymmetry,
         healing=ageing.slope if isinstance(ageing, LogarithmicGrowth) else None,
@@ -215,54 +215,48 @@ def rate_and_state(
         holds=not failing,
         reason=failing
         or "misfit {:.2g} %; over a decade a changes by {:.2g} %, b by {:.2g} %, D by {:.2g} %".format(
-            *(100.0 * part for part in (misfit, *drift))
+            *(100.0 * part for part in (small.misfit, *drift))
         ),
     )
 
 
-def _fit_abd(
-    model: Callable[[RateAndState], Array], slip: Array, rise: Array, starts: Sequence[Array], law: Law
-) -> tuple[Fit, float]:
-    """Fit a, b, D to the force after a step; and the misfit, rms over the range of the force with that before it."""
-    largest, reach = float(np.max(np.abs(rise))), float(slip[-1])
+def _fitted(model: Callable[[RateAndState], Array], rise: Array, reach: float, law: Law, near: Array | None) -> Fit:
+    """Fit a, b, D to the force from a step on, 0 at first, over so much slip; near some values, if there are any."""
+    largest = float(np.max(np.abs(rise)))
     low = np.array([_LEAST * largest, _LEAST * largest, 1e-4 * reach])
     high = np.array([_MOST * largest, _MOST * largest, 10.0 * reach])
+    left = max(largest - float(rise[-1]), 0.05 * largest)
+    starts = [np.array([largest, left, part * reach]) for part in (0.02, 0.05, 0.15)] if near is None else [near]
+    return least_squares(
+        lambda one: model(RateAndState(law=law, a=one[0], b=one[1], distance=one[2])), rise, starts, low, high
+    )
 
-    def curve(value: Array) -> Array:
-        return model(RateAndState(law=law, a=value[0], b=value[1], distance=value[2]))
 
-    found = least_squares(curve, rise, starts, low, high)
-    return found, found.rms / float(np.ptp(np.append(rise, 0.0)))
-
-
-def _small(interface: Interface, velocity: float) -> tuple[Fit, float]:
+def _small(interface: Interface, velocity: float) -> Fit:
     """Fit a small step, from the linear response of the contacts: the same for both laws."""
-    reach = SLIP * interface.threshold_distribution.moment(1)
-    slip = reach * np.arange(1, _POINTS + 1) / _POINTS
-    rise, spring = small_step(interface, velocity, slip), contact_stiffness(interface, velocity)
-    direct = float(np.max(np.abs(rise)))
-    evolution = max(direct - float(rise[-1]), 0.05 * direct)
-    starts = [np.array([direct, evolution, part * reach]) for part in (0.02, 0.05, 0.15)]
-    return _fit_abd(lambda one: one.small_step(slip, stiffness=spring), slip, rise, starts, "slip")
+    slip = np.linspace(0.0, SLIP * interface.threshold_distribution.moment(1), _POINTS + 1)
+    rise = np.append(0.0, small_step(interface, velocity, slip[1:]))
+    spring = contact_stiffness(interface, velocity)
+    return _fitted(lambda one: one.small_step(slip, stiffness=spring), rise, slip[-1], "slip", None)
 
 
 def _of_a_step(
     interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
-) -> tuple[Law, Fit, float, float]:
-    """Fit laws to steps up and down: the law of which D changes less, its fit and misfit, and D up over D down."""
+) -> tuple[Law, Fit, float]:
+    """Fit laws to steps up and down: the law of which D changes less, its fit, and D up over D down."""
     reach = SLIP * interface.threshold_distribution.moment(1)
 
-    def fits(before: float, after: float) -> list[tuple[Fit, float]]:
-        lead, force = (each[3::3] for each in finite_step(interface, before, after, reach))
+    def fits(before: float, after: float) -> list[Fit]:
+        lead, force = (each[::3] for each in finite_step(interface, before, after, reach))
         how = {"ratio": after / before, "stiffness": contact_stiffness(interface, before)}
-        return [_fit_abd(lambda one: one.step(lead, **how), lead, force, [near], law) for law in laws]
+        return [_fitted(lambda one: one.step(lead, **how), force, reach, law, near) for law in laws]
 
     both = zip(laws, fits(velocity, velocity * step), fits(velocity * step, velocity), strict=True)
-    found = [(law, up, misfit, float(up.value[2] / down.value[2])) for law, (up, misfit), (down, _) in both]
-    return min(found, key=lambda one: abs(math.log(one[3])))
+    found = [(law, up, float(up.value[2] / down.value[2])) for law, up, down in both]
+    return min(found, key=lambda one: abs(math.log(one[2])))
 
 
-def _failing(interface: Interface, velocity: float, fit: Fit, misfit: float) -> str:
+def _failing(interface: Interface, velocity: float, fit: Fit) -> str:
     """Say what keeps it from being rate and state, or nothing."""
     a, spring = fit.estimates()[0], contact_stiffness(interface, velocity)
     wave = 1j * _FAST / interface.threshold_distribution.moment(1)
@@ -274,6 +268,6 @@ def _failing(interface: Interface, velocity: float, fit: Fit, misfit: float) -> 
         return f"no direct effect: {found}{remedy}"
     if a < 2.0 * a.error:
         return f"a = {a:.2g} ± {a.error:.1g} is not resolved"
-    if misfit >= MISFIT:
-        return f"a small step is fitted to {100 * misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
+    if fit.misfit >= MISFIT:
+        return f"a small step is fitted to {100 * fit.misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
     return ""
