@@ -86,13 +86,10 @@ def rsf(
         told, words = _judged(data, law, rig, plot)
     elif rig.holds is None:
         found = _fitted(data, law, trace, plot)
-        told, words = found.to_dict(), str(found)
+        told, words = found.to_dict(), f"{found}\n"
     else:
         raise InputError("--holds: is for a rig; a measured trace has its own")
-    if told and json:
-        print(jsonlib.dumps(told, indent=2))
-    else:
-        print(words, end="" if rig.export and not rig.output else "\n")
+    print(jsonlib.dumps(told, indent=2) + "\n" if told and json else words, end="")
 
 
 def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[dict[str, Any], str]:
@@ -114,32 +111,29 @@ def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[di
         raise InputError("--holds: not together with --export; ask for one after the other")
     if given.load and not rig.scales:
         raise InputError(f"--load {given.load}: {path} is in natural units; a load needs a rig file in SI units")
-    speed = rig.natural.velocity
-    if given.velocity is not None:
-        speed = _of("--velocity", given.velocity, "m/s", "1 um/s") / rig.unit("x_s/time")
-    fit = rate_state.rate_and_state(rig.natural.interface, speed, step=_of("--step", given.step), law=law)
+    speed = rig.velocity if given.velocity is None else _of("--velocity", given.velocity, "m/s", "1 um/s")
+    ratio = _of("--step", given.step)
+    fit = rate_state.rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=law)
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
     scaled = fit.in_units(rig)
-    told, words = scaled.to_dict(), str(scaled)
-    if given.load and rig.scales:
-        if given.export is not None:
-            text = rate_state.export_rate_and_state(
-                scaled, given.export, scales=rig.scales, load=given.load, area=given.area, path=given.output
-            )
-            return {}, text if given.output is None else f"{given.export}: {given.output}"
+    if given.export and rig.scales:
+        how: dict[str, Any] = {"load": given.load, "area": given.area, "path": given.output}
+        text = rate_state.export_rate_and_state(scaled, given.export, scales=rig.scales, **how)
+        return {}, text if given.output is None else f"{given.export}: {given.output}\n"
+    told, words = scaled.to_dict(), f"{scaled}\n"
+    if given.load:
         weight = read_value("--load", given.load, "N", "2 kN")
         mu, a, b = (value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b))
         told["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
-        words += f"\ncoefficients under {given.load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, "
-        words += f"a - b = {a - b:.3g}"
+        words += f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, "
+        words += f"a - b = {a - b:.3g}\n"
     if given.holds is not None:
-        unit = "s" if rig.scales else ""
-        times = [_of("--holds", one.strip(), unit, "10 s") for one in given.holds.split(",")]
+        times = [_of("--holds", one.strip(), "s" if rig.scales else "", "10 s") for one in given.holds.split(",")]
         run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
         healed = rate_state.healing(run, float(scaled.b))
         told["holds"] = healed.to_dict()
-        words += f"\n\n{healed}"
+        words += f"\n{healed}\n"
         if plot is not None:
             from stickslip import plot as drawing
 
@@ -148,6 +142,7 @@ def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[di
 
 
 def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFit:
+    """The fit of a measured step, in the units of the trace."""
     from stickslip.measure import read_trace
     from stickslip.rate_state import fit_rate_and_state, velocity_step_in
 
@@ -157,10 +152,10 @@ def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFi
     clock = str(trace["time"].attrs.get("units", "s"))
     length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
     if given.span is not None:
-        back, comma, forth = given.span.partition(",")
-        if not comma or "," in forth:
+        ends = [_of("--span", end, length, "5 um, 120 um") for end in given.span.split(",")]
+        if len(ends) != 2:
             raise InputError(f"--span {shown(given.span)}: must be two displacements, as in '5 um, 120 um'")
-        span = (_of("--span", back, length, "5 um"), _of("--span", forth, length, "120 um"))
+        span = (ends[0], ends[1])
     step = velocity_step_in(
         trace,
         at=_of("--step-at", given.step_at, clock, "68.7 s", bare=True),
@@ -169,8 +164,8 @@ def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFi
         span=span,
     )
     if given.stiffness is not None:
-        friction = step.friction_unit or 1
-        spring = _of("--stiffness", given.stiffness, f"{friction}/{length}", f"0.006 {friction}/um")
+        unit = f"{step.friction_unit or 1}/{length}"
+        spring = _of("--stiffness", given.stiffness, unit, f"0.006 {unit}")
     fit = fit_rate_and_state(replace(step, length_unit=length), law=law, stiffness=spring, trend=given.trend)
     if plot is not None:
         from stickslip import plot as drawing
