@@ -151,13 +151,18 @@ class Fit(Answer):
         peaks, troughs = simulate(self.values[row], count, rng)
         return self.strength[row] * peaks, self.strength[row] * troughs
 
+    @property
+    def from_the_centre(self) -> list[int]:
+        """Numbers of the draws, those nearest to the medians first."""
+        parts = self.prior.parts(self.values)
+        found: list[int] = np.argsort(((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)).tolist()
+        return found
+
     def simulated(self, slips: int = 40) -> xr.Dataset:
         """A trace that the draw nearest to the medians makes, loaded and sampled as the measured one was."""
-        parts = self.prior.parts(self.values)
-        i = int(np.argmin(((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)))
-        rng, events = np.random.default_rng(i), self.events
-        peaks, troughs = self.series(i, slips, rng)
-        return sampled(peaks, troughs, events.loading_rate, events.step, events.noise, rng)
+        nearest, events = self.from_the_centre[0], self.events
+        rng = np.random.default_rng(nearest)
+        return sampled(*self.series(nearest, slips, rng), events.loading_rate, events.step, events.noise, rng)
 
     @property
     def test(self) -> pd.DataFrame:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number, whole
@@ -73,7 +72,7 @@ def rig_of(found: Fit, name: str) -> Rig:
     known = found.known
     found.draws("breaking_displacement")  # refused without the stiffness of the spring: no length is known
     exact, draws = (_draws(found, one) for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known))
-    order, nearest = _from_the_centre(exact)[:_TRIED].tolist(), ""
+    order, nearest = found.from_the_centre[:_TRIED], ""
     delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
     for delay in (*delays, {}):
         fitted = {path: values for path, values in (draws | delay).items() if KEYS[path][0] not in known}
@@ -180,13 +179,6 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
 def _rounded(values: Array) -> Array:
     """To four digits, so that products of two are written without an error."""
     return np.array([float(f"{value:.4g}") for value in values])
-
-
-def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
-    """Numbers of the draws, those nearest to the medians first, on logarithmic scales."""
-    log = np.log(np.maximum(np.column_stack(list(draws.values())), 1e-30))
-    scale = np.maximum(np.subtract(*np.quantile(log, (0.75, 0.25), axis=0)), 1e-9)
-    return np.asarray(np.argsort((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1)))
 
 
 def _written(path: str, value: float, digits: int) -> Any:
