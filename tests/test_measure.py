@@ -850,7 +850,8 @@ def test_a_window_holds_two_cycles_at_every_velocity(wiper):
 def test_the_real_trace():
     data = read_trace(TRACE, step=0.25)
     assert data.sizes["time"] == 4262
-    assert json.loads(data.attrs["unreadable"]) == [{"line": 3295, "text": "NaN N1"}]
+    assert "1 of 4262 rows could not be read" in data.note
+    assert "(line 3295: 'NaN N1')" in data.note
     found = drops(data)
     mean = {name: column.attrs.get("mean") for name, column in found.data_vars.items()}
     assert found.attrs["count"] == 168
