@@ -1,21 +1,110 @@
-"""With the compiler off the kernels are plain Python, the readable reference: the same numbers, rounding aside."""
+"""With the compiler off the kernels are plain Python, the readable reference: the same numbers, rounding aside.
+
+`python test_plain.py` prints the results of small cases that between them go through every kernel.
+"""
 
 import json
+import math
 import os
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
-import plain_cases
 import pytest
+
+import stickslip as ss
+from stickslip.kernels.langevin import Langevin, Life
+from stickslip.kernels.langevin_response import excursions, life_transforms
+from stickslip.kernels.langevin_steady import pull_newborns, steady_moments
+
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-3, damping=30.0)
+LIGHT = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
+THERE_AND_BACK = ss.constant(1.0, 1.6).then(ss.ramp(-1.0, 0.0, 1.0))
+BACK = ss.constant(0.5, 0.5).then(ss.constant(-0.5, 0.2))
+UNTIL = ss.constant(1.0, 5.0).until(ss.model.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.model.ForceBelow(0.3))
+DELAYS = {
+    "no delay": ss.Delay(0.0),
+    "delay": ss.Delay(0.2),
+    "never back": ss.Delay(math.inf),
+    "random": ss.RandomDelay(mean=0.2, std=0.12),
+}
+SNAPSHOTS = ss.Output(interval=0.25, snapshots=(0.5, 1.0), bins=5)
+
+
+def run(interface, method, slider=SLIDER, drive=THERE_AND_BACK, output=ss.Output(interval=0.1), **options):
+    made = ss.simulate(ss.Rig(interface, slider, drive), method=method, output=output, **options)
+    return {str(name): made[name].to_numpy().tolist() for name in made.data_vars}
+
+
+def rigid(interface, method):
+    return ss.rigid_slide(interface, 2.0, method=method)["friction_force"].to_numpy()[::20].tolist()
+
+
+def small_cases():
+    few, coarse, sliding = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=1e-2), {"start": ss.FromSliding()}
+    at_once = ss.Interface(thresholds=TENTH)
+    delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+    ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
+    strong = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1))
+    slow, short = {"drive": ss.constant(0.5, 0.4)}, ss.constant(1.0, 1.5)
+    cases = {}
+    for name, delay in DELAYS.items():
+        interface = ss.Interface(thresholds=TENTH, delay=delay)
+        for method in (few, coarse):
+            cases[f"{method}, {name}"] = partial(run, interface, method)
+        cases[f"renewal, {name}"] = partial(rigid, interface, ss.model.Renewal(40))
+    for method in (few, coarse):
+        cases |= {
+            f"{method}, undamped": partial(run, delayed, method, LIGHT, short),
+            f"{method}, sliding": partial(run, delayed, method, start=ss.FromSliding(perturbation=0.1)),
+            f"{method}, snapshots": partial(run, delayed, method, drive=short, output=SNAPSHOTS),
+            f"{method}, until": partial(run, at_once, method, drive=UNTIL),
+            f"{method}, rigid": partial(rigid, delayed, method),
+            f"{method}, ageing": partial(run, ageing, method, drive=BACK),
+        }
+    cases |= {
+        "memoryless": partial(run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)),
+        "contacts, ageing with a delay": partial(run, strong, few, **slow),
+        "contacts, ageing, sliding": partial(run, ageing, few, **slow, **sliding),
+        "contacts, ageing, in one place": partial(run, ageing, few, drive=ss.constant(0.0, 0.4)),
+        "kinetic equation, sliding": partial(run, ageing, coarse, drive=ss.constant(2.0, 0.2), **sliding),
+        "kinetic equation, a snapshot": partial(run, ageing, coarse, drive=short, output=SNAPSHOTS),
+    }
+    for growth, delay in (
+        (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.Delay(0.0)),
+        (ss.LogarithmicGrowth(slope=0.1, time=0.1), ss.Delay(0.1)),
+    ):
+        growing = ss.Interface(thresholds=TENTH, ageing=growth, delay=delay)
+        cases[f"{growth}, {delay}"] = partial(run, growing, few)
+        cases[f"{growth}, {delay}, sliding"] = partial(run, growing, few, drive=BACK, **sliding)
+        cases[f"{growth}, friction"] = partial(ss.kinetic_friction, growing, 0.5)
+    return cases | {
+        "steady moments": lambda: [
+            steady_moments(Life(u, 0.1, newborn), 8) for u in (0.1, 1.5) for newborn in (0.0, 0.3)
+        ],
+        "dynamic stiffness": lambda: [
+            [value.real, value.imag]
+            for newborn in (0.0, 0.3)
+            for value in life_transforms(
+                excursions(Life(3.0, 0.3, newborn)), np.array([0.3 + 0.5j, 0.005 + 0.001j])
+            ).ravel()
+        ],
+        "newborns pulled": lambda: pull_newborns(3.0, Langevin(rate=1.0, mean=1.0, std=0.1), 1.0, 5)[1].tolist(),
+    }
+
+
+def results():
+    """What every case gives, as JSON takes it."""
+    return {name: make() for name, make in small_cases().items()}
 
 
 @pytest.fixture(scope="module")
-def results():
-    """What the small cases give, compiled and plain."""
+def compiled_and_plain():
     off = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    plain = subprocess.run([sys.executable, plain_cases.__file__], env=off, capture_output=True, text=True, check=True)
-    return plain_cases.results(), json.loads(plain.stdout)
+    plain = subprocess.run([sys.executable, __file__], env=off, capture_output=True, text=True, check=True)
+    return results(), json.loads(plain.stdout)
 
 
 def leaves(value, path=""):
@@ -27,14 +116,18 @@ def leaves(value, path=""):
         yield path, np.asarray(value, dtype=float)
 
 
-def test_plain_python_gives_the_same_numbers(results):
-    compiled, plain = (dict(leaves(result)) for result in results)
+def test_plain_python_gives_the_same_numbers(compiled_and_plain):
+    compiled, plain = (dict(leaves(result)) for result in compiled_and_plain)
     assert compiled.keys() == plain.keys()
     for name, values in compiled.items():
         np.testing.assert_allclose(plain[name], values, rtol=1e-8, atol=1e-9, err_msg=name)
 
 
-def test_the_cases_hold_breaks_and_slips(results):
-    broken = [result for name, result in results[0].items() if "Contacts(" in name and "broken_energy" in result]
-    assert len(broken) >= 4
-    assert all(run["broken_energy"][-1] > 0 for run in broken)
+def test_the_cases_hold_breaks_and_slips(compiled_and_plain):
+    runs = [made for name, made in compiled_and_plain[0].items() if "Contacts(" in name and "broken_energy" in made]
+    assert len(runs) >= 4
+    assert all(made["broken_energy"][-1] > 0 for made in runs)
+
+
+if __name__ == "__main__":
+    json.dump(results(), sys.stdout, default=lambda value: np.asarray(value).tolist())

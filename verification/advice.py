@@ -248,8 +248,6 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
     for mitigation in found.mitigations:
         yield from _about_a_mitigation(found, mitigation)
     for attempt in found.attempts:
-        if attempt.amplitude is None:  # not simulated
-            continue
         there = at(rig, (attempt.parameter,), (attempt.reached,))
         try:
             kinds = motion(there)

@@ -13,10 +13,11 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.cycles.edges import halved
+from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
-from stickslip.stability import count_unstable, growth_rate
+from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
 PRECISION = 0.05
@@ -105,10 +106,7 @@ def is_dear(rig: Rig) -> bool:
 
 def by_theory(rig: Rig) -> str:
     """What linear theory says of smooth sliding: the kind of a band."""
-    try:
-        return "unstable" if count_unstable(rig) else "stable"
-    except (InputError, UndecidedError):
-        return "unknown"
+    return {True: "unstable", False: "stable", None: "unknown"}[linearly_unstable(rig)]
 
 
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
@@ -134,8 +132,7 @@ def factor_of(change: Change) -> Parameter:
 def stability_along(rig: Rig, change: Change, low: float, high: float) -> tuple[Band, ...]:
     """Ranges of the factor of a change, rising, in which smooth sliding is stable throughout, or not.
 
-    Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot tell of the whole
-    range, unstable ones.
+    Stable ranges narrower than a sixteenth of a decade may be missed; unstable ones where theory has gaps.
     """
     factor, density = factor_of(change), _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
     try:

@@ -12,7 +12,7 @@ from stickslip.advise.mitigations import WIDEST_STD
 from stickslip.errors import number, whole
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
-from stickslip.progress import Progress
+from stickslip.progress import Progress, part
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -58,9 +58,7 @@ def chart(
     if bistable:
         from stickslip.cycles import bistable_region
 
-        def watch(share: float) -> None:
-            report(0.7 + 0.3 * share)
-
+        watch = part(report, 0.7, 1.0)
         bands = bistable_region(natural, over=(one, other), edge=edge, between=ends[1], progress=watch)
         found = found.merge(bands, combine_attrs="override")
     report(1.0)

@@ -88,17 +88,16 @@ class Attempt:
     parameter : str
     value, reached : float
         Where it stands, and the end of the range in the better direction; in the rig's own units.
-    amplitude : float or None
-        Peak-to-peak force from rest at `reached`, as a fraction of static friction; None where that was not simulated.
+    amplitude : float
+        Peak-to-peak force from rest at `reached`, as a fraction of static friction.
     kind : str
-        Of the motion at `reached`: "smooth in one run, not in all" of eight; where it was not simulated, what linear
-        theory says.
+        Of the motion at `reached`: "smooth in one run, not in all" of eight, for one.
     """
 
     parameter: str
     value: float
     reached: float
-    amplitude: float | None
+    amplitude: float
     kind: str
 
 
@@ -166,31 +165,26 @@ class _Search:
         """The better end of its range for each parameter to turn that gives no smooth sliding there."""
         for parameter in self._varied(_TURNABLE):
             ends = []
-            for change in [((parameter, side),) for side in _TURNABLE[parameter] if parameter.name not in mitigated]:
-                if (furthest := self._furthest(change)) != 1.0:
-                    there = factor_of(change).set(self.setting, furthest)
-                    ends.append((*self._oscillation(there), self.rig.value(parameter) * furthest ** change[0][1]))
+            for side in _TURNABLE[parameter] if parameter.name not in mitigated else ():
+                furthest = self._furthest(((parameter, side),))
+                there = factor_of(((parameter, side),)).set(self.setting, furthest)
+                try:
+                    if furthest != 1.0:
+                        ends.append((*self._oscillation(there), self.rig.value(parameter) * furthest**side))
+                except (Spent, InputError):
+                    self.left_out.append(parameter.title)
             if ends:
                 amplitude, kind, reached = min(ends)
-                yield Attempt(
-                    parameter=parameter.name,
-                    value=self.rig.value(parameter),
-                    reached=reached,
-                    amplitude=amplitude if amplitude < math.inf else None,
-                    kind=kind,
-                )
+                value = self.rig.value(parameter)
+                yield Attempt(parameter=parameter.name, value=value, reached=reached, amplitude=amplitude, kind=kind)
 
     def _oscillation(self, there: Rig) -> tuple[float, str]:
-        """Peak-to-peak force from rest over static friction, and the motion; infinite, and by theory, if it is dear."""
-        theory, friction = by_theory(there), self.found.static_friction / self.rig.unit("f_s")
-        try:
-            seen = judge(there, self.method, self.budget)
-        except (Spent, InputError):
-            return math.inf, theory
+        """Peak-to-peak force from rest over static friction, and the motion."""
+        seen, friction = judge(there, self.method, self.budget), self.found.static_friction / self.rig.unit("f_s")
         kind = str(seen.kind)
         if kind == "smooth sliding":  # too little is seen where slips are fast, or smooth sliding is unstable
             fast = (seen.largest_velocity or 0.0) > SLIP_VELOCITY
-            kind = "undecided" if fast or theory == "unstable" else "smooth in one run, not in all"
+            kind = "undecided" if fast or by_theory(there) == "unstable" else "smooth in one run, not in all"
         return seen.peak_to_peak / friction, kind
 
     def _varied(self, choices: Iterable[Parameter]) -> list[Parameter]:

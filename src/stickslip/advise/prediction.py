@@ -147,9 +147,9 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
         drive = constant(velocity, length_of(rig) / velocity)
     if len(drive.pieces) == 1:
-        part = _FIRST * dearer / cost_of(replace(rig, drive=drive))
-        lasts = max(part * drive.duration, _FEWEST_CYCLES * cycle_of(rig) / velocity)
-        drive = constant(velocity, min(lasts, drive.duration))
+        affordable = _FIRST * dearer / cost_of(replace(rig, drive=drive)) * drive.duration
+        fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity
+        drive = constant(velocity, min(max(affordable, fewest), drive.duration))
     return watch(replace(rig, drive=drive), Budget(_LONGEST * dearer), most=_MOST_RUNS, long=False, progress=progress)
 
 

@@ -127,10 +127,9 @@ def _longer(case: Rig, lasts: float = 0.0) -> Rig:
 def watch(
     case: Rig, budget: Budget, *, most: int = MOST_RUNS, long: bool = True, progress: Progress | None = None
 ) -> tuple[Recording, Regime, Steady]:
-    """What a run that ends at a constant speed shows: made again, twice as long, until its regime can be told.
+    """What a run that ends at a constant speed shows, made longer until that can be told; the first is paid for.
 
-    The caller has paid for the first, which without `long` is refused where it takes too long. Of a linearly stable
-    rig that does not look smooth, further runs tell an oscillation from the noise of its contacts.
+    Of a linearly stable rig that does not look smooth, further runs tell an oscillation from the noise of its contacts.
     """
     run, seen = _until_told(case, budget, most, long, progress)
     few = isinstance(case.method, Contacts)
@@ -155,9 +154,9 @@ def watch(
 def judge(
     rig: Rig, method: Contacts, budget: Budget, *, start: Start = FromRest(), distance: float | None = None
 ) -> Regime:
-    """The regime that a start leads to at the constant speed of a rig; runs on until it can be told.
+    """The regime that a start leads to at the constant speed of a rig; undecided if the budget ends before it is told.
 
-    Raises `Spent` if the budget does not allow for a first run. What cannot be told with what is left is undecided.
+    Raises `Spent` if the budget does not allow for a first run.
     """
     case = replace(at_speed(rig, distance=distance), method=method, start=start)
     budget.pay(case)
@@ -183,10 +182,9 @@ def _until_told(
 
 
 def _outlasting(run: Recording, seen: Regime, budget: Budget) -> tuple[Recording, Regime]:
-    """A run of an oscillation about stable smooth sliding, made longer until that has lasted or decayed.
+    """A run of an oscillation about stable smooth sliding, made longer until that has decayed, or lasts.
 
-    It lasts if it does not become weaker any more, after the slowest mode has had time to decay. Raises `Spent` if
-    that cannot be told.
+    It lasts if it is no weaker after the slowest mode has had time to decay. Raises `Spent` if that cannot be told.
     """
     needed = until_decayed(run.rig) / run.rig.natural.velocity
     for _ in range(MOST_RUNS + 1):
@@ -208,9 +206,8 @@ def _is_steady(run: Recording, seen: Regime) -> bool:
 def _steady_state(run: Recording, seen: Regime, budget: Budget) -> Steady:
     """What runs from smooth sliding tell; raises `Spent` if they cost too much, or do not tell.
 
-    A rig that does the same from rest and from sliding is in its steady state: noise of its contacts has four times
-    the variance with a quarter of them, or else they leave smooth sliding. Where the run from sliding fluctuates less,
-    smooth sliding, once reached, stays.
+    Where they fluctuate less than from rest, smooth sliding, once reached, stays. Else they leave it, or it is noise
+    of the contacts, which has four times the variance with a quarter of them.
     """
     case, begin = run.rig, seen.window[0]
     sliding = replace(case, start=FromSliding(), method=contacts_of(case, 1))
@@ -264,10 +261,9 @@ def slides_smoothly(rig: Rig, method: Contacts, budget: Budget, start: Start) ->
 
 
 def first_smooth(smooth: Callable[[float], bool], begin: float, end: float, rough: float) -> float | None:
-    """A value between two ends down to `PRECISION` below which it slides smoothly, the nearest one within `PRECISION`.
+    """The nearest value between two ends that is smooth down to `PRECISION` below it, within `PRECISION`, if any.
 
-    Steps double from the beginning on; the end itself is the last that is tried. It does not slide smoothly at `rough`,
-    before the beginning. None if there is no such value.
+    Steps double from the beginning on, up to the end itself. At `rough`, before the beginning, it does not.
     """
     step, value = 1.0 + PRECISION, begin
     while not smooth(value):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from stickslip.advise.bands import MOTIONS, Band, joined, within
 from stickslip.elastic.precursors import distance_to_the_first_break
-from stickslip.model import OnArrest, Slider
+from stickslip.model import OnArrest
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.words import engineering, number
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 """Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
-_DRAG = 0.05
-"""Part of the kinetic friction from which on the drag of the damping is told (a convention)."""
 _TO_MEASURE = (
     "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, the speed "
     "times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: how the static "
@@ -193,23 +191,20 @@ def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     rig = found.rig
     aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
     aged += ", no contact broken by heat" if rig.interface.temperature is not None else ""
-    yield "total contact strength N f_s", rig.in_units(1.0, "force")
-    yield f"static friction F_s (slow rigid motion{aged})", quantity(rig, found.static_friction, "force")
-    yield "kinetic friction F_k at this speed", quantity(rig, found.kinetic_friction, "force")
-    if isinstance(rig.slider, Slider):
-        drag = rig.slider.mass * rig.slider.damping * rig.natural.velocity * rig.unit("force")
-        if drag > _DRAG * found.kinetic_friction:
-            said = f"{quantity(rig, drag, 'force')}, part of the spring force"
-            yield "drag of the damping at this speed, M eta v", said
-    yield "stiffness K of the driving spring", quantity(rig, rig.value("stiffness"), "stiffness")
-    critical = (found.critical_stiffness, found.critical_stiffness_without_reattachment)
-    with_it, without = (quantity(rig, each, "stiffness") for each in critical)
-    yield f"critical stiffness K* (first pull{aged})", f"{with_it} ({without} without re-attachment)"
-    weaker = "softer: elastic instability" if found.stiffness_margin < 1 else "stiffer: no elastic instability"
-    yield "margin K/K*", f"{found.stiffness_margin:.3g} ({weaker})"
+    first, without = (
+        quantity(rig, each, "stiffness")
+        for each in (found.critical_stiffness, found.critical_stiffness_without_reattachment)
+    )
+    margin = found.stiffness_margin
     state = f"unstable, {found.unstable_modes} growing modes" if found.unstable_modes else "stable"
     if found.growth_rate is not None:
         state += f"; fastest mode: growth rate {_mode(rig, found.growth_rate, found.mode_frequency, 3)}"
+    yield "total contact strength N f_s", rig.in_units(1.0, "force")
+    yield f"static friction F_s (slow rigid motion{aged})", quantity(rig, found.static_friction, "force")
+    yield "kinetic friction F_k at this speed", quantity(rig, found.kinetic_friction, "force")
+    yield "stiffness K of the driving spring", quantity(rig, rig.value("stiffness"), "stiffness")
+    yield f"critical stiffness K* (first pull{aged})", f"{first} ({without} without re-attachment)"
+    yield "margin K/K*", f"{margin:.3g} ({'softer: elastic' if margin < 1 else 'stiffer: no elastic'} instability)"
     yield "linear stability of smooth sliding", found.theory_note or state
 
 
@@ -252,13 +247,10 @@ def attempts(found: Prediction) -> Iterator[str]:
     now = found.relative_amplitude
     for each in found.attempts:
         there = f"{'up' if each.reached > each.value else 'down'} to {amount(found.rig, each.parameter, each.reached)}"
-        if each.amplitude is None:
-            told = f"{there} {MOTIONS.get(each.kind, each.kind)}; not simulated there, as runs take long"
-        else:
-            better = "better" if each.amplitude < 0.9 * now else "no better"
-            after = f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * now:.0f} %"
-            told = f"no smooth sliding found {there}; there it is {better} ({each.kind}, {after})"
-        yield f"{parameter_named(each.parameter).title}: {told}"
+        better = "better" if each.amplitude < 0.9 * now else "no better"
+        after = f"{each.kind}, {100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * now:.0f} %"
+        title = parameter_named(each.parameter).title
+        yield f"{title}: no smooth sliding found {there}; there it is {better} ({after})"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:
@@ -268,9 +260,10 @@ def not_searched(found: Prediction) -> Iterator[str]:
     elif found.complete and found.ill and not (found.mitigations or found.attempts):
         yield "no change was tried: nothing that could be turned may be varied (feasible)"
     if found.complete and found.ill and isinstance(found.rig.interface.delay, OnArrest):
-        if any(mitigation.stops for mitigation in found.mitigations):
-            yield "where stick-slip decays the slider never stops, so that it slides with no contact attached"
-        yield "damping was not varied: enough of it keeps any slider from stopping, and contacts from re-attaching"
+        yield (
+            "where stick-slip decays the slider never stops, and slides with no contact attached; damping was not "
+            "varied: enough of it keeps any slider from stopping"
+        )
 
 
 # Elastic sliders

@@ -45,8 +45,7 @@ def range_of_speeds(rig: Rig) -> tuple[float, float]:
 class Survey:
     """Runs from rest at speeds over the whole range: a grid first, then by halving where two neighbours differ.
 
-    It knows the motion at speeds; what was not simulated, or could not be judged, is called neither smooth nor
-    stick-slip.
+    What was not simulated, or could not be judged, is called neither smooth nor stick-slip.
     """
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
@@ -119,10 +118,9 @@ class Survey:
         return max(changes)[1] if changes else None
 
     def bands(self) -> tuple[Band, ...]:
-        """The motion at each speed, as far as it was seen.
+        """Ranges of linear stability, cut where the motion changes.
 
-        A range of linear stability is cut where the motion changes; where the place of a change is not known, that part
-        is open: what was seen at a speed is told of no others than those next to it.
+        Where the place of a change is not known, what was seen at a speed is told of no others than those next to it.
         """
         parts: list[Band] = []
         for band in self._linear:

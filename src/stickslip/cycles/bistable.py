@@ -11,9 +11,7 @@ import numpy as np
 
 from stickslip.cycles.branch import carried, first_point
 from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span
-from stickslip.cycles.ride import METHOD
 from stickslip.errors import InputError, UndecidedError, instance
-from stickslip.model import FromRest, MasterEquation, Start
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
@@ -57,15 +55,13 @@ def bistable_range(
     parameter: Parameter | str = VELOCITY,
     *,
     between: tuple[float, float],
-    start: Start = FromRest(),
     step: float = 0.15,
     tolerance: float = TOLERANCE,
-    method: MasterEquation = METHOD,
 ) -> BistableRange:
     """Find where both smooth sliding and stick-slip persist: between the cycle's fold and the linear boundary.
 
     At each value where smooth sliding loses stability (linear) the cycle is taken up on the unstable side and
-    followed to the stable side until it decays. If there is no such value, the cycle is looked for from `start` on a
+    followed to the stable side until it decays. If there is no such value, the cycle is looked for from rest on a
     grid of 17 values.
 
     Parameters
@@ -75,11 +71,8 @@ def bistable_range(
     parameter : Parameter or str
     between : (float, float)
         Range searched, in the rig's own units.
-    start : FromRest or FromSliding
-        From where the cycle is taken up.
     step, tolerance : float
-        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists.
-    method : MasterEquation
+        As in `cycle_branch`.
 
     Returns
     -------
@@ -101,7 +94,7 @@ def bistable_range(
     >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
     ([('fold', 'linear')], True)
     """
-    span = Span.of(rig, parameter, between, start=start, method=method, tolerance=tolerance, step=step)
+    span = Span.of(rig, parameter, between, tolerance=tolerance, step=step)
     crossings = critical(rig, span.parameter, between=(span.low, span.high))
     bands: list[Interval] = []
     notes: list[str] = []
@@ -112,7 +105,7 @@ def bistable_range(
     else:  # a cycle apart from any boundary
         try:
             first = first_point(span)
-            low, high = (carried(span, first, until, bold=True)[1] for until in (span.low, span.high))
+            low, high = (carried(span, first, until)[1] for until in (span.low, span.high))
             bands = [Interval(low=low, high=high)]
         except UndecidedError as reason:
             notes = [str(reason)]
@@ -130,7 +123,7 @@ def _beside_boundaries(span: Span, crossings: Crossings) -> tuple[list[Interval]
     """Bands that end at a linear boundary, and what was found where there is none."""
     bands: list[Interval] = []
     notes: list[str] = []
-    name, tolerance = span.parameter.name, span.tolerance
+    name, outermost = span.parameter.name, (span.low, span.high)
     ends = [span.low, *(edge.value for edge in crossings.edges), span.high]
     for i, edge in enumerate(crossings.edges):
         downwards = edge.loses_stability  # smooth sliding is stable below
@@ -140,18 +133,16 @@ def _beside_boundaries(span: Span, crossings: Crossings) -> tuple[list[Interval]
         if not first.verdict.has_cycle:
             notes.append(f"at {name} = {span.said(first.value)}, next to {boundary}: {first.verdict}")
             continue
-        # Towards another boundary there may be two folds, and a long step may lead over both.
-        outermost = furthest in (span.low, span.high)
-        _, end = carried(span, first, furthest, bold=outermost)
+        _, end = carried(span, first, furthest)
         width = math.log(edge.value / end.value) * (1 if downwards else -1)
         gone = end.kind == "shrinks to nothing"
-        if gone or width <= (4 if end.kind == "undecided" else 1) * tolerance:
+        if gone or width <= (4 if end.kind == "undecided" else 1) * span.tolerance:
             what = end.kind if gone else f"persists to {span.said(end.persists_at)} at most"
             notes.append(f"beyond {boundary} the cycle {what}: no band")
             continue
-        linear = Edge.at(edge.value, "linear")
-        if end.kind == "end of range" and not outermost:
-            end = Edge.at(furthest, "linear")  # the same band as that of the next boundary
+        linear = Edge.of("linear", edge.value)
+        if end.kind == "end of range" and furthest not in outermost:
+            end = Edge.of("linear", furthest)  # the same band as that of the next boundary
         band = Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
         if band not in bands:
             bands.append(band)
@@ -165,8 +156,6 @@ def bistable_region(
     edge: xr.Dataset,
     between: tuple[float, float],
     places: int = 7,
-    step: float = 0.15,
-    tolerance: float = 0.02,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
     """Find the ends of the bistable band along one parameter at some values of another; takes seconds for each.
@@ -183,8 +172,6 @@ def bistable_region(
         Range of the second parameter.
     places : int
         Values of the first parameter.
-    step, tolerance : float
-        As in `bistable_range`.
     progress : callable, optional
         Called with the fraction that is done.
 
@@ -220,7 +207,7 @@ def bistable_region(
             progress(i / places)
         here = rig.replace(**{across.name: value})
         try:
-            bands = bistable_range(here, up, between=between, step=step, tolerance=tolerance)
+            bands = bistable_range(here, up, between=between, tolerance=0.02)
         except (InputError, UndecidedError):
             continue
         for band in bands:

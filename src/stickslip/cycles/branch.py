@@ -6,13 +6,9 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from stickslip.cycles.edges import Edge, Point, Span
-from stickslip.cycles.ride import METHOD
+from stickslip.cycles.edges import Edge, Point, Span, halved
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
-from stickslip.model import FromRest, MasterEquation, Start
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
@@ -27,10 +23,8 @@ def cycle_branch(
     *,
     between: tuple[float, float],
     begin: float | None = None,
-    start: Start = FromRest(),
     step: float = 0.05,
     tolerance: float = 2e-3,
-    method: MasterEquation = METHOD,
 ) -> xr.Dataset:
     """Follow the cycle of stick-slip in a parameter, both ways, up to where it decays (nonlinear).
 
@@ -46,14 +40,12 @@ def cycle_branch(
     between : (float, float)
         Range of the parameter, in the rig's own units, both ends above 0.
     begin : float, optional
-        Value at which to look for the cycle first, from `start`; by default that of the rig, or, if no
+        Value at which to look for the cycle first, from rest; by default that of the rig, or, if no
         oscillation persists there, the first at which one does of 17 over the range.
-    start : FromRest or FromSliding
     step : float
         Largest change of the parameter at once, as a fraction of it.
     tolerance : float
         Relative width of the bracket about the ends of the branch.
-    method : MasterEquation
 
     Returns
     -------
@@ -79,23 +71,17 @@ def cycle_branch(
     """
     import xarray as xr
 
-    span = Span.of(rig, parameter, between, start=start, method=method, tolerance=tolerance, step=step)
+    span = Span.of(rig, parameter, between, tolerance=tolerance, step=step)
     along, size = span.parameter.name, rig.unit(span.parameter.unit)
     if begin is not None:
         begin = number("begin", begin, at_least=span.low, at_most=span.high, hint=span.unit)
     first = first_point(span, begin)
     (down, low_end), (up, high_end) = (carried(span, first, until) for until in (span.low, span.high))
-    points = [*reversed(down), first, *up]
+    points = [*reversed(down), *up[1:]]
     columns = {
         name: labelled(title, along, [of(p) for p in points], unit) for name, (title, unit, of) in _COLUMNS.items()
     }
-    arguments = {
-        "rig": rig.natural,
-        "parameter": along,
-        "between": [span.low / size, span.high / size],
-        "start": start,
-        "method": method,
-    }
+    arguments = {"rig": rig.natural, "parameter": along, "between": [span.low / size, span.high / size]}
     attributes: dict[str, float | str] = {"provenance": store.provenance("cycle_branch", arguments)}
     for name, edge in (("low", low_end), ("high", high_end)):
         attributes |= {f"{name}_end": edge.kind}
@@ -127,7 +113,9 @@ def first_point(span: Span, begin: float | None = None) -> Point:
 
     Raises `UndecidedError` if there is none.
     """
-    values = [begin] if begin is not None else _places(span)
+    own, middle = span.rig.value(span.parameter), math.sqrt(span.low * span.high)
+    grid = sorted(span.grid(17), key=lambda value: abs(math.log(value / middle)))
+    values = [*([own] if span.low <= own <= span.high else []), *grid] if begin is None else [begin]
     for value in values:
         point = span.settled(value)
         if point.verdict.has_cycle:
@@ -138,51 +126,33 @@ def first_point(span: Span, begin: float | None = None) -> Point:
     )
 
 
-def _places(span: Span) -> list[float]:
-    own, middle = span.rig.value(span.parameter), math.sqrt(span.low * span.high)
-    grid = [span.low, *np.geomspace(span.low, span.high, 17)[1:-1].tolist(), span.high]
-    grid.sort(key=lambda value: abs(math.log(value / middle)))
-    return list(dict.fromkeys([own, *grid] if span.low <= own <= span.high else grid))
+def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
+    """Carry the cycle on towards a value; the points, from the first on, and the end of the branch."""
+    points, failed = [first], first
 
-
-def carried(span: Span, first: Point, until: float, *, bold: bool = False) -> tuple[list[Point], Edge]:
-    """Carry the cycle on towards a value; the points, and the end of the branch.
-
-    A bold search, for which the points do not matter, doubles its steps as long as the cycle persists. That it decays
-    after such a step is believed only once it does after a short one, too.
-    """
-    points: list[Point] = []
-    here, failed, believed = first, list[Point](), True
-    way = 1.0 if until > first.value else -1.0
-    stride = largest = math.log1p(span.step)
-
-    def apart(value: float) -> float:
-        return abs(math.log(value / here.value))
-
-    while apart(until) > 1e-12:
-        value = here.value * math.exp(way * stride)
-        if way * (value - until) > -1e-12 * until:
-            value = until
-        far = apart(value) > 1.001 * largest
-        there = span.settled(value, here.ride)
+    def persists(value: float) -> bool | None:
+        nonlocal failed
+        there = span.settled(value, points[-1].ride)
         if there.verdict.has_cycle:
-            here = there
-            points.append(here)
-            stride = max(2.0 * stride, largest) if bold else largest
+            points.append(there)
         elif there.verdict.sustained is False:
-            failed, believed = [there], not far
-        elif far:
-            stride = largest
-            continue
+            failed = there
         else:
-            return points, Edge.between((failed or [there])[0].value, here.value, "undecided")
-        if not failed:
-            continue
-        stride = 0.5 * apart(failed[0].value)
-        if 2.0 * stride <= span.tolerance and believed:
-            # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
-            gone = here.verdict.linearly_unstable and not failed[0].verdict.linearly_unstable
-            return points, Edge.between(failed[0].value, here.value, "shrinks to nothing" if gone else "fold")
-        if 2.0 * stride <= span.tolerance:
-            stride, failed = 2.0 * stride, []
-    return points, Edge.at(here.value, "end of range")
+            return None
+        return there.verdict.has_cycle
+
+    away = math.log(until / first.value)
+    strides = math.ceil(abs(away) / math.log1p(span.step) - 1e-12)
+    ahead = [first.value * math.exp(math.copysign(k * math.log1p(span.step), away)) for k in range(1, strides)]
+    for value in [*ahead, until] if strides else []:
+        if (persistent := persists(value)) is not True:
+            break
+    else:
+        return points, Edge.of("end of range", until)
+    if persistent is None:
+        return points, Edge.of("undecided", value, points[-1].value)
+    edge = halved(persists, value, points[-1].value, span.tolerance)
+    # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
+    gone = points[-1].verdict.linearly_unstable and not failed.verdict.linearly_unstable
+    bracketed = abs(math.log(edge[0] / edge[1])) <= span.tolerance
+    return points, Edge.of(("shrinks to nothing" if gone else "fold") if bracketed else "undecided", *edge)

@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple
 
+import numpy as np
+
 from stickslip.answers import Answer
-from stickslip.cycles.ride import Look, Ride, check_rig
+from stickslip.cycles.ride import METHOD, Look, Ride, check_rig
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import number
-from stickslip.model import MasterEquation, Start
+from stickslip.model import FromRest, Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 
@@ -44,23 +46,16 @@ class Edge(Answer):
     persists_at: float
 
     @classmethod
-    def at(cls, value: float, kind: EdgeKind) -> Edge:
-        """Return an edge without a bracket."""
-        return cls(value=value, kind=kind, decays_at=value, persists_at=value)
-
-    @classmethod
-    def between(cls, decays_at: float, persists_at: float, kind: EdgeKind = "decay") -> Edge:
-        """Return an edge bracketed by runs."""
-        middle = math.sqrt(decays_at * persists_at)
-        return cls(value=middle, kind=kind, decays_at=decays_at, persists_at=persists_at)
+    def of(cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None) -> Edge:
+        """Return an edge at a value, or bracketed by runs at two."""
+        if persists_at is None:
+            return cls(value=decays_at, kind=kind, decays_at=decays_at, persists_at=decays_at)
+        return cls(value=math.sqrt(decays_at * persists_at), kind=kind, decays_at=decays_at, persists_at=persists_at)
 
     @property
     def error(self) -> float:
         """Half the width of the bracket."""
         return 0.5 * abs(self.decays_at - self.persists_at)
-
-    def __float__(self) -> float:
-        return self.value
 
     def __str__(self) -> str:
         if self.kind == "decay":
@@ -133,38 +128,32 @@ class Span:
     low: float
     high: float
     start: Start
-    method: MasterEquation
     tolerance: float
-    step: float
+    step: float = 0.5
 
     @classmethod
-    def of(
-        cls,
-        rig: Rig,
-        parameter: Parameter | str,
-        between: Ends,
-        *,
-        start: Start,
-        method: MasterEquation,
-        tolerance: float,
-        step: float = 0.5,
-    ) -> Span:
+    def of(cls, rig: Rig, parameter: Parameter | str, between: Ends, start: Start = FromRest(), **steps: float) -> Span:
         """Raise `InputError` if no cycle can be followed on the rig, or the parameter or the range is invalid."""
-        check_rig(rig, start, method)
+        check_rig(rig, start, METHOD)
         varied = parameter_named(parameter)
         low, high = (end * rig.unit(varied.unit) for end in rig.span(varied, between))
-        tolerance = number("tolerance", tolerance, above=0, below=1)
-        return cls(rig, varied, low, high, start, method, tolerance, number("step", step, above=0, below=1))
+        relative = {name: number(name, value, above=0, below=1) for name, value in steps.items()}
+        return cls(rig, varied, low, high, start, **relative)
 
     @property
     def unit(self) -> str:
         """The rig's own unit of the parameter."""
         return self.rig.unit_name(self.parameter.unit)
 
+    def grid(self, count: int) -> list[float]:
+        """So many values over the range."""
+        values: list[float] = np.geomspace(self.low, self.high, count).tolist()
+        return values
+
     def settled(self, value: float, after: Ride | None = None) -> Point:
         """What a run settles at: from the start, or carried on from another value."""
         rig = self.parameter.set(self.rig, value / self.rig.unit(self.parameter.unit))
-        ride = Ride.begin(rig, self.start, self.method) if after is None else after.turned(rig)
+        ride = Ride.begin(rig, self.start, METHOD) if after is None else after.turned(rig)
         return Point(value, *settle(ride))
 
     def said(self, *values: float) -> str:

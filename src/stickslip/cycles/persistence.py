@@ -6,12 +6,9 @@ import itertools
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span, halved
-from stickslip.cycles.ride import METHOD
 from stickslip.cycles.verdict import Verdict
-from stickslip.model import FromRest, MasterEquation, Start
+from stickslip.model import FromRest, Start
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
@@ -55,7 +52,6 @@ def sustained(
     start: Start = FromRest(),
     points: int = 8,
     tolerance: float = TOLERANCE,
-    method: MasterEquation = METHOD,
 ) -> Sustained:
     """Find where an oscillation persists along a parameter, afresh from the same start at each value (nonlinear).
 
@@ -76,7 +72,6 @@ def sustained(
         Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
     tolerance : float
         Relative width of the bracket about an edge.
-    method : MasterEquation
 
     Returns
     -------
@@ -97,7 +92,7 @@ def sustained(
     >>> window.low.kind, round(window.low.value, 1)
     ('decay', 0.7)
     """
-    span = Span.of(rig, parameter, between, start=start, method=method, tolerance=tolerance)
+    span = Span.of(rig, parameter, between, start, tolerance=tolerance)
     known: dict[float, Verdict] = {}
 
     def persists(value: float) -> bool | None:
@@ -106,15 +101,15 @@ def sustained(
         return known[value].sustained
 
     count = max(2, math.ceil(points * math.log10(span.high / span.low)) + 1)
-    values = [span.low, *np.geomspace(span.low, span.high, count)[1:-1].tolist(), span.high]
+    values = span.grid(count)
     decided = [value for value in values if persists(value) is not None]
-    edges = [Edge.at(decided[0], "end of range")] if decided and persists(decided[0]) else []
+    edges = [Edge.of("end of range", decided[0])] if decided and persists(decided[0]) else []
     for one, two in itertools.pairwise(decided):
         if persists(one) != persists(two):
             fails_at, holds_at = (two, one) if persists(one) else (one, two)
-            edges.append(Edge.between(*halved(persists, fails_at, holds_at, span.tolerance)))
+            edges.append(Edge.of("decay", *halved(persists, fails_at, holds_at, span.tolerance)))
     if decided and persists(decided[-1]):
-        edges.append(Edge.at(decided[-1], "end of range"))
+        edges.append(Edge.of("end of range", decided[-1]))
     return Sustained(
         parameter=span.parameter.name,
         unit=span.unit,

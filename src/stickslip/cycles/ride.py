@@ -87,29 +87,15 @@ class Ride:
         engine = Panels(beginning, method)
         return cls(rig, engine, Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0), cycle)
 
-    def on(self, travel: float) -> tuple[Ride, Array]:
-        """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
-        slider, velocity = self.rig.slider, self.drive.velocity
-        engine = self.engine.copy()
-        begin, duration = engine.here()[0], travel / velocity
-        each = self.cycle / velocity
-        # A slip takes about half a period of the slider on its spring; a cap keeps very quick slips affordable.
-        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES))
-        times = begin + duration * np.arange(1, count + 1) / count
-        leg, samples = Leg(self.drive, begin + duration, times, Stop()), np.empty((count, len(engine.columns)))
-        follow_leg(engine, leg, samples)
-        force = slider.stiffness * (leg.drive_position(times) - samples[:, 0])
-        return replace(self, engine=engine), np.stack([times, force, samples[:, 1]])
-
     def look(self) -> tuple[Ride, Look]:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
-        travel = LOOK * self.cycle
-        ride, rows = self.on(travel)
-        stiffness, velocity = self.rig.slider.stiffness, self.drive.velocity
+        travel, (stiffness, velocity) = LOOK * self.cycle, (self.rig.slider.stiffness, self.drive.velocity)
+        engine = self.engine.copy()
+        rows = self._samples(engine, travel / velocity)
         # One by one cycles go on from look to look; what the look shows is its own.
         joined = rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         completed, rest = _cycles(joined, stiffness, velocity)
-        ride = replace(ride, begun=joined[:, rest:] if completed.size else None)
+        ride = replace(self, engine=engine, begun=joined[:, rest:] if completed.size else None)
         cycles = completed if self.begun is None else _cycles(rows, stiffness, velocity)[0]
         _, force, speed = rows
         fastest = float(speed.max()) / velocity
@@ -120,6 +106,16 @@ class Ride:
             return ride, Look(oscillation, math.nan, fastest, float(force.mean()), travel, completed[0])
         oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
         return ride, Look(float(oscillation), float(period), fastest, float(mean), travel, completed[0])
+
+    def _samples(self, engine: Panels, duration: float) -> Array:
+        """Follow the drive; times, spring force and slider velocity of fine samples, as rows."""
+        slider, begin, each = self.rig.slider, engine.here()[0], self.cycle / self.drive.velocity
+        # A slip takes about half a period of the slider on its spring; a cap keeps very quick slips affordable.
+        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES))
+        times = begin + duration * np.arange(1, count + 1) / count
+        leg, samples = Leg(self.drive, begin + duration, times, Stop()), np.empty((count, len(engine.columns)))
+        follow_leg(engine, leg, samples)
+        return np.stack([times, slider.stiffness * (leg.drive_position(times) - samples[:, 0]), samples[:, 1]])
 
     def turned(self, rig: Rig) -> Ride:
         """Return what goes on as another rig; forces and positions stay, and the drive goes on from where it is."""

@@ -152,7 +152,7 @@ def is_sustained(
 
 def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Look, Ride]:
     """Go on until it is clear whether the oscillation persists."""
-    rig, looks, growing = ride.rig, list[Look](), _linearly_unstable(ride.rig)
+    rig, looks, growing = ride.rig, list[Look](), linearly_unstable(ride.rig)
     floor = TINY * _friction(rig)
     fate: tuple[bool | None, float, str] | None = None
     while fate is None:
@@ -181,7 +181,8 @@ def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Look, Ride]:
     return verdict, last, ride
 
 
-def _linearly_unstable(rig: Rig) -> bool | None:
+def linearly_unstable(rig: Rig) -> bool | None:
+    """Whether smooth sliding is unstable to the smallest disturbance, or None."""
     try:
         return count_unstable(rig) > 0
     except (InputError, UndecidedError):  # no steady sliding; on the boundary itself
