@@ -111,7 +111,7 @@ def mitigated(found: Prediction, theory: Mapping[str, Sequence[Band]], budget: B
     report(0.6)
     turned += [] if stopping else search.pairs(tried)
     others = search.single(_OTHERS)
-    helped = {parameters.parameter_named(each.parameters[0]).title for each in (*turned, *others) if each.stops}
+    helped = {_title(map(parameters.parameter_named, each.parameters)) for each in (*turned, *others) if each.stops}
 
     def order(change: Mitigation) -> tuple[bool, float]:
         return change.stops is None, round(change.size, 3)
@@ -122,6 +122,10 @@ def mitigated(found: Prediction, theory: Mapping[str, Sequence[Band]], budget: B
         attempts=tuple(tried),
         not_searched=tuple(title for title in dict.fromkeys(search.left_out) if title not in helped),
     )
+
+
+def _title(varied: Iterable[Parameter]) -> str:
+    return " and ".join(parameter.title for parameter in varied)
 
 
 def has(rig: Rig, parameter: Parameter) -> bool:
@@ -236,7 +240,7 @@ class _Search:
             try:
                 factor = find(change)
             except Spent:
-                self.left_out.append(" and ".join(parameter.title for parameter, _ in change))
+                self.left_out.append(_title(parameter for parameter, _ in change))
             else:
                 found += [(factor, change)] if factor is not None else []
         return min(found, key=lambda each: each[0], default=None)
