@@ -1,13 +1,5 @@
 """One function for all solvers: a rig in, a labelled Dataset out.
 
->>> import stickslip as ss
->>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
->>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
->>> rig = ss.Rig(interface, slider, ss.constant(1.0, duration=20), method=ss.Contacts(10_000, seed=1))
->>> run = ss.simulate(rig)
->>> print(*run.sizes, *list(run.data_vars)[:4])
-time displacement velocity spring_force friction_force
-
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, to a given error).
 Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
 of breaking, and for `Langevin` the kinetic equation of Eqs. (13)-(17).

@@ -1,16 +1,4 @@
-"""The two experiments of rate and state, on contacts: velocity steps, and slide-hold-slide.
-
->>> import stickslip as ss
->>> interface = ss.Interface(
-...     thresholds=ss.Gaussian(mean=1.0, std=0.3),
-...     temperature=ss.Bell(width=0.01, attempts=1e6),
-...     ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-3),
-... )
->>> run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
->>> rise = float(run.friction_force.max() - run.friction_force[0])
->>> round(rise, 4)  # the direct effect: A ln(10), less what breaks meanwhile
-0.0217
-"""
+"""The two experiments of rate and state, on contacts: velocity steps, and slide-hold-slide."""
 
 from __future__ import annotations
 
@@ -93,13 +81,12 @@ def velocity_step(
     """
     import xarray as xr
 
-    who, told = "velocity_step", _rig_of("velocity_step", rig, method)
-    v, w = (
-        _natural(told, f"{who}: {name}", value, "x_s/time") for name, value in (("before", before), ("after", after))
-    )
-    way = _natural(told, f"{who}: distance", distance, "x_s")
-    count = whole(f"{who}: points", points, at_least=10, at_most=10_000_000)
-    engine, origin = _sliding(told, v, _spring(told, who, stiffness))
+    told = _rig_of("velocity_step", rig, method)
+    v = _natural(told, "velocity_step: before", before, "x_s/time")
+    w = _natural(told, "velocity_step: after", after, "x_s/time")
+    way = _natural(told, "velocity_step: distance", distance, "x_s")
+    count = whole("velocity_step: points", points, at_least=10, at_most=10_000_000)
+    engine, origin, _ = _sliding(told, v, "velocity_step", stiffness)
     first = max(round(_APPROACH * count), 2)
     approach = _APPROACH * way / v
     times = np.append(np.linspace(0.0, approach, first + 1), approach + np.linspace(0.0, way / w, count + 1)[1:])
@@ -108,7 +95,7 @@ def velocity_step(
     values["displacement"] = values["displacement"] - values["displacement"][first]
     values["drive_velocity"] = np.where(track.times <= approach, v, w)
     arguments = {"before": before, "after": after, "distance": distance, "stiffness": stiffness}
-    provenance = store.provenance(who, {"rig": rig} | arguments | {"method": told.method, "points": points})
+    provenance = store.provenance("velocity_step", {"rig": rig} | arguments | {"method": told.method, "points": points})
     data = xr.Dataset(
         {name: labelled(name, "time", value) for name, value in values.items()},
         {"time": labelled("time", "time", track.times - approach)},
@@ -174,8 +161,8 @@ def slide_hold_slide(
     times = np.array([_natural(told, f"{who}: holds[{i}]", value, "time") for i, value in enumerate(listed)])
     if not times.size:
         raise InputError(f"{who}: holds: must hold at least one time, such as (1.0, 10.0, 100.0)")
-    mean, spring = told.interface.threshold_distribution.moment(1), _spring(told, who, stiffness)
-    engine, origin = _sliding(told, v, spring)
+    mean = told.interface.threshold_distribution.moment(1)
+    engine, origin, spring = _sliding(told, v, who, stiffness)
     before = follow(engine, constant(v, mean / v), origin, np.linspace(0.0, mean / v, 401))
     steady, at_end = float(before["friction_force"].mean()), float(before["friction_force"][-1])
     origin += mean
@@ -224,23 +211,18 @@ def _natural(rig: Rig, place: str, value: float | str, unit: str) -> float:
     return number(place, value, above=0) / rig.unit(unit)
 
 
-def _spring(rig: Rig, who: str, stiffness: float | str) -> float:
-    """Stiffness of the driving spring; a slider without mass slips in no time where thresholds stay as they are."""
-    if isinstance(stiffness, float) and stiffness == math.inf:
-        return stiffness
-    found, interface = _natural(rig, f"{who}: stiffness", stiffness, "k"), rig.interface
-    growing = isinstance(rig.method, MasterEquation) and isinstance(interface.ageing, FixedGrowth)
-    if interface.temperature is None and not growing:
-        raise InputError(
-            f"{who}: Interface.temperature = None: not available with a spring (stiffness = {shown(stiffness)}); give "
-            "a temperature, or use simulate(rig) with a slider that has a mass"
-        )
-    return found
-
-
-def _sliding(rig: Rig, velocity: float, stiffness: float) -> tuple[Engine, float]:
-    """Return an engine in steady sliding, and where the drive is."""
-    slider = None if math.isinf(stiffness) else Slider(stiffness=stiffness, mass=0.0, damping=0.0)
-    beginning = Beginning(rig.interface, slider, velocity, FromSliding())
-    engine = engine_of(rig.interface, rig.method)(beginning, rig.method)
-    return engine, beginning.drive_position(engine.contact_force())
+def _sliding(rig: Rig, velocity: float, who: str, stiffness: float | str) -> tuple[Engine, float, float]:
+    """Return an engine in steady sliding, where the drive is, and the stiffness of its spring."""
+    slider, spring, interface = None, math.inf, rig.interface
+    if stiffness != math.inf:
+        spring = _natural(rig, f"{who}: stiffness", stiffness, "k")
+        slider = Slider(stiffness=spring, mass=0.0, damping=0.0)
+        growing = isinstance(rig.method, MasterEquation) and isinstance(interface.ageing, FixedGrowth)
+        if interface.temperature is None and not growing:  # without mass it would slip in no time
+            raise InputError(
+                f"{who}: Interface.temperature = None: not available with a spring (stiffness = {shown(stiffness)}); "
+                "give a temperature, or use simulate(rig) with a slider that has a mass"
+            )
+    beginning = Beginning(interface, slider, velocity, FromSliding())
+    engine = engine_of(interface, rig.method)(beginning, rig.method)
+    return engine, beginning.drive_position(engine.contact_force()), spring
