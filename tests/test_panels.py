@@ -13,19 +13,18 @@ from stickslip.kernels.drive import FINISHED, Quadratic
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.kernels.panel_state import Accuracy, Case, Delays, State, initial_state
 from stickslip.kernels.rules import GAUSS, WEIGHT
-from stickslip.model.distributions import Empirical, Exponential, Gamma, Gaussian, LogNormal, Uniform, Weibull, excess
+from stickslip.model.distributions import Exponential, Gaussian, Uniform, excess
 
 GAUSSIAN = Gaussian(mean=1.0, std=0.1)
-DISTRIBUTIONS = [
-    GAUSSIAN,
-    Uniform(low=0.7, high=1.3),
-    Exponential(mean=1.0),
-    Gamma(mean=1.0, std=0.4),
-    LogNormal(mean=1.0, std=0.3),
-    Weibull(scale=1.0, shape=3.0),
-    Empirical(edges=(0.5, 0.8, 1.1, 1.5), weights=(1, 3, 2)),
-]
 SLIDER = Slider(stiffness=2.0, mass=1e-4, damping=200.0)  # of Fig. 4
+
+
+@pytest.fixture
+def regular(distribution):
+    """A distribution whose survival polynomials can follow: without an infinite slope at 0."""
+    if distribution.density(1e-9) > 5:
+        pytest.skip("its start is singular")
+    return distribution
 
 
 @cache
@@ -109,11 +108,10 @@ def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w)
 
 
 @pytest.mark.eq(3)
-@pytest.mark.parametrize("distribution", [d for d in DISTRIBUTIONS if d != DISTRIBUTIONS[-2]], ids=type)
-def test_table_gives_the_survival_to_rounding(distribution):
-    table = tables(distribution)
+def test_table_gives_the_survival_to_rounding(regular):
+    table = tables(regular)
     x = np.random.default_rng(1).uniform(0.0, 1.1 * table.top, 2000)
-    assert survival.values_at(table, x) == pytest.approx(distribution.positive().survival(x), abs=1e-12)
+    assert survival.values_at(table, x) == pytest.approx(regular.positive().survival(x), abs=1e-12)
 
 
 # ---------------------------------------------------------------- closed forms
@@ -143,8 +141,8 @@ def test_nothing_breaks_the_slider_is_an_oscillator(damping):
 
 
 @pytest.mark.eq(1, 3, 4)
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
-def test_contacts_that_never_come_back_follow_the_survival_there_and_back(distribution):
+def test_contacts_that_never_come_back_follow_the_survival_there_and_back(regular):
+    distribution = regular
     start = initial_state(tables(distribution), NEVER_BACK, *AT_REST)
     out = run(0.81, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=start)
     back = run(2.02, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=out.state, velocity=-1.0)
@@ -168,7 +166,6 @@ def test_exponential_thresholds_have_a_closed_form(tolerance):
 # ---------------------------------------------------------------- conservation and fixed point
 
 
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
 @pytest.mark.parametrize("times", [(), (0.0,), (0.2,), (0.0, 0.1, 0.35)])
 def test_mass_is_conserved_to_rounding(distribution, times):
     motion = run(3.0, distribution=distribution, delays=after(*times), tolerance=1e-3).state.motion
