@@ -235,7 +235,8 @@ def test_snapshots_hold_the_attached_contacts_and_their_force(name):
 @every_pair
 def test_what_is_recorded_changes_nothing(name):
     fine = simulate(PAIRS[name], output=ss.Output(interval=0.025, snapshots=(0.7, 2.0)))
-    assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) < 1e-9
+    exact = isinstance(PAIRS[name].method, ss.Contacts) and not isinstance(PAIRS[name].interface.ageing, ss.Langevin)
+    assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) <= (0.0 if exact else 1e-9)
 
 
 @every_pair

@@ -34,11 +34,8 @@ def imbalance(run: xr.Dataset) -> float:
 
 FIG4 = ss.Rig(interface(), FIG4_SLIDER, ss.constant(1.0, duration=6), method=ss.Contacts(1_000, seed=1))
 FEW = FIG4.replace(method=ss.Contacts(100, seed=1))
-TO_AND_FRO = ss.constant(1, 2).then(ss.constant(-2, 2)).then(ss.constant(0, 0.5)).then(ss.constant(3, 1))
 MOTIONS = {
     "stick-slip": FIG4,
-    "no delay": FIG4.replace(interface=interface(0.0)),
-    "never back": FIG4.replace(interface=interface(math.inf)),
     "one contact": FIG4.replace(method=ss.Contacts(1, seed=1), drive=ss.constant(1.0, duration=30)),
     "soft": FIG4.replace(stiffness=0.01, drive=ss.constant(1.0, duration=100)),
     "stiff": FIG4.replace(stiffness=1e4),
@@ -49,10 +46,8 @@ MOTIONS = {
     "slow": FEW.replace(drive=ss.constant(1e-3, duration=3_000)),
     "fast": FIG4.replace(drive=ss.constant(100.0, duration=1)),
     "ramp": FIG4.replace(drive=ss.ramp(0.1, 3.0, duration=6)),
-    "to and fro": FIG4.replace(drive=TO_AND_FRO),
     "released": FIG4.replace(interface=interface(initial=ss.Gaussian(0.6, 0.05)), drive=ss.constant(0.0, duration=2)),
     "wide start": FIG4.replace(interface=interface(initial=ss.Gaussian(mean=0.0, std=0.25))),
-    "random delay": FIG4.replace(interface=interface(ss.RandomDelay(mean=0.2, std=0.12, negative="redraw"))),
 }
 
 
@@ -106,7 +101,6 @@ def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interva
 def test_books_balance_and_what_is_recorded_changes_no_bit(name):
     """Work of the drive = kinetic + spring + stored in contacts + damped + lost by the contacts, in every regime."""
     rig = MOTIONS[name]
-    count = rig.method.count
     # Powers of two divide exactly, so that sample times agree to the last bit.
     coarse = 2.0 ** math.floor(math.log2(rig.drive.duration / 20))
     times = tuple(rig.drive.duration * share for share in (0.0, 0.123, 0.5, 0.777))
@@ -121,15 +115,6 @@ def test_books_balance_and_what_is_recorded_changes_no_bit(name):
     assert np.all(np.diff(many["broken_energy"]) >= 0)
     assert np.all(np.diff(many["damped_energy"]) >= -1e-15 * float(many["damped_energy"][-1]))
     assert float(many["damped_energy"][-1]) > 0 or rig.slider.damping == 0
-
-    attached = many["attached"].to_numpy() * count
-    np.testing.assert_allclose(attached, np.round(attached), atol=1e-9)
-    assert 0 <= attached.min() <= attached.max() <= count
-    if name == "no delay":
-        assert np.all(attached == count)
-    if name == "never back":
-        assert np.all(np.diff(attached) <= 0)
-        assert attached[-1] == 0
 
 
 # ------------------------------------------------------------------------------------------------ exact answers
