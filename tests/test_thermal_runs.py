@@ -96,14 +96,6 @@ def test_contacts_slide_with_the_steady_force(name):
     assert run.mean() == pytest.approx(ss.kinetic_friction(interface, velocity), abs=4 * error)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["bell", "bell, narrow", "bell, growing", "parabolic"])
-def test_cohorts_slide_with_the_slope_of_the_friction_law(name):
-    interface, size = COHORTS[name][0], 0.2
-    up, down = (slide(interface, math.exp(one), ss.MasterEquation(), 0.1).mean() for one in (size, -size))
-    assert (up - down) / (2 * size) == pytest.approx(ss.stability.friction_slope(interface, 1.0), abs=3e-5)
-
-
 # ---------------- limits and accounts
 
 

@@ -20,7 +20,7 @@ from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
 from stickslip.model.newborn import stretching_nodes
-from stickslip.simulation import LABELS, pull_rigidly
+from stickslip.simulation import labelled, pull_rigidly
 
 Array = NDArray[np.float64]
 
@@ -65,25 +65,19 @@ def rigid_slide(
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
     instance("slide: interface", interface, Interface, "an Interface")
     if isinstance(method, (Contacts, MasterEquation)):
-        return pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
-    if not isinstance(method, Renewal):
+        track = pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
+        X, values = velocity * track.times, {name: track[name] for name in ("friction_force", "attached")}
+    elif isinstance(method, Renewal):
+        _check_renewal(interface)
+        X = np.linspace(0.0, distance, method.points + 1)
+        found = _solved(interface, distance, velocity, method.points)(X)
+        values = {"friction_force": found.force, "attached": found.attached}
+        values |= {"breaking_rate": found.rate, "stiffness": found.stiffness}
+    else:
         raise InputError(f"slide: method = {method!r}: must be Renewal(), Contacts(...) or MasterEquation(...)")
-    _check_renewal(interface)
-    import xarray as xr
-
-    X = np.linspace(0.0, distance, method.points + 1)
-    response = _solved(interface, distance, velocity, method.points)(X)
-    rate = {"units": "1/x_s", "long_name": "breaks per contact and x_s"}
-    stiffness = {"units": "k", "long_name": "stiffness dF_c/dX, per contact"}
-    return xr.Dataset(
-        {
-            "friction_force": ("displacement", response.force, LABELS["friction_force"]),
-            "attached": ("displacement", response.attached, LABELS["attached"]),
-            "breaking_rate": ("displacement", response.rate, rate),
-            "stiffness": ("displacement", response.stiffness, stiffness),
-        },
-        coords={"displacement": ("displacement", X, LABELS["displacement"])},
-    )
+    place = "displacement"
+    data = {name: labelled(name, place, value) for name, value in values.items()}
+    return xr.Dataset(data, {place: labelled(place, place, X)})
 
 
 def _check_renewal(interface: Interface) -> None:

@@ -34,6 +34,8 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "contact_energy": {"units": "f_s x_s", "long_name": "energy stored in contacts, per contact"},
     "damped_energy": {"units": "f_s x_s", "long_name": "energy dissipated by damping, per contact"},
     "broken_energy": {"units": "f_s x_s", "long_name": "energy lost by the contacts, per contact"},
+    "breaking_rate": {"units": "1/x_s", "long_name": "breaks per contact and x_s"},
+    "stiffness": {"units": "k", "long_name": "stiffness dF_c/dX, per contact"},
     "stretching_density": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
     "bulk_energy": {"units": "f_s x_s", "long_name": "energy of the springs between blocks, per contact of a block"},
     "viscous_energy": {"units": "f_s x_s", "long_name": "energy dissipated between blocks, per contact of a block"},

@@ -1,8 +1,8 @@
 """One function for all solvers: a rig in, a labelled Dataset out.
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, to a given error).
-Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
-of breaking, and for `Langevin` the kinetic equation of Eqs. (13)-(17).
+Thresholds that age by `Langevin` have solvers of their own behind the same two names: N contacts in small steps, with
+exact moments of breaking, and the kinetic equation of Eqs. (13)-(17).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import Track, follow
-from stickslip.simulation.result import dataset_of, labelled
+from stickslip.simulation.result import dataset_of
 from stickslip.simulation.work import Work, course_of
 
 if TYPE_CHECKING:
@@ -141,17 +141,11 @@ def estimate(rig: Rig) -> Work:
     return Work(rig=rig, parts=engine.cost(rig, rig.method, course_of(rig)))
 
 
-def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> xr.Dataset:
-    """Move a rigid slider at a constant velocity: forces on ``points + 1`` positions, for `rigid_slide`."""
-    import xarray as xr
-
+def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> Track:
+    """Move a rigid slider at a constant velocity, with samples at ``points + 1`` positions, for `rigid_slide`."""
     duration = distance / velocity
     engine = engine_of(interface, method)(Beginning(interface, None, velocity), method)
-    track = follow(engine, constant(velocity, duration), 0.0, np.linspace(0.0, duration, points + 1))
-    return xr.Dataset(
-        {name: labelled(name, "displacement", track[name]) for name in ("friction_force", "attached")},
-        {"displacement": labelled("displacement", "displacement", velocity * track.times)},
-    )
+    return follow(engine, constant(velocity, duration), 0.0, np.linspace(0.0, duration, points + 1))
 
 
 def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Dataset:

@@ -13,7 +13,7 @@ from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.engines.base import Beginning, Stretchings
+from stickslip.simulation.engines.base import Beginning
 
 Array = NDArray[np.float64]
 
@@ -101,17 +101,6 @@ def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) ->
         return np.empty(0)
     pool = delay.sample(rng, 4 * detached + 1000)
     return np.asarray(rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached))
-
-
-def pool_of_delays(delay: DelayModel, rng: np.random.Generator, size: int = 65_536) -> Array:
-    """Draw delays for the kernels to choose from; one will do if all are the same."""
-    return delay.sample(rng, 1 if isinstance(delay, Delay) else size)
-
-
-def attached_now(x: Array, attach: Array, now: float) -> Stretchings:
-    """Return the stretchings of the contacts that hold from the times `attach` on."""
-    held = x[attach <= now]
-    return Stretchings(held, np.full(held.size, 1.0 / x.size), cells=False)
 
 
 @lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from stickslip.kernels.drive import Quadratic, Stop, holds
 from stickslip.kernels.langevin_contacts import Contacts as Sampled
 from stickslip.kernels.langevin_contacts import advance_contacts, awake
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
-from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, Parabolic
+from stickslip.model import Barrier, Bell, Contacts, Delay, Interface, Langevin, MasterEquation, Parabolic
 from stickslip.model.distributions import SteadyState
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
@@ -30,12 +30,7 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
-from stickslip.simulation.engines.beginnings import (
-    attached_now,
-    first_contacts,
-    generators,
-    pool_of_delays,
-)
+from stickslip.simulation.engines.beginnings import first_contacts, generators
 from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
 from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
 from stickslip.sliding.lives import hazard_of
@@ -48,6 +43,8 @@ _AGE, _BREAK, _HOT_BREAK = 2e-7, 2.6e-6, 5e-6
 """Seconds a contact takes in a time of ageing, whether it breaks or not, and a break, at a temperature more."""
 _CONTACT = 150.0
 """Bytes of a contact."""
+_POOL = 65_536
+"""Delays drawn for contacts to choose from; one will do if all are the same."""
 _AGED = 9.6e-3
 """Seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order."""
 _BUDGET, _HOT_BUDGET = 500_000, 25_000
@@ -136,7 +133,8 @@ class LangevinContacts(Steps):
         hot = beginning.interface.temperature is not None
         self.budget = max((_HOT_BUDGET if hot else _BUDGET) // method.count, 1)
         self.longest, self.reach = _STEP / self._constants.rate**2, _STEP * self._constants.mean
-        self._delays = pool_of_delays(beginning.interface.delay, delays)
+        delay = beginning.interface.delay
+        self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else _POOL)
         x, threshold, pending = first_contacts(beginning, method.count, initial)
         start = _start(beginning, self._constants.rate)
         attach = np.append(np.full(method.count - pending.size, -math.inf), pending + start)
@@ -159,7 +157,8 @@ class LangevinContacts(Steps):
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
-        return attached_now(self._contacts.stretching + self.state[1], self._contacts.attach, self.state[0])
+        x, held = self.individuals()
+        return Stretchings(x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False)
 
     def individuals(self) -> Individuals:
         """Every contact by itself, now."""
