@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ _FOR_NOISE, _FOR_RESOLUTION = 500_000, 50_000  # samples from which noise, and t
 
 @dataclass(frozen=True, kw_only=True)
 class Slips:
-    """Samples of the peak and the trough of each slip, and how they were found."""
+    """Samples of the peak and the trough of each slip, of its start and its end, and how they were found."""
 
     peak: Peaks
     trough: Peaks
@@ -56,22 +57,17 @@ class Slips:
         """Drop of the force in each slip."""
         return self.before - self.after
 
-    @property
-    def typical(self) -> float:
-        """The typical drop: the median, weighted by the squares of the drops; 0 without any."""
-        return weighted_median(self.drops, self.drops**2) if self.size else 0.0
-
     def slip_phase(self, trace: Trace) -> float:
         """Time in slips over the time from the first peak to the last."""
         if self.size < 2:
             return math.nan
-        slipping = trace.t[self.trough[:-1]] - trace.t[self.peak[:-1]]
-        return float(slipping.sum() / (trace.t[self.peak[-1]] - trace.t[self.peak[0]]))
+        slipping = trace.t[self.trough[:-1]] - self.times[:-1]
+        return float(slipping.sum() / np.ptp(self.times))
 
-    def only(self, keep: NDArray[np.bool_]) -> Slips:
+    def only(self, keep: NDArray[np.bool_], **change: Any) -> Slips:
         """Return some of the slips."""
         of_each = ("peak", "trough", "start", "end", "times", "before", "after")
-        return replace(self, **{name: getattr(self, name)[keep] for name in of_each})
+        return replace(self, **{name: getattr(self, name)[keep] for name in of_each}, **change)
 
 
 def mean_and_std(values: Array) -> tuple[float, float, float]:
@@ -162,11 +158,50 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
-    """Drops by a threshold that comes from the data: above noise, and not small beside the typical drop."""
-    noise, cycles = white_noise(trace.force), find_cycles(trace.t, trace.force)
-    if minimum_drop is not None:
-        found = _drops_of(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
-        return found.only(found.drops >= minimum_drop)
+    """Drops by a threshold that comes from the data: above noise, and not small beside the typical drop.
+
+    Those cut off at the ends or by a gap are left out.
+    """
+    noise, cycles, t, force = white_noise(trace.force), find_cycles(trace.t, trace.force), trace.t, trace.force
+    least = smallest = minimum_drop or 0.0
+    criterion = "drops of at least the minimum_drop given"
+    if minimum_drop is None:
+        force, least, smallest, criterion = _threshold(trace, noise, cycles)
+    back = None
+    if trace.X is not None:
+        drive = np.zeros(t.size) if trace.drive is None else np.abs(trace.drive)
+        back = -trace.X - cumulative_trapezoid(drive, t, initial=0)
+    peaks, troughs = pick(t, force, smallest, back=back)
+    across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
+    whole = (peaks > 0) & (troughs < force.size - 1) & ~across
+    peak, trough = peaks[whole], troughs[whole]
+    start, end = _edges(force, peak, trough, noise if force is trace.force else 0.5 * noise)
+    before, after = trace.force[peak], trace.force[trough]
+    if trace.velocity is None and peak.size and noise > CORRECTED * float(np.median(before - after)):
+        # The largest of many noisy samples lies above the force, and the smallest below it, by up to three standard
+        # deviations of the noise: their difference overstates a drop. Lines through the loading beside it do not.
+        most, beside = 3.0 * noise, (np.append(0, end[:-1]) + 1, np.append(start[1:], t.size - 1))
+        before = np.clip(_levels(trace, start, beside[0]), before - most, before + most)
+        after = np.clip(_levels(trace, end, beside[1]), after - most, after + most)
+    found = Slips(
+        peak=peak,
+        trough=trough,
+        start=start,
+        end=end,
+        times=t[peak],
+        before=before,
+        after=after,
+        smallest=least,
+        noise=noise,
+        criterion=criterion,
+        cycles=cycles,
+        cut=int(np.count_nonzero(~whole)),
+    )
+    return found if minimum_drop is None else found.only(found.drops >= minimum_drop)
+
+
+def _threshold(trace: Trace, noise: float, cycles: Cycles) -> tuple[Array, float, float, str]:
+    """Force in which to look for drops, the least that could be seen, the smallest that counts, and why."""
     force, chance = trace.force, _chance_drop(trace.t.size, trace.t.size, noise)
     if trace.velocity is None:
         force, chance = _smoothed(force, noise)
@@ -176,14 +211,13 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     drops = force[peaks] - force[troughs]
     if drops.size == 0 or (trace.contacts is None and is_white(trace, noise, cycles)):
         criterion = f"no drop exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
-        return replace(_drops_of(trace, force, math.inf, criterion, noise, cycles), smallest=by_chance)
+        return force, by_chance, math.inf, criterion
     smallest = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
-    smoothing = "" if force is trace.force else ", smoothed"
     criterion = (
-        f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
-        f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
+        f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above {by_chance:.2g}, "
+        f"which the noise ({noise:.2g}{'' if force is trace.force else ', smoothed'}) could show by chance"
     )
-    return _drops_of(trace, force, smallest, criterion, noise, cycles)
+    return force, smallest, smallest, criterion
 
 
 def fastest(trace: Trace, found: Slips) -> Array:
@@ -208,7 +242,7 @@ def fast_ones(trace: Trace, found: Slips) -> Slips:
     fast = speed >= SLIP_VELOCITY
     if fast.all() or not fast.any():
         return found
-    return replace(found.only(fast), criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
+    return found.only(fast, criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
 
 
 def turning_points(values: Array, drop: float, rise: float | None = None) -> tuple[Peaks, Peaks]:
@@ -258,37 +292,6 @@ def pick(
     return whole[:, 0], whole[:, 1]
 
 
-def _drops_of(trace: Trace, force: Array, smallest: float, criterion: str, noise: float, cycles: Cycles) -> Slips:
-    """Slips of drops of at least `smallest`, those cut off at the ends or by a gap left out."""
-    t, back = trace.t, None
-    if trace.X is not None:
-        drive = np.zeros(t.size) if trace.drive is None else np.abs(trace.drive)
-        back = -trace.X - cumulative_trapezoid(drive, t, initial=0)
-    peaks, troughs = pick(t, force, smallest, back=back)
-    across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
-    whole = (peaks > 0) & (troughs < force.size - 1) & ~across
-    peak, trough = peaks[whole], troughs[whole]
-    start, end = _edges(force, peak, trough, noise if force is trace.force else 0.5 * noise)
-    before, after = trace.force[peak], trace.force[trough]
-    if trace.velocity is None and peak.size and noise > CORRECTED * float(np.median(before - after)):
-        levels, most = _levels(trace, start, end), 3.0 * noise  # an extreme of noise lies no further off
-        before, after = (np.clip(new, old - most, old + most) for new, old in zip(levels, (before, after), strict=True))
-    return Slips(
-        peak=peak,
-        trough=trough,
-        start=start,
-        end=end,
-        times=t[peak],
-        before=before,
-        after=after,
-        smallest=smallest,
-        noise=noise,
-        criterion=criterion,
-        cycles=cycles,
-        cut=int(np.count_nonzero(~whole)),
-    )
-
-
 def _edges(force: Array, peaks: Peaks, troughs: Peaks, noise: float) -> tuple[Peaks, Peaks]:
     """Last sample near each peak and first sample near its trough, to a part of the drop, or within the noise."""
     start, end = peaks.copy(), troughs.copy()
@@ -301,23 +304,14 @@ def _edges(force: Array, peaks: Peaks, troughs: Peaks, noise: float) -> tuple[Pe
     return start, end
 
 
-def _levels(trace: Trace, start: Peaks, end: Peaks) -> tuple[Array, Array]:
-    """Force before and after each slip, from lines through the loading beside it.
-
-    The largest of many noisy samples lies above the force, and the smallest below it: their difference overstates a
-    drop by up to three standard deviations of the noise. A line does not.
-    """
-    beside = np.append(0, end[:-1]) + 1, np.append(start[1:], trace.t.size - 1)
-    before, after = (
-        np.array([_level(trace, *pair) for pair in zip(at.tolist(), other.tolist(), strict=True)])
-        for at, other in zip((start, end), beside, strict=True)
-    )
-    return before, after
-
-
-def _level(trace: Trace, at: int, other: int) -> float:
-    """Force at a sample, by a straight line through a third of the samples from there to another, 3 to 50 of them."""
-    many = min(max((abs(other - at) + 1) // 3, 3), 50)
-    inside = slice(at, min(other, at + many - 1) + 1) if other > at else slice(max(other, at - many + 1), at + 1)
-    t, force = trace.t[inside] - trace.t[at], trace.force[inside]
-    return float(force.mean()) - (slope(force, t) * float(t.mean()) if force.size > 2 else 0.0)
+def _levels(trace: Trace, at: Peaks, other: Peaks) -> Array:
+    """Force at samples, by straight lines through a third of the samples from there to others, 3 to 50 of them."""
+    levels = np.empty(at.size)
+    for i, (here, there) in enumerate(zip(at.tolist(), other.tolist(), strict=True)):
+        many = min(max((abs(there - here) + 1) // 3, 3), 50)
+        inside = slice(here, min(there + 1, here + many))
+        if there <= here:
+            inside = slice(max(there, here - many + 1), here + 1)
+        t, force = trace.t[inside] - trace.t[here], trace.force[inside]
+        levels[i] = force.mean() - (slope(force, t) * t.mean() if force.size > 2 else 0.0)
+    return levels
