@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip import words
 from stickslip.errors import number, printable
@@ -93,15 +93,24 @@ def regime_and_drops(
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
     seen = with_coefficient(over_the_window(trace, whole=after is None), data)
     parts = (find_strokes(trace) if trace.drive is None else []) or [trace]
-    tables = [_table(data, part, _drops_beside(seen, part, minimum_drop), seen.drops_are) for part in parts]
-    if len(tables) == 1:
-        return seen, with_statistics(tables[0])
-    attrs = tables[0].attrs | {name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")}
-    attrs["criterion"] = f"of the first stroke: {attrs['criterion']}"
+    tables = [_table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts]
     each = np.repeat(np.arange(len(tables)), [table.sizes["event"] for table in tables])
-    stroke = ("event", each, {"units": "1", "long_name": "number of the stroke"})
-    whole = xr.concat(tables, "event", combine_attrs="override").assign_coords(event=np.arange(each.size))
-    return seen, with_statistics(whole.assign(stroke=stroke).assign_attrs(attrs))
+    whole = xr.concat(tables, "event", combine_attrs="override").assign_coords(event=_numbered(each.size))
+    whole.attrs |= {name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")}
+    whole.attrs["drops_are"], along = seen.drops_are, 1.0
+    if len(tables) > 1:
+        whole = whole.assign(stroke=("event", each, {"units": "1", "long_name": "number of the stroke"}))
+        whole.attrs["criterion"] = f"of the first stroke: {whole.attrs['criterion']}"
+        along = np.sign(whole["force_before"].values)
+    for name, column in whole.data_vars.items():
+        if name not in ("start", "end", "stroke"):
+            values = np.asarray(column.values, dtype=float) * (along if name in _SIGNED else 1.0)
+            column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
+    return seen, whole
+
+
+def _numbered(count: int) -> tuple[str, NDArray[np.intp], dict[str, str]]:
+    return "event", np.arange(count), {"long_name": "number of the slip"}
 
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
@@ -114,11 +123,11 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     begin, end = seen.window
     kept = ((found.times < begin) | (found.times > end)) & (found.drops > seen.peak_to_peak)
     if not kept.any():
-        return replace(found.only(kept), cut=0, criterion=f"no slips: smooth sliding, {seen.reason}")
-    return replace(found.only(kept), criterion=f"{found.criterion}, before smooth sliding")
+        return found.only(kept, cut=0, criterion=f"no slips: smooth sliding, {seen.reason}")
+    return found.only(kept, criterion=f"{found.criterion}, before smooth sliding")
 
 
-def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str) -> xr.Dataset:
+def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     """One row per slip."""
     import xarray as xr
 
@@ -129,8 +138,8 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str) -> xr.D
     )
     mu, rate = "coefficient of friction", f"{force or 1}/{time}" if time else ""
     name = mu if force == "1" else "force"
-    recurrence = np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0)
-    loading = np.full(start.size, math.nan)
+    recurrence, loading = np.full((2, start.size), math.nan)
+    recurrence[1:] = np.diff(trace.t[start])
     loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
     beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))  # the first slip after a gap
     recurrence[beyond] = loading[beyond] = math.nan
@@ -144,9 +153,12 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str) -> xr.D
         "recurrence": (recurrence, time, "time since the start of the slip before"),
         "loading_rate": (loading, rate, f"rise of the {name} per time since the slip before"),
     }
-    if "mu" in data and "load" in data and start.size:
+    if {"mu", "load"} <= set(data) and start.size:
         load = data["load"].where(data["load"] != 0).sel(time=trace.t[np.append(start, end)]).values
-        before, after = np.split(_per_load(data) * trace.sign * np.append(found.before, found.after) / load, 2)
+        at = int(np.argmax(np.abs(data["spring_force"].values)))
+        # The ratio of the units of force and load.
+        ratio = float(data["mu"].values[at] * data["load"].values[at] / data["spring_force"].values[at])
+        before, after = np.split(ratio * trace.sign * np.append(found.before, found.after) / load, 2)
         columns["mu_before"] = (before, "1", f"{mu} before the slip (static)")
         columns["mu_after"] = (after, "1", f"{mu} after the slip")
         columns["mu_drop"] = (trace.sign * (before - after), "1", f"drop of the {mu}")
@@ -154,34 +166,12 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str) -> xr.D
         columns["slip"] = (trace.X[end] - trace.X[start], way, "distance slipped")
     if trace.velocity is not None:
         columns["peak_velocity"] = (fastest(trace, found), speed, "largest slider velocity in the slip")
+    about = {name: getattr(found, name) for name in ("noise", "criterion", "cut")}
     return xr.Dataset(
         {key: ("event", values, {"units": unit, "long_name": title}) for key, (values, unit, title) in columns.items()},
-        coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
-        attrs={
-            "count": found.size,
-            "drops_are": drops_are,
-            "minimum_drop": found.smallest,
-            "noise": found.noise,
-            "criterion": found.criterion,
-            "cut": found.cut,
-        },
+        coords={"event": _numbered(start.size)},
+        attrs={"count": found.size, "minimum_drop": found.smallest, **about},
     )
-
-
-def _per_load(data: xr.Dataset) -> float:
-    """What a force over a load is multiplied by: the ratio of their units."""
-    at = int(np.argmax(np.abs(data["spring_force"].values)))
-    return float(data["mu"].values[at] * data["load"].values[at] / data["spring_force"].values[at])
-
-
-def with_statistics(table: xr.Dataset) -> xr.Dataset:
-    """Write mean and standard deviation of each column to its attributes; of strokes, of forces along their own."""
-    along = np.sign(table["force_before"].values) if "stroke" in table else 1.0
-    for name, column in table.data_vars.items():
-        if name not in ("start", "end", "stroke"):
-            values = np.asarray(column.values, dtype=float) * (along if name in _SIGNED else 1.0)
-            column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
-    return table
 
 
 def counted(catalogue: xr.Dataset) -> str:
