@@ -201,7 +201,7 @@ def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
     if cycles.periodic or found.size < FEWEST_CYCLES:
         return cycles, cycles.periodic
     if mean_and_std(np.diff(found.times))[2] < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER:
-        return replace(cycles, begins=found.peak, times=found.times, period=float(np.diff(found.times).mean())), True
+        return replace(cycles, times=found.times, period=float(np.diff(found.times).mean())), True
     if trace.velocity is None:
         turning = np.sort(np.concatenate([found.peak, found.trough]))
         at, level = (0.5 * (values[turning[1:]] + values[turning[:-1]]) for values in (trace.t, trace.force))

@@ -34,22 +34,19 @@ class Cycles:
         Coefficient of variation of the times of the cycles.
     correlation : float
         Autocorrelation of the force at one period: 1 for what repeats, near 0 for noise.
-    begins : array of int
-        Samples at which the cycles begin, in their rise; the last one ends the last complete cycle.
     times : array
-        The times of that, interpolated between samples.
+        When the cycles begin, in their rise; the last one ends the last complete cycle.
     """
 
     period: float
     variation: float
     correlation: float
-    begins: NDArray[np.intp]
     times: Array
 
     @property
     def count(self) -> int:
         """Number of complete cycles."""
-        return max(self.begins.size - 1, 0)
+        return max(self.times.size - 1, 0)
 
     @property
     def periodic(self) -> bool:
@@ -65,30 +62,21 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     in a typical cycle to the next.
     """
     lag, correlation = _autocorrelation_peak(t, force)
-    low, high = _typical_range(t, force, lag)
-    begins, times = rises(t, force, (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0)
-    if math.isfinite(lag) and begins.size:
-        first = [0]
-        for i in range(1, begins.size):
-            if times[i] - times[first[-1]] >= _TOGETHER * lag:
-                first.append(i)
-        begins, times = begins[first], times[first]
+    lowest, highest = force.min(keepdims=True), force.max(keepdims=True)
+    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag)) if math.isfinite(lag) else np.empty(0, dtype=int)
+    if starts.size >= FEWEST_CYCLES and np.diff(starts).all():  # one cycle that is larger than the others says nothing
+        lowest, highest = (extreme.reduceat(force, starts) for extreme in (np.minimum, np.maximum))
+    low, high = float(np.median(lowest)), float(np.median(highest))
+    _, times = rises(t, force, (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0)
+    first = [0] if times.size else []
+    for i in range(1, times.size):
+        if not times[i] - times[first[-1]] < _TOGETHER * lag:
+            first.append(i)
+    times = times[first]
     each = np.diff(times)
     period = float(each.mean()) if each.size else math.nan
     variation = float(each.std(ddof=1)) / period if each.size > 1 else math.nan
-    return Cycles(period=period, variation=variation, correlation=correlation, begins=begins, times=times)
-
-
-def _typical_range(t: Array, force: Array, lag: float) -> tuple[float, float]:
-    """Median of the lowest and of the highest force of a period; the extremes where none is known.
-
-    One cycle that is larger than the others would otherwise put the levels beyond the smaller ones.
-    """
-    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag)) if math.isfinite(lag) else np.empty(0, dtype=int)
-    if starts.size < FEWEST_CYCLES or np.any(np.diff(starts) == 0):
-        return float(force.min()), float(force.max())
-    lowest, highest = (extreme.reduceat(force, starts) for extreme in (np.minimum, np.maximum))
-    return float(np.median(lowest)), float(np.median(highest))
+    return Cycles(period=period, variation=variation, correlation=correlation, times=times)
 
 
 def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.intp], Array]:
@@ -139,12 +127,9 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     if not power[0] > 0:
         return math.nan, 0.0
     power /= power[0] * (1.0 - np.arange(power.size) / size)
-    below = np.flatnonzero(power < 0)
-    if below.size == 0:
-        return math.nan, 0.0
-    inner = power[below[0] : -1]
-    tops = below[0] + 1 + np.flatnonzero((inner[1:] >= inner[:-1]) & (inner[1:] > power[below[0] + 2 :]))
-    if tops.size == 0 or power[tops].max() <= 0:
+    tops = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]))
+    tops = tops[(tops > np.argmax(power < 0)) & (power[tops] > 0)] if power.min() < 0 else tops[:0]
+    if not tops.size:
         return math.nan, 0.0
     first = tops[np.argmax(power[tops] >= _HALF * power[tops].max())]
     near = tops[(tops >= first) & (tops <= _BESIDE * first)]
