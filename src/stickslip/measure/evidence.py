@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
@@ -46,8 +46,7 @@ TESTS: dict[str, tuple[str, float, Source]] = {
     "size": ("swing over the largest force", TINY, "convention"),
     "cycles": ("cycles in the window", FEWEST_CYCLES, "convention"),
     "resolved": ("samples in a drop", FEWEST_IN_A_DROP, "convention"),
-    "shrinks": ("drops shrink: logarithm of their change", -STEADY, "statistics"),
-    "grows": ("drops grow: logarithm of their change", STEADY, "statistics"),
+    "steady": ("logarithm of the change of the drops", STEADY, "statistics"),
     "small": ("range of the second half over the largest force", SMALL, "convention"),
     "paused": ("longest pause over what chance allows", FEWEST_CYCLES, "statistics"),
     "period": ("correlation at one period", PERIODIC, "convention"),
@@ -67,7 +66,7 @@ TESTS: dict[str, tuple[str, float, Source]] = {
     "drifts": ("range of a straight line over that of the force", MOST, "convention"),
 }
 """What is asked, the limit, and its source, by short names; chance allows for more where an error is known."""
-_AT_MOST = {"shrinks", "small", "even", "phase", "slight"}
+_AT_MOST = {"steady", "small", "even", "phase", "slight"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,17 +96,13 @@ class Criterion:
         return f"{self.name:45} {self.statistic:10.3g} {self.limit:10.3g}  {self.source:10}  {answer}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """What the force in a window shows: its drops and cycles, how large they are, and the tests, by short names.
+class Evidence(NamedTuple):
+    """What the force in a window shows: cycles, if it has a period, how they change, and the tests, by short names.
 
     `facts` holds the names of the tests that were passed, and a few more: what the force is, and what it may be.
     """
 
-    found: Slips
-    cycles: Cycles
-    periodic: bool
-    swing: float
+    cycles: Cycles | None
     trend: float
     line: float  # period of a spectral line
     tests: dict[str, Criterion]
@@ -120,52 +115,53 @@ class Evidence:
 
 def gather(trace: Trace, found: Slips) -> Evidence:
     """Take the numbers of a window, and make the tests; there is none of what is not known."""
-    force, friction, noise = trace.force, abs(trace.largest) or 1.0, found.noise
-    cycles, periodic = _cycles(trace, found)
-    rest = without_line(force, trace.t)
+    force, friction, mean = trace.force, abs(trace.largest) or 1.0, abs(float(trace.force.mean())) or 1e-300
+    cycles, rest = _cycles(trace, found), without_line(force, trace.t)
     scatter, range_, drift = float(rest.std()), float(np.ptp(force)), slope(force, trace.t) * float(np.ptp(trace.t))
-    swing = range_
-    if periodic and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
-        swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - noise**2, 0.0)))
-    values: dict[str, float] = {
-        "drops": found.size,
-        "size": swing / friction,
-        "cycles": 0,
-        "drifts": abs(drift) / (max(range_, 2.0 * found.smallest / MOST) or 1.0),
-    }
-    limits, slips, trend, line = {name: limit for name, (_, limit, _) in TESTS.items()}, False, math.nan, math.nan
+    facts, limits = (
+        {"alone"} if trace.velocity is None else set(),
+        {name: limit for name, (_, limit, _) in TESTS.items()},
+    )
+    swing, trend, line = range_, math.nan, math.nan
+    if cycles and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
+        swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - found.noise**2, 0.0)))
+    values: dict[str, float] = {"drops": found.size, "size": swing / friction, "cycles": 0}
+    values["drifts"] = abs(drift) / (max(range_, 2.0 * found.smallest / MOST) or 1.0)
     if found.size:
         values["resolved"] = samples = float(np.median(found.trough - found.peak))
         values["phase"] = phase = found.slip_phase(trace)
-        values["held"] = full = math.nan if trace.contacts else held(trace, noise)
+        values["held"] = full = math.nan if trace.contacts else held(trace, found.noise)
         # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
         # irregular one, that it rises at one rate for most of the time, too.
-        slips = phase <= SLIP_PHASE or (full >= MOST and not periodic)
+        slips = phase <= SLIP_PHASE or (full >= MOST and not cycles)
         if (fastest := speeds(trace, found)) is not None:
             values["fast"] = speed = weighted_median(fastest, found.drops**2)
             if speed >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP:
                 slips = speed >= SLIP_VELOCITY
-        count = cycles.count if periodic else (fast_ones(trace, found) if slips else found).size
-        if cycles.correlation >= PERIODIC and not slips:  # a cycle may have more than one drop
-            count = min(count, cycles.count)
-        values["cycles"] = count
-        trend, error = _trend(trace, found, cycles, periodic=periodic, slips=slips)
-        allowed = STEADY + (0.0 if math.isnan(error) else ERRORS * error)
-        limits |= {"shrinks": -allowed, "grows": allowed}
-        values["paused"], limits["paused"] = _pause(trace, found, cycles, periodic)
-        change, relative = (
-            math.log(trend) if trend > 0 else 0.0,
-            ERRORS * scatter / (abs(float(force.mean())) or 1e-300),
-        )
-        values |= {"shrinks": change, "grows": change, "small": float(np.ptp(force[force.size // 2 :])) / friction}
-        values |= {"period": cycles.correlation, "even": cycles.variation, "enough": count}
-        values |= {"contacts": _excess(trace, scatter), "slight": relative, "strong": relative}
+        facts |= {"slips"} if slips else set()
+        count = cycles.count if cycles else (fast_ones(trace, found) if slips else found).size
+        if found.cycles.correlation >= PERIODIC and not slips:  # a cycle may have more than one drop
+            count = min(count, found.cycles.count)
+        trend, error = _trend(trace, found, cycles, slips=slips)
+        limits["steady"] += ERRORS * error
+        values["paused"], limits["paused"] = _pause(trace, found, cycles)
+        values |= {"cycles": count, "enough": count, "period": found.cycles.correlation}
+        values["even"] = (cycles or found.cycles).variation
+        values |= {"steady": abs(math.log(trend)), "small": float(np.ptp(force[force.size // 2 :])) / friction}
+        values |= {"slight": ERRORS * scatter / mean, "strong": ERRORS * scatter / mean}
         values["normal"] = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
-    elif not is_white(trace, noise, cycles):
-        values["unfinished"] = range_ / max(2.0 * found.smallest, SMALL * friction)
-    if not found.size:
+    else:
         values["masks"] = scatter / friction
-    if not (periodic or slips):
+        if not is_white(trace, found.noise, found.cycles):
+            values["unfinished"] = range_ / max(2.0 * found.smallest, SMALL * friction)
+    if trace.contacts and found.size:
+        # Contacts that are attached for a part `a` of the time and stretched evenly up to 1 have a mean force of a/2,
+        # and a variance of a/3 - (a/2)^2. Thresholds that age are far below static friction in fast sliding.
+        attached = 1.0 if trace.attached is None else max(float(trace.attached.mean()), 1e-12)
+        noise = min(NOISE_OF_CONTACTS * friction, mean / attached)
+        noise *= math.sqrt(max(4.0 * attached - 3.0 * attached**2, 0.0) / trace.contacts)
+        values["contacts"] = scatter / max(noise, 1e-300)
+    if not (cycles or "slips" in facts):
         line, size = spectral_line(trace.t, force, CHANCE)
         values["line"] = size / friction
     tests = {
@@ -179,56 +175,53 @@ def gather(trace: Trace, found: Slips) -> Evidence:
         for key, (name, _, source) in TESTS.items()
         if not math.isnan(values.get(key, math.nan))
     }
-    facts = {name for name, made in tests.items() if made.passed}
+    facts |= {name for name, made in tests.items() if made.passed}
     chance = "contacts" in tests and "contacts" not in facts
     more = {
-        "slips": slips,
-        "periodic": periodic,
-        "lasts": periodic or "contacts" in tests,
         "alone": trace.velocity is None,
+        "periodic": cycles is not None,
+        "lasts": cycles is not None or "contacts" in tests,
+        "shrinks": "steady" not in facts and trend < 1.0,
+        "grows": "steady" not in facts and trend > 1.0,
         "chance": chance,
-        "noise": chance and ("normal" in facts or not periodic),
+        "noise": chance and ("normal" in facts or not cycles),
     }
-    facts |= {name for name, holds in more.items() if holds}
-    return Evidence(
-        found=found, cycles=cycles, periodic=periodic, swing=swing, trend=trend, line=line, tests=tests, facts=facts
-    )
+    return Evidence(cycles, trend, line, tests, facts | {name for name, holds in more.items() if holds})
 
 
-def _cycles(trace: Trace, found: Slips) -> tuple[Cycles, bool]:
-    """The cycles of a force; of one that wanders, less the line through the middles of its drops and rises."""
-    cycles = found.cycles
-    if cycles.periodic or found.size < FEWEST_CYCLES:
-        return cycles, cycles.periodic
-    if mean_and_std(np.diff(found.times))[2] < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER:
-        return replace(cycles, times=found.times, period=float(np.diff(found.times).mean())), True
-    if trace.velocity is None:
-        turning = np.sort(np.concatenate([found.peak, found.trough]))
-        at, level = (0.5 * (values[turning[1:]] + values[turning[:-1]]) for values in (trace.t, trace.force))
-        inner = slice(int(turning[0]), int(turning[-1]) + 1)
-        other = find_cycles(trace.t[inner], trace.force[inner] - np.interp(trace.t[inner], at, level))
-        if other.periodic:
-            return other, True
-    return cycles, False
+def _cycles(trace: Trace, found: Slips) -> Cycles | None:
+    """The cycles of a periodic force; of one that wanders, less the line through the middles of its drops and rises."""
+    if found.cycles.periodic:
+        return found.cycles
+    period, _, variation = mean_and_std(np.diff(found.times))
+    if found.size >= FEWEST_CYCLES and variation < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER:
+        return replace(found.cycles, times=found.times, period=period)
+    if found.size < FEWEST_CYCLES or trace.velocity is not None:
+        return None
+    turning = np.sort(np.concatenate([found.peak, found.trough]))
+    at, level = (0.5 * (values[turning[1:]] + values[turning[:-1]]) for values in (trace.t, trace.force))
+    inner = slice(int(turning[0]), int(turning[-1]) + 1)
+    other = find_cycles(trace.t[inner], trace.force[inner] - np.interp(trace.t[inner], at, level))
+    return other if other.periodic else None
 
 
-def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips: bool) -> tuple[float, float]:
-    """Amplitude in the second half of the window over the first, and the error of its logarithm.
+def _trend(trace: Trace, found: Slips, cycles: Cycles | None, *, slips: bool) -> tuple[float, float]:
+    """Amplitude in the second half of the window over the first, and the error of its logarithm: 1 and 0 if unknown.
 
     From the drops, where they are slips or cycles; else from the range of each cycle, or, of what is neither, the
     fluctuation in parts of the window.
     """
     begin, end, sizes, times = trace.t[0], trace.t[-1], found.drops, found.times
-    if abs(found.size - cycles.count) > 1 if periodic else not slips or found.size < FEWEST_CYCLES:
+    if abs(found.size - cycles.count) > 1 if cycles else not slips or found.size < FEWEST_CYCLES:
         edges = np.linspace(begin, end, 2 * FEWEST_CYCLES + 1)
-        if periodic:
+        if cycles:
             edges = np.arange(cycles.times[0], end, cycles.period)
         pieces = np.searchsorted(trace.t, edges).tolist()
         parts = [trace.force[i : j + 1] for i, j in itertools.pairwise(pieces)]
-        sizes, times = np.array([np.ptp(part) if periodic else part.std() for part in parts]), edges[:-1]
+        sizes, times = np.array([np.ptp(part) if cycles else part.std() for part in parts]), edges[:-1]
     times, sizes = times[sizes > 0], np.log(sizes[sizes > 0])
     if sizes.size < FEWEST_CYCLES:
-        return math.nan, math.nan
+        return 1.0, 0.0
     at = (times - times.mean()) / (end - begin)
     change = slope(sizes, at)
     rest = without_line(sizes, at)
@@ -239,19 +232,7 @@ def _trend(trace: Trace, found: Slips, cycles: Cycles, *, periodic: bool, slips:
     return math.exp(0.5 * change), 0.5 * few * error
 
 
-def _excess(trace: Trace, scatter: float) -> float:
-    """Fluctuation of the force over that which so many independent contacts make; not a number where unknown."""
-    if not trace.contacts or not trace.largest:
-        return math.nan
-    # Contacts that are attached for a part `a` of the time and stretched evenly up to 1 have a mean force of a/2, and a
-    # variance of a/3 - (a/2)^2. Thresholds that age are far below static friction in fast sliding.
-    attached = 1.0 if trace.attached is None else max(float(trace.attached.mean()), 1e-12)
-    stretched = min(NOISE_OF_CONTACTS * abs(trace.largest), abs(float(trace.force.mean())) / attached)
-    noise = stretched * math.sqrt(max(4.0 * attached - 3.0 * attached**2, 0.0) / trace.contacts)
-    return scatter / noise if noise > 0 else math.inf
-
-
-def _pause(trace: Trace, found: Slips, cycles: Cycles, periodic: bool) -> tuple[float, float]:
+def _pause(trace: Trace, found: Slips, cycles: Cycles | None) -> tuple[float, float]:
     """Longest time without a slip over the typical time between two, and the largest that chance allows.
 
     The typical time is that before the large drops: small ones may follow these closely. Times between slips are taken
@@ -261,12 +242,12 @@ def _pause(trace: Trace, found: Slips, cycles: Cycles, periodic: bool) -> tuple[
     if found.size < FEWEST_CYCLES:
         return math.nan, math.nan
     waits = np.diff(np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]]))
-    usual = weighted_median(waits[1:-1], found.drops[1:] ** 2) if not periodic else cycles.period
+    usual = cycles.period if cycles else weighted_median(waits[1:-1], found.drops[1:] ** 2)
     _, _, variation = mean_and_std(waits[waits <= FEWEST_CYCLES * usual])
     shape = 1.0 / max(variation, 0.01) ** 2 if math.isfinite(variation) else 1.0
     chance = float(gammainccinv(shape, CHANCE / waits.size)) / shape
     longest = float(waits.max())
-    if periodic:  # a drop that noise hides leaves no pause of the cycles
+    if cycles:  # a drop that noise hides leaves no pause of the cycles
         longest = min(longest, float(np.diff([trace.t[0], *cycles.times, trace.t[-1]]).max()))
     return longest / usual, max(chance, float(FEWEST_CYCLES))
 

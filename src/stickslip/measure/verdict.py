@@ -343,11 +343,11 @@ def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -
     stuck, drive = None, None if trace.drive is None else float(trace.drive.mean())
     if trace.velocity is not None and drive:
         stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    kind, reason, segments = _verdict(trace, seen, stuck, in_parts=in_parts)
+    kind, reason, segments = _verdict(trace, found, seen, stuck, in_parts=in_parts)
     slips = fast_ones(trace, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
-    if seen.periodic and kind != SMOOTH:
+    if seen.cycles and kind != SMOOTH:
         count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
     largest = float(trace.velocity.max()) / drive if trace.velocity is not None and drive else None
     return Regime(
@@ -376,16 +376,18 @@ def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -
     )
 
 
-def _verdict(trace: Trace, seen: Evidence, stuck: float | None, *, in_parts: bool) -> tuple[Kind, str, Parts]:
+def _verdict(
+    trace: Trace, found: Slips, seen: Evidence, stuck: float | None, *, in_parts: bool
+) -> tuple[Kind, str, Parts]:
     """Kind, reason and parts, by the first rule that fits."""
-    if fault := _fault(trace, seen.found):
+    if fault := _fault(trace, found):
         return OPEN, fault, ()
     segments: Parts = ()
     facts, said = seen.facts, _in_words(trace, seen, stuck)
     if in_parts and "cycles" in facts and facts & {"slips", "periodic"}:
-        if "paused" in facts and (segments := _around_pauses(trace, seen)):
+        if "paused" in facts and (segments := _around_pauses(trace, found, seen.tests["paused"])):
             facts, said["parts"] = facts | {"turns"}, _parts_in_words(trace, segments)
-        elif "shrinks" in facts and (step := _step(trace, seen.found)):
+        elif "shrinks" in facts and (step := _step(trace, found)):
             facts, said["how"] = facts - {"shrinks"}, f"{said['how']}; {step}"
     kind, reason = next(
         (kind, reason)
@@ -413,11 +415,10 @@ def _fault(trace: Trace, found: Slips) -> str:
 
 def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
-    span, facts = float(np.ptp(trace.t)), seen.facts
-    count = int(seen.value("cycles"))
+    span, facts, count = float(np.ptp(trace.t)), seen.facts, int(seen.value("cycles"))
 
     def part(of: float) -> str:
-        return f"{100 * of / (abs(trace.largest) or 1.0):.3g} % of the largest force"
+        return f"{100 * of:.3g} % of the largest force"
 
     how = f"slip phase: {100 * seen.value('phase'):.0f} % of the cycle"
     if "fast" in facts or ("fast" in seen.tests and "resolved" in facts):
@@ -430,23 +431,26 @@ def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, ob
         how += "; the slips still grow"
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
-        sticks = f"the slider {'never sticks' if stuck < STICKS else f'sticks for {100 * stuck:.0f} % of the time'}"
-    drift, each, swing = slope(trace.force, trace.t) * span, span / max(count, 1), part(float(np.ptp(trace.force)))
+        sticks = (
+            f"the slider sticks for {100 * stuck:.0f} % of the time" if stuck >= STICKS else "the slider never sticks"
+        )
+    drift, each = slope(trace.force, trace.t) * span, span / max(count, 1)
+    swing = part(float(np.ptp(trace.force)) / abs(trace.largest))
     # So long that there are enough cycles, and a trend shows, or the rest of the oscillation that was begun.
     more = trace.time_in_words(max(ENOUGH / max(count, 1), 2.0) * span)
     motion = "oscillation" if facts & {"slips", "periodic"} or "normal" not in facts else "fluctuation"
     changes = "decays" if seen.trend < 1.0 else "still grows"
     return {
         "part": swing,
-        "swing": part(seen.swing),
-        "left": part(seen.value("small") * (abs(trace.largest) or 1.0)),
+        "swing": part(seen.value("size")),
+        "left": part(seen.value("small")),
         "ample": f"the force fluctuates by {swing}, without a period",
         "line": trace.time_in_words(seen.line),
         "count": count,
         "fewest": FEWEST_CYCLES,
         "samples": FEWEST_IN_A_DROP,
         "contacts": trace.contacts,
-        "manner": "periodic" if seen.periodic else "irregular",
+        "manner": "periodic" if seen.cycles else "irregular",
         "how": how,
         "sticks": sticks,
         "changes": f"the {motion} {changes}, by a factor {seen.trend:.2g} from one half of the window to the other",
@@ -457,9 +461,8 @@ def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, ob
     }
 
 
-def _around_pauses(trace: Trace, seen: Evidence) -> Parts:
+def _around_pauses(trace: Trace, found: Slips, pause: Criterion) -> Parts:
     """The parts of a record with pauses among its slips, each judged by itself; none if they are of one kind."""
-    found, pause = seen.found, seen.tests["paused"]
     limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
     waits = np.diff(limits)
     usual = float(waits.max()) / pause.statistic
