@@ -68,9 +68,7 @@ class Plan:
     study : Study
         The case.
     axes : mapping
-        Values of each axis in the units of the rig, SI or natural; with a refinement, its two ends.
-    logarithmic : tuple of str
-        Axes of equal ratios.
+        Values of each axis in the units of the rig, SI or natural; with a refinement, a `Span` of two parameters.
     measures : tuple of str
         What is in the results of each case.
     refinement : Refinement, optional
@@ -80,8 +78,7 @@ class Plan:
 
     name: str
     study: Study
-    axes: Mapping[str, Sequence[Any]]
-    logarithmic: tuple[str, ...]
+    axes: Mapping[str, Any]
     measures: tuple[str, ...]
     refinement: Refinement | None
     max_cases: int
@@ -109,7 +106,7 @@ class Plan:
         for name in self.axes:
             title, unit = (OTHERS[name], "1") if name in OTHERS else (BY_NAME[name].title, BY_NAME[name].unit)
             title += ", per contact" if not whole and name in ("stiffness", "mass") else ""
-            spacing = "log" if name in self.logarithmic else "linear"
+            spacing = "log" if _is_logarithmic(self.axes[name]) else "linear"
             found[name] = {"units": rig.unit_name(unit), "long_name": title, "spacing": spacing}
         return found
 
@@ -152,8 +149,7 @@ class Plan:
         where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
         if self.refinement is None:
             return self.select(run_cases(self.study, self.axes, **where))
-        ends = {name: self.axes[name] for name in self.parameters}
-        box = {name: Span(low=a, high=b, log=name in self.logarithmic) for name, (a, b) in ends.items()}
+        box = {name: self.axes[name] for name in self.parameters}
         each = {"start": self.axes.get("start", (self.study.start,))}
         return self.select(refine(self.study, box, "regime", replace(self.refinement, each=each), **where))
 
@@ -236,7 +232,7 @@ def plan_of(result: xr.Dataset) -> Plan:
     """Return the plan that a result was made from."""
     if NOTE not in result.attrs:
         raise InputError("this sweep was not made from a rig: what was swept is not known; draw it in Python")
-    kinds = datasets.records() | {kind.__name__: kind for kind in (Plan, Study, Refinement)}
+    kinds = datasets.records() | {kind.__name__: kind for kind in (Plan, Study, Refinement, Span)}
     try:
         found: Plan = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
         instance("rig", found.study.rig, Rig, "a rig")
@@ -307,57 +303,50 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
 
 @dataclass(frozen=True, kw_only=True)
 class _AxisReader:
-    """Reads the axes of a rig; from Python, plain numbers are in SI units, too.
-
-    Of a parameter that is `searched`, the two ends are an axis.
-    """
+    """Reads the axes of a rig; from Python, plain numbers are in SI units, too."""
 
     rig: Rig
     most: int
     from_python: bool
-    searched: bool
 
-    def axis(self, name: str, given: Any) -> tuple[Sequence[Any], bool]:
-        """Values of a list, of ``{from, to, count, spacing}``, or of a `Span`; and whether the axis is logarithmic."""
+    def axis(self, name: str, given: Any) -> Sequence[Any] | Span:
+        """Values of a list or of ``{from, to, count, spacing}``; a `Span` where the count is left open."""
         place = f"axes.{name}"
         if isinstance(given, Span):
-            given = {"from": given.low, "to": given.high, "spacing": "log" if given.log else "linear"}
+            return given
         if isinstance(given, Mapping):
             return self._between(name, given, place)
-        if self.searched and name in BY_NAME:
-            raise InputError(f"{place}: [refine] chooses the values itself; give from, to and spacing")
         listed = np.atleast_1d(given).tolist() if self.from_python else given
         if not isinstance(listed, list) or not listed:
             raise InputError(
                 f"{place} = {shown(given)}: must be a list of values, at least one, or a table with from, to and count"
             )
-        values = [self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed)]
-        return tuple(values), _of_equal_ratios(values)
+        return tuple(self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed))
 
     def quantity(self, key: Key, value: Any, place: str) -> Any:
         """Read a value in the rig's own units."""
         natural = self.rig.scales is None or (self.from_python and not isinstance(value, str))
         return key.read(value, place, natural=natural)
 
-    def _between(self, name: str, given: Mapping[str, Any], place: str) -> tuple[Sequence[Any], bool]:
+    def _between(self, name: str, given: Mapping[str, Any], place: str) -> Sequence[Any] | Span:
         _check_keys(given, ("from", "to", "count", "spacing"), place)
-        ends_alone = self.searched and name in BY_NAME
-        for key in ("from", "to", "count")[2 * (name == "seed") : 3 - ends_alone]:
+        for key in ("count",) if name == "seed" else ("from", "to"):
             if key not in given:
                 raise InputError(f"{place}.{key}: is missing")
-        count = 2 if ends_alone else whole(f"{place}.count", given["count"], at_least=1 if name == "seed" else 2)
+        count = whole(f"{place}.count", given.get("count", 2), at_least=1 if name == "seed" else 2)
         check_size(count, self.most)
         low, high = (self._value(name, given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
         if name == "seed":
-            return tuple(range(low, low + count)), False
+            return tuple(range(low, low + count))
         if isinstance(low, str) or high <= low:
             raise InputError(f"{place}: to = {given['to']} must be above from = {given['from']}")
         log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
         if log and low <= 0:
             raise InputError(f"{place}: from = {given['from']} must be above 0 for spacing = 'log'")
+        if "count" not in given:
+            return Span(low=low, high=high, log=log)
         values = (np.geomspace if log else np.linspace)(low, high, count)
-        values = np.unique(np.rint(values).astype(int)) if name == "contacts" else values
-        return tuple(values.tolist()), log
+        return tuple((np.unique(np.rint(values).astype(int)) if name == "contacts" else values).tolist())
 
     def _value(self, name: str, value: Any, place: str) -> Any:
         if name == "start":
@@ -391,11 +380,13 @@ def _check_keys(content: object, known: Iterable[str], place: str) -> None:
         raise InputError(together(f"{path}{key[:60]}: unknown key; {unknown(key, known)}" for key in strange))
 
 
-def _of_equal_ratios(values: Sequence[Any]) -> bool:
-    """Whether a list of values suggests a logarithmic axis."""
-    if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
+def _is_logarithmic(axis: Sequence[Any] | Span) -> bool:
+    """Whether an axis is one of equal ratios, by its values if it is a list."""
+    if isinstance(axis, Span):
+        return axis.log
+    if len(axis) < 3 or isinstance(axis[0], str) or min(axis) <= 0:
         return False
-    steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
+    steps, ratios = np.diff(np.sort(axis)), np.diff(np.log(np.sort(axis)))
     return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
 
 
@@ -414,9 +405,8 @@ def _plan(
     """Make a plan of a rig with its method and start."""
     _check_axes(axes)
     most = whole("run.max_cases", runs.max_cases, at_least=1)
-    reader = _AxisReader(rig=rig, most=most, from_python=from_python, searched=refinement is not None)
-    given = {each: reader.axis(each, values) for each, values in axes.items()}
-    values = {each: found for each, (found, _) in given.items()}
+    reader = _AxisReader(rig=rig, most=most, from_python=from_python)
+    values = {each: reader.axis(each, given) for each, given in axes.items()}
     _check(rig, values, refinement)
     lasting = {"distance": SHORTEST, "duration": 0.0}  # in natural units
     for key, unit in (("distance", "x_s"), ("duration", "time")):
@@ -433,20 +423,11 @@ def _plan(
     for one in measure:
         if one not in MEASURES:
             raise InputError(f"measure: {one!r} is not measured in a sweep; {unknown(one, MEASURES)}")
-    drawn = isinstance(rig.method, DRAWN) and "seed" not in values
-    wanted = {"regime", *measure} - {"seed"} | ({"seed"} if drawn else set())
-    return Plan(
-        name=name,
-        study=study,
-        axes=values,
-        logarithmic=tuple(each for each, (_, log) in given.items() if log),
-        measures=tuple(each for each in MEASURES if each in wanted),
-        refinement=refinement,
-        max_cases=most,
-    )
+    measures = tuple(each for each in MEASURES if each in ("regime", "seed", *measure))
+    return Plan(name=name, study=study, axes=values, measures=measures, refinement=refinement, max_cases=most)
 
 
-def _check(rig: Rig, axes: Iterable[str], refinement: Refinement | None) -> None:
+def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> None:
     """Refuse a rig that cannot be run along these axes, and axes that are none of a search."""
     instance("rig.slider", rig.slider, Slider | ElasticBody, "a Slider, Chain or Sheet: an impedance has no motion")
     for name in ("seed", "contacts"):
@@ -463,7 +444,11 @@ def _check(rig: Rig, axes: Iterable[str], refinement: Refinement | None) -> None
     for name in parameters:
         rig.value(name)  # it has one
     number("rig.drive.velocity", rig.velocity, above=0)
-    if refinement is not None and (len(parameters) != 2 or {*axes} - {*parameters, "start"}):
+    spans = [name for name in axes if isinstance(axes[name], Span)]
+    if refinement is None and spans:
+        raise InputError(f"axes.{spans[0]}.count: is missing, the number of values from one end to the other")
+    if refinement is not None and (len(spans) != 2 or {*axes} - {*spans, "start"}):
         raise InputError(
-            f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(axes)}"
+            "axes: [refine] searches the plane of two parameters: give from, to and spacing of two, without count, and "
+            "at most start beside them"
         )

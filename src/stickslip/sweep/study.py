@@ -51,7 +51,8 @@ class Study:
                 break
         numbers = _numbers(seen) | {"travel": drive.duration * rig.velocity}
         inside = {name: value * varied.unit(MEASURES[name][0]) for name, value in numbers.items()}
-        return {"regime": seen.kind, "reason": seen.reason} | inside | {"seed": seed}
+        drawn: dict[str, float | str] = {"seed": seed} if isinstance(method, DRAWN) else {}
+        return {"regime": seen.kind, "reason": seen.reason} | inside | drawn
 
     @property
     def start(self) -> str:
