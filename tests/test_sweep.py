@@ -210,9 +210,9 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
 def test_what_a_case_must_not_return_is_its_error():
     wrong = {
         "y": (np.zeros(2), "must be a number, a text or None"),
-        "z/": (1, "'z/' cannot be a name"),
+        "z/": (1, "'z/' is taken, or cannot be a name"),
         "a": (-1.0, "'a' is taken"),
-        "error": (1, "'error' is taken"),
+        "error": (1, "'error' is taken, or"),
         "large": (10**400, "OverflowError"),
     }
     cases = [*({name: value} for name, (value, _) in wrong.items()), 3, {}]

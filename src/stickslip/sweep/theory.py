@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,23 +40,21 @@ def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progres
 
     plan = plan_of(result)
     order = plan.parameters if "run" in result.dims else result["regime"].dims
-    varied = tuple(str(name) for name in order if name in plan.parameters)
+    ranges = {str(name): _reach(result[name]) for name in order if name in plan.parameters}
     fixed = {name: float(result[name]) for name in plan.parameters if name in result and result[name].ndim == 0}
     rig = plan.study.rig.replace(**fixed)
-    if not 1 <= len(varied) <= 2:
+    if not 1 <= len(ranges) <= 2:
         return result.assign_attrs(theory="no linear boundary: it is drawn over one parameter or two")
-    ranges = [_reach(result[name]) for name in varied]
     try:
-        if any(low <= 0 for low, _ in ranges):
+        if any(low <= 0 for low, _ in ranges.values()):
             raise InputError("a parameter starts at 0, which linear theory has no logarithm for")
-        found = (
-            _in_plane(rig, varied, ranges, bistable, progress or (lambda _fraction: None))
-            if len(varied) == 2
-            else _on_line(rig, varied[0], ranges[0], bistable)
-        )
+        if len(ranges) == 1:
+            found = _on_line(rig, ranges, bistable)
+        else:
+            found = _in_plane(rig, ranges, bistable, progress or (lambda _fraction: None))
     except (InputError, UndecidedError) as reason:
         return result.assign_attrs(theory=f"no linear boundary: {reason}")
-    for name in varied:
+    for name in ranges:
         for part in (f"edge_{name}", f"band_{name}", *(f"band_{name}_{end}" for end in ("low", "high", "fold"))):
             if part in found:
                 found[part] = found[part].assign_attrs(result[name].attrs)
@@ -70,38 +67,32 @@ def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progres
 def _reach(axis: xr.DataArray) -> tuple[float, float]:
     """Ends of an axis, half a step beyond its values where that makes sense: cells reach so far."""
     values = np.unique(axis.to_numpy().astype(float))
-    low, high = float(values[0]), float(values[-1])
     if "run" in axis.dims or values.size < 2:
-        return low, high
-    if axis.attrs.get("spacing") == "log":
-        return low * math.sqrt(low / values[1]), high * math.sqrt(high / values[-2])
-    below = low - 0.5 * (values[1] - low)
-    return (below if below > 0 else low), high + 0.5 * (high - values[-2])
+        return float(values[0]), float(values[-1])
+    log = axis.attrs.get("spacing") == "log"
+    places = np.log(values) if log else values
+    ends = 1.5 * places[[0, -1]] - 0.5 * places[[1, -2]]
+    low, high = np.exp(ends) if log else ends
+    return float(low if low > 0 else values[0]), float(high)
 
 
-def _in_plane(
-    rig: Rig,
-    parameters: tuple[str, ...],
-    ranges: list[tuple[float, float]],
-    bistable: bool,
-    progress: Progress,
-) -> xr.Dataset:
-    over = (parameters[0], parameters[1])
-    edge = boundary(rig, over=over, between=(ranges[0], ranges[1]))
-    found = edge[[*over, "curve"]].rename({name: f"edge_{name}" for name in (*over, "curve")})
+def _in_plane(rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool, progress: Progress) -> xr.Dataset:
+    (one, other), between = ranges, (*ranges.values(),)
+    edge = boundary(rig, over=(one, other), between=(between[0], between[1]))
+    found = edge[[one, other, "curve"]].rename({name: f"edge_{name}" for name in (one, other, "curve")})
     if bistable:
-        bands = bistable_region(rig, over=over, edge=edge, between=ranges[1], places=17, progress=progress)
+        bands = bistable_region(rig, over=(one, other), edge=edge, between=between[1], places=17, progress=progress)
         found = found.merge(bands)
     return found.drop_attrs(deep=False)
 
 
-def _on_line(rig: Rig, parameter: str, between: tuple[float, float], bistable: bool) -> xr.Dataset:
+def _on_line(rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool) -> xr.Dataset:
     import xarray as xr
 
-    edges = critical(rig, parameter, between=between).edges
-    data = {f"edge_{parameter}": ("point", np.array([edge.value for edge in edges], dtype=float))}
+    ((parameter, between),) = ranges.items()
+    found = {f"edge_{parameter}": ("point", [edge.value for edge in critical(rig, parameter, between=between).edges])}
     if bistable:
-        bands = tuple(bistable_range(rig, parameter, between=between))
-        data[f"band_{parameter}_low"] = ("band", np.array([band.low.value for band in bands], dtype=float))
-        data[f"band_{parameter}_high"] = ("band", np.array([band.high.value for band in bands], dtype=float))
-    return xr.Dataset(data)
+        bands = list(bistable_range(rig, parameter, between=between))
+        found[f"band_{parameter}_low"] = ("band", [band.low.value for band in bands])
+        found[f"band_{parameter}_high"] = ("band", [band.high.value for band in bands])
+    return xr.Dataset({name: (dim, np.array(values, dtype=float)) for name, (dim, values) in found.items()})
