@@ -67,22 +67,21 @@ def refused(capsys, *arguments):
     return lines[0]
 
 
-def test_simulate_writes_a_run_that_can_be_made_again(rig, tmp_path):
+def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     one, two = tmp_path / "one.nc", tmp_path / "two.nc"
-    assert run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png") == 0
+    assert run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png", "--json") == 0
+    simulated = json.loads(capsys.readouterr().out)
+    assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("rerun", one, "-o", two) == 0
     assert ss.load(one).identical(ss.load(two))
-    assert (tmp_path / "run.png").stat().st_size > 10_000
-
-
-def test_measure_tells_the_same_of_a_run(rig, tmp_path, capsys):
-    file = tmp_path / "run.nc"
-    run("simulate", rig, "-o", file, "--json")
-    simulated = json.loads(capsys.readouterr().out)
-    assert run("measure", file, "--json", "--events", tmp_path / "slips.csv") == 0
+    capsys.readouterr()
+    assert run("measure", one, "--json", "--events", tmp_path / "slips.csv") == 0
     measured = json.loads(capsys.readouterr().out)
     assert measured["regime"] == simulated["regime"]
     assert len((tmp_path / "slips.csv").read_text().splitlines()) == 1 + measured["statistics"]["count"]
+    for kind in ("overview", "phase", "energy"):
+        assert run("plot", one, tmp_path / f"{kind}.svg", "--kind", kind) == 0
+        assert "<svg" in (tmp_path / f"{kind}.svg").read_text()
 
 
 def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
@@ -93,30 +92,18 @@ def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
     assert "give interface.delay" in words
 
 
-@pytest.mark.parametrize("kind", ["overview", "phase", "energy"])
-def test_plot_draws_each_kind(rig, tmp_path, kind):
-    run("simulate", rig, "-o", tmp_path / "run.nc")
-    assert run("plot", tmp_path / "run.nc", tmp_path / "out.svg", "--kind", kind) == 0
-    assert "<svg" in (tmp_path / "out.svg").read_text()
-
-
 def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
     folder = tmp_path / "new" / "folder"
     formats = ("--format", "pdf", "--format", "svg")
     assert run("paper", "fig2", "--check", "--quick", "--json", "-o", folder, *formats) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["ok"]
     (figure,) = found["figures"]
-    assert figure["ok"]
-    assert figure["caption"]
+    assert (found["ok"], figure["ok"], bool(figure["caption"])) == (True, True, True)
     assert sorted(path.name for path in folder.iterdir()) == ["fig2.nc", "fig2.pdf", "fig2.svg"]
     assert [Path(name).read_bytes()[:4] for name in figure["pictures"]] == [b"%PDF", b"<?xm"]
-
-
-def test_paper_all_is_refused_before_the_first_figure_if_the_last_cannot_be_written(tmp_path, capsys):
-    (tmp_path / "fig11.png").mkdir()
+    (tmp_path / "fig11.png").mkdir()  # of all, the last cannot be written: refused before the first
     assert "fig11.png: is a directory" in refused(capsys, "paper", "all", "-o", tmp_path)
-    assert os.listdir(tmp_path) == ["fig11.png"]
+    assert sorted(os.listdir(tmp_path)) == ["fig11.png", "new"]
 
 
 @pytest.fixture
@@ -131,22 +118,16 @@ def unusable(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        ("predict none.toml", "none.toml"),
-        ("predict binary.csv", "binary.csv"),
-        ("predict half.toml", "half.toml"),
-        ("predict trace.csv", "trace.csv"),
+        *((f"predict {file}", file) for file in ("none.toml", "binary.csv", "half.toml", "trace.csv")),
         ("predict rig.toml --plot no/where.png", "no/where.png"),
-        ("predict rig.toml --jsn", "--jsn"),
-        ("predict rig.toml extra", "extra"),
+        *((f"predict rig.toml {strange}", strange) for strange in ("--jsn", "extra")),
         ("predict", "rig"),
         ("prdict rig.toml", "prdict"),
         ("rerun trace.csv", "trace.csv"),
         ("simulate rig.toml -o no/where.nc", "no/where.nc"),
         ("plot trace.csv picture.xyz", ".png"),
         ("plot none.nc out.png", "none.nc"),
-        ("measure none.csv", "none.csv"),
-        ("measure empty.csv --step 1", "empty.csv"),
-        ("measure damaged.nc", "damaged.nc"),
+        *((f"measure {file}", file) for file in ("none.csv", "empty.csv", "damaged.nc")),
         ("measure trace.csv --events no/where.csv", "no/where.csv"),
         ("measure trace.csv --force load", "load"),
         ("measure trace.csv --force " + "9" * 5_000, "no such column"),
@@ -184,16 +165,6 @@ def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, mo
     assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
     monkeypatch.setattr("stickslip.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
     assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
-
-
-def test_the_step_of_a_trace_may_have_a_unit(tmp_path, capsys):
-    file = tmp_path / "forces.csv"
-    file.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
-    printed = []
-    for step in ("10 ms", "0.01"):
-        assert run("measure", file, "--step", step) == 0
-        printed.append(capsys.readouterr().out)
-    assert printed[0] == printed[1]
 
 
 @pytest.mark.parametrize(
@@ -276,7 +247,7 @@ def test_help_is_quick_and_loads_no_heavy_library():
     assert "predict" in done.stdout
 
 
-def test_after_and_minimum_drop_are_quantities_in_si_units(tmp_path, capsys):
+def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
     """A bare number is in s or N, whatever the unit of the file."""
     file = tmp_path / "ms.csv"
     file.write_text("time (ms),force (mN)\n" + "".join(f"{10 * i},{2 + i % 100 / 100:.2f}\n" for i in range(4000)))
@@ -285,4 +256,9 @@ def test_after_and_minimum_drop_are_quantities_in_si_units(tmp_path, capsys):
         found = json.loads(capsys.readouterr().out)
         assert found["regime"]["window"][0] == 1e4
         assert found["statistics"]["count"] == 29
+    bare = tmp_path / "forces.csv"
+    bare.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
+    assert [run("measure", bare, "--step", step) for step in ("10 ms", "0.01")] == [0, 0]
+    one, other = capsys.readouterr().out.split("evaluated")[1:]
+    assert one.splitlines()[0] == other.splitlines()[0]
     assert "is not in a unit of 's'" in refused(capsys, "measure", file, "--after", "10 N")

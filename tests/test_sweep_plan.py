@@ -104,34 +104,25 @@ def again(plan):
     return plan_of(xr.Dataset(attrs={"sweep": plan.to_json()}))
 
 
-def test_the_axes_of_a_file_are_as_written():
-    plan = from_document(NATURAL)
-    assert (plan.total, plan.parameters) == (12, ("stiffness", "velocity"))
-    assert plan.study.rig.method == Contacts(100, 1)
-    assert list(plan.axes) == list(again(plan).axes) == ["stiffness", "velocity", "start"]
-    assert plan.axes["stiffness"] == pytest.approx([0.5, 2.0, 8.0])
-
-
 @pytest.mark.parametrize(
-    ("name", "given", "values"),
+    ("name", "given", "values", "spacing"),
     [
-        ("start", ["from rest", "sliding"], ["from rest", "sliding"]),
-        ("seed", {"from": 7, "count": 3}, [7, 8, 9]),
-        ("contacts", {"from": 10, "to": 1000, "count": 5, "spacing": "log"}, [10, 32, 100, 316, 1000]),
-        ("delay", {"from": 0.0, "to": 0.2, "count": 3}, [0.0, 0.1, 0.2]),
+        ("stiffness", {"from": 0.5, "to": 8.0, "count": 3, "spacing": "log"}, [0.5, 2.0, 8.0], "log"),
+        ("delay", {"from": 0.0, "to": 0.2, "count": 3}, [0.0, 0.1, 0.2], "linear"),
+        ("mass", [0.1, 0.4, 1.6], [0.1, 0.4, 1.6], "log"),
+        ("mass", [1.6, 0.1, 0.4], [1.6, 0.1, 0.4], "log"),
+        ("mass", [1, 2, 3], [1.0, 2.0, 3.0], "linear"),
+        ("mass", [0.1, 10.0], [0.1, 10.0], "linear"),
+        ("seed", {"from": 7, "count": 3}, [7, 8, 9], "linear"),
+        ("contacts", {"from": 10, "to": 1000, "count": 5, "spacing": "log"}, [10, 32, 100, 316, 1000], "log"),
+        ("start", ["from rest", "sliding"], ["from rest", "sliding"], "linear"),
     ],
 )
-def test_an_axis_is_as_written(name, given, values):
-    found = from_document(changed("axes", {name: given, "velocity": [1.0]})).axes[name]
-    assert list(found) == (values if name == "start" else pytest.approx(values))
-
-
-@pytest.mark.parametrize(
-    ("values", "log"), [([0.1, 0.4, 1.6], True), ([1.6, 0.1, 0.4], True), ([1, 2, 3], False), ([0.1, 10.0], False)]
-)
-def test_a_list_of_equal_ratios_is_logarithmic(values, log):
-    plan = from_document(changed("axes", {"velocity": values}))
-    assert plan.attributes()["velocity"]["spacing"] == ("log" if log else "linear")
+def test_an_axis_is_as_written(name, given, values, spacing):
+    plan = from_document(changed("axes", {name: given, "velocity": [1.0]}))
+    assert (plan.total, list(plan.axes), again(plan)) == (len(values), [name, "velocity"], plan)
+    assert list(plan.axes[name]) == (values if name == "start" else pytest.approx(values))
+    assert plan.attributes()[name]["spacing"] == spacing
 
 
 def test_a_file_may_name_a_rig_file_beside_it_and_is_in_its_units(tmp_path):
@@ -153,7 +144,6 @@ def test_a_run_is_simulated_as_the_file_says_and_else_as_the_rig_is():
         ({}, Contacts(2000, 1)),
         ({"contacts": 50}, Contacts(50, 1)),
         ({"method": "population"}, Population(2000, 1)),
-        ({"method": "master equation"}, MasterEquation()),
         ({"method": "master equation", "rtol": 1e-3}, MasterEquation(rtol=1e-3)),
     ):
         plan = from_document({"rig": bench, "axes": {"velocity": ["1 mm/s"]}, "run": run_})
@@ -243,41 +233,52 @@ def test_a_run_lasts_as_long_as_the_file_asks():
     for key, value, travel in [("duration", 100.0, 30.0), ("cycles", 20.0, 20 * 1.5), ("distance", 8.0, 8.0)]:
         case = from_document(changed(f"run.{key}", value, base)).study
         assert case(seed=1, stiffness=2.0, velocity=0.3)["travel"] == pytest.approx(travel)
-    short = from_document(changed("run.distance", 0.5, base)).study
-    assert short(seed=1, velocity=0.3)["regime"] == "undecided"
-    longer = from_document(changed("run.extensions", 3, changed("run.distance", 0.5, base))).study
+    short = changed("run.distance", 0.5, base)
+    assert from_document(short).study(seed=1, velocity=0.3)["regime"] == "undecided"
+    longer = from_document(changed("run.extensions", 3, short)).study
     assert longer(seed=1, velocity=0.3)["travel"] > 0.5
 
 
 def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():
-    document = changed("run", {"method": "master equation", "rtol": 1e-3, "distance": 20.0, "cycles": 0.0})
-    case = from_document(document).study
-    assert "seed" not in case(velocity=1.0)
-    assert case(stiffness=0.5, velocity=1.0, start="sliding")["regime"] == "stick-slip"
-    assert case(stiffness=8.0, velocity=0.3, start="sliding")["regime"] == "smooth sliding"
+    run_ = {"method": "master equation", "rtol": 1e-3, "distance": 20.0, "cycles": 0.0}
+    case = from_document(changed("run", run_)).study
+    found = [case(stiffness=k, velocity=v, start="sliding") for k, v in ((0.5, 1.0), (8.0, 0.3))]
+    assert [one["regime"] for one in found] == ["stick-slip", "smooth sliding"]
+    assert "seed" not in found[0]
 
 
 # ---------------------------------------------------------------- the command
 
 
 def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, counted):
-    file, store = written(tmp_path), tmp_path / "s.sqlite"
-    assert run("sweep", file, "--store", store, "--workers", 2, "--json") == 0
-    first = json.loads(capsys.readouterr().out)
-    assert (first["total"], first["done"], first["failed"]) == (12, 12, 0)
-    assert sum(first["regimes"].values()) == 12
-
-    counted.clear()
-    assert run("sweep", file, "--store", store, "--json") == 0
-    assert json.loads(capsys.readouterr().out) == first
-    assert not counted
-    assert run("sweep", "--status", "--store", store) == 0
-    assert capsys.readouterr().out == "12 of 12 cases done\n"
-    assert run("sweep", "--status", "--store", store, "--json") == 0
-    assert json.loads(capsys.readouterr().out)["summary"] == {"total": 12, "done": 12, "failed": 0, "missing": 0}
-    assert run("sweep", file, "--store", store, "--plot", tmp_path / "a.png") == 0
-    assert run("plot", store, tmp_path / "b.png") == 0
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    """Of a grid, and of a refinement: each is kept, drawn and gone on with."""
+    span = {"from": 0.5, "to": 8.0, "spacing": "log"}
+    plane = {"stiffness": span, "velocity": span | {"from": 0.1, "to": 1.0}, "start": ["from rest", "sliding"]}
+    for name, document, most in (
+        ("grid", NATURAL, 12),
+        ("edge", changed("refine", {"runs": 24}, changed("axes", plane)), 48),
+    ):
+        file, store = written(tmp_path, document, f"{name}.toml"), tmp_path / f"{name}.sqlite"
+        assert read_plan(file).total == most
+        again = ("sweep", file, "--store", store, "--workers", 2, "--json", "--plot", tmp_path / "a.png")
+        assert run(*again) == 0
+        first = json.loads(capsys.readouterr().out)
+        assert (first["done"], first["failed"]) == (first["total"], 0)
+        assert sum(first["regimes"].values()) == first["total"] <= most
+        assert first["crossings"] is None if name == "grid" else first["crossings"] >= 2
+        counted.clear()
+        assert run(*again) == 0
+        assert json.loads(capsys.readouterr().out) == first
+        assert not counted
+        assert run("sweep", "--status", "--store", store) == 0
+        assert capsys.readouterr().out == f"{first['total']} of {first['total']} cases done\n"
+        assert run("plot", store, tmp_path / "b.png") == 0
+        assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+        capsys.readouterr()
+        assert run("sweep", "--status", "--store", store, "--json") == 0
+        assert json.loads(capsys.readouterr().out)["summary"] == {
+            key: first[key] for key in ("total", "done", "failed", "missing")
+        }
 
 
 def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
@@ -341,10 +342,8 @@ def test_the_boundary_on_top_is_the_computed_one():
 
 
 def test_where_there_is_no_theory_it_says_why():
-    document = changed(
-        "rig.interface.delay", "never", changed("axes", {"stiffness": [1.0, 2.0], "velocity": [1.0, 2.0]})
-    )
-    shown = with_theory(from_document(document).run())
+    axes = changed("axes", {"stiffness": [1.0, 2.0], "velocity": [1.0, 2.0]})
+    shown = with_theory(from_document(changed("rig.interface.delay", "never", axes)).run())
     assert "no linear boundary: " in shown.attrs["theory"]
     assert "edge_velocity" not in shown
     with pytest.raises(InputError, match="not made from a rig"):
@@ -388,43 +387,10 @@ def test_a_cut_through_three_axes(tmp_path, capsys):
     assert "no such value" in refused(capsys, "plot", store, picture, "--at", "start=warm")
 
 
-# ---------------------------------------------------------------- refinement
-
-
-def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, counted):
-    axes = {
-        "stiffness": {"from": 0.5, "to": 8.0, "spacing": "log"},
-        "velocity": {"from": 0.1, "to": 1.0, "spacing": "log"},
-        "start": ["from rest", "sliding"],
-    }
-    file = written(tmp_path, changed("refine", {"runs": 24}, changed("axes", axes)))
-    assert read_plan(file).total == 48
-    store = tmp_path / "s.sqlite"
-    assert run("sweep", file, "--store", store, "--json", "--plot", tmp_path / "a.png") == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["total"] <= 48
-    assert found["crossings"] >= 2
-    counted.clear()
-    assert run("sweep", file, "--store", store, "--json") == 0
-    assert json.loads(capsys.readouterr().out)["crossings"] == found["crossings"]
-    assert not counted
-    assert run("plot", store, tmp_path / "b.png") == 0
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    capsys.readouterr()
-    other = written(tmp_path, changed("rig.slider.mass", 2e-4, tomllib.loads(file.read_text())), "other.toml")
-    assert "holds another sweep" in refused(capsys, "sweep", other, "--store", store)
-
-
 # ---------------------------------------------------------------- interrupted, killed
 
-SLOW = changed(
-    "run",
-    {"contacts": 10_000, "distance": 250.0, "extensions": 0},
-    changed(
-        "axes",
-        NATURAL["axes"] | {"stiffness": NATURAL["axes"]["stiffness"] | {"count": 10}, "velocity": [0.2, 0.5, 1.0]},
-    ),
-)
+AXES = NATURAL["axes"] | {"stiffness": NATURAL["axes"]["stiffness"] | {"count": 10}, "velocity": [0.2, 0.5, 1.0]}
+SLOW = changed("run", {"contacts": 10_000, "distance": 250.0, "extensions": 0}, changed("axes", AXES))
 
 
 def start_command(file, store, *options):
