@@ -49,7 +49,6 @@ STUCK = 150
 
 TESTS = {
     "advise": "test_advise",
-    "advise/elastic.py": "test_elastic",
     "answers.py": "test_plain test_model",
     "cli.py": "test_cli",
     "console.py": "test_cli",

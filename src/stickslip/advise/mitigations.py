@@ -45,8 +45,6 @@ _OTHERS = {
     parameters.AGEING: (-1, 1),
 }
 """What only another material or surface would change."""
-_PAIRED = {"stiffness": 1, "damping": 1}
-"""Ways to turn in pairs, unless runs have shown better ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,8 +158,7 @@ class _Search:
 
     def pairs(self, tried: Iterable[Attempt]) -> list[Mitigation]:
         """Two of the parameters that can be turned, each by the same factor, in the directions that did best."""
-        sides = _PAIRED | {each.parameter: 1 if each.reached > each.value else -1 for each in tried}
-        choices = [(p, sides[p.name]) for p in self._varied(_TURNABLE) if p.name in sides]
+        choices = [(parameters.parameter_named(p.parameter), 1 if p.reached > p.value else -1) for p in tried]
         found = (self._smallest(self._stop, [pair]) for pair in combinations(choices, 2))
         return [self._mitigation(pair, factor, None) for factor, pair in filter(None, found)]
 

@@ -7,15 +7,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby
 
-from stickslip.advise.answer import ElasticPrediction, Margin, Prediction
+from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
 from stickslip.advise.bands import CANNOT_GROW, Band, fastest_mode, is_dear, scaled, stability_along, within
-from stickslip.advise.elastic import predict_waves
 from stickslip.advise.mitigations import DEAR_RANGE, RANGE, WIDEST_STD, has, mitigated
 from stickslip.advise.runs import Budget, Steady, cost_of, cycle_of, length_of, rms_over_mean, watch
+from stickslip.advise.say import MOST_MODES
 from stickslip.advise.speeds import Survey, range_of_speeds
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime
-from stickslip.model import Delay, ElasticBody, OnArrest
+from stickslip.model import Chain, Delay, ElasticBody, OnArrest
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, STD, VELOCITY, Parameter
 from stickslip.model.rig import Rig
@@ -37,6 +37,8 @@ NO_THEORY_OF_ARREST = (
     "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
     "are judged by runs"
 )
+_WAVES = 5
+"""Modes of an elastic slider that are told of, of different stiffness, the softest first."""
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
@@ -73,7 +75,7 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
     instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
     with reporting(progress, "predict") as report:
         if isinstance(rig.natural.slider, ElasticBody):
-            return predict_waves(rig, report)
+            return _predict_waves(rig, report)
         found = _verdict(rig, report if fast else part(report, 0.0, 0.3))
         return found if fast else complete(found, progress=part(report, 0.3, 1.0))
 
@@ -208,3 +210,55 @@ def _searched(rig: Rig, parameter: Parameter) -> tuple[float, float]:
         return 1.0 / RANGE, 3.0
     widest = DEAR_RANGE if is_dear(rig) else RANGE
     return 1.0 / widest, widest
+
+
+def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
+    """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds."""
+    from stickslip.elastic.modes import critical_length, sliders_of  # some .13 s that no rigid rig needs
+
+    low, high = range_of_speeds(rig)
+    found = ElasticPrediction(rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity))
+    stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, MOST_MODES)
+    sliding = [replace(rig, slider=slider, drive=constant(rig.natural.velocity)) for slider in sliders]
+    first = [i for i in range(len(sliders)) if sliders[i] not in sliders[:i]]  # modes come in pairs of one stiffness
+    try:
+        if respond(rig.interface).inert:
+            raise UndecidedError(CANNOT_GROW)
+        grows = {sliders[i]: count_unstable(sliding[i]) > 0 for i in first}
+
+        def waves() -> Iterator[WaveAnswer]:
+            for done, i in enumerate(first[:_WAVES]):
+                report(done / _WAVES)
+                growth, frequency = fastest_mode(sliding[i])
+                bands = stability_along(sliding[i], ((VELOCITY, 1),), low, high)
+                told = scaled((band for band in bands if band.kind == "unstable"), rig.velocity)
+                yield WaveAnswer(
+                    name=_name(float(wavelength[i]), float(coupling[i]), rig.slider),
+                    wavelength=float(wavelength[i]),
+                    stiffness=float(stiffness[i]) * rig.unit("k"),
+                    growth=growth,
+                    frequency=frequency,
+                    speeds=tuple((band.low, band.high) for band in told),
+                )
+
+        found = replace(
+            found,
+            growing=sum(grows[slider] for slider in sliders),
+            waves=tuple(waves()),
+            critical=critical_length(rig) if isinstance(rig.slider, Chain) else None,
+        )
+    except UndecidedError as reason:
+        found = replace(found, theory_note=str(reason))
+    report(1.0)
+    return found
+
+
+def _name(wavelength: float, coupling: float, body: ElasticBody) -> str:
+    if math.isnan(wavelength):
+        return "a mode localised at the driven end"
+    if isinstance(body, Chain) and body.size < wavelength < math.inf:
+        # No wave is longer than what carries it.
+        return "the bar nearly as a whole" if wavelength > 3.0 * body.size else "half a wave along the bar"
+    if math.isfinite(wavelength):
+        return f"waves of {wavelength:.3g} blocks"
+    return "the uniform mode" if coupling == 0.0 else "waves across the drive"

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.advise.bands import OSCILLATES, PRECISION, Band, is_dear, joined
-from stickslip.advise.runs import Budget, Spent, at_speed, contacts_of, cost_of, judge
+from stickslip.advise.runs import Budget, Spent, at_speed, contacts_of, cost_of, judge, length_of
 from stickslip.errors import InputError
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
@@ -20,7 +20,7 @@ RANGE, DEAR_RANGE = 100.0, 10.0
 _APART = 3.0
 """Speeds on the grid lie within this factor of each other."""
 _DEAREST = 0.3
-"""Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
+"""Seconds that a run as far as at the own speed may take: slow drives of light sliders are told by theory alone."""
 
 
 def works_at(rig: Rig) -> list[float]:
@@ -82,7 +82,7 @@ class Survey:
         """Simulate at a speed, if that has not been done; whether it is not too dear."""
         if self.known.get(speed):
             return True
-        there = at_speed(self._rig, speed)
+        there = at_speed(self._rig, speed, length_of(self._rig))
         if cost_of(replace(there, method=self._method)) > _DEAREST:
             return False
         try:
