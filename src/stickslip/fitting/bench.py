@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,18 +160,9 @@ class Delays(Answer):
     half_speed: float  #: in m/s: there the friction of the attached contacts has halved
     misfit: float  #: root mean square of what is left of the forces, over their range
 
-    def to_dict(self) -> dict[str, Any]:
-        """As plain numbers."""
-        ends = zip(("low", "median", "high"), np.quantile(self.draws, (0.05, 0.5, 0.95)).tolist(), strict=True)
-        return {**dict(ends), "half_speed": self.half_speed, "misfit": self.misfit}
-
     def __str__(self) -> str:
-        low, median, high = (engineering(each, "s", 2) for each in np.quantile(self.draws, (0.05, 0.5, 0.95)))
         half, misfit = engineering(self.half_speed, "m/s", 3), f"{100 * self.misfit:.2g} % of the range"
-        return (
-            f"From friction at several speeds: re-attachment delay {median} ({low} to {high}); the friction of "
-            f"attached contacts halves at {half}; misfit {misfit}"
-        )
+        return f"From friction at several speeds: that of attached contacts halves at {half}; misfit {misfit}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 POSTERIOR = 300
 MOST_SLIPS = int(SLIPS / 1.25)
 """Slips fitted, at most: a fifth of those in the table may be too small to be seen."""
-Verdict = Literal["identified", "weak", "not identified", "at a bound"]
 _TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {key: row[:2] for key, row in bench.QUANTITIES.items()}
 _IDENTIFIED, _WEAK = 0.5, 0.7
 _WIDE = 10.0
@@ -55,9 +54,10 @@ class Interval:
     #: By the width: below .5 identified, below .7 weak; weak at best where it is of decades and its ends differ by more
     #: than a factor of ten. At a bound: a tenth of the draws lie within 2 % of an end of the prior. None for what is no
     #: parameter of the model.
-    verdict: Verdict | None = None
+    verdict: str | None = None
 
     parts: tuple[float, ...] | None = None  #: where the three quantiles lie in the range of the prior, 0 to 1
+    width: float | None = None  #: of the interval over that of the prior, in decades where the prior is
 
     @classmethod
     def of(cls, key: str, draws: Array, parts: Array | None = None) -> Interval:
@@ -67,20 +67,15 @@ class Interval:
         found = cls(key=key, title=title, unit=unit, low=low, median=median, high=high)
         if parts is None:
             return found
-        found = replace(found, parts=tuple(np.quantile(parts, (0.05, 0.5, 0.95)).tolist()))
-        verdict: Verdict = "not identified"
+        within = tuple(np.quantile(parts, (0.05, 0.5, 0.95)).tolist())
+        width, verdict = (within[2] - within[0]) / 0.9, "not identified"
         if max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean())) > _AT_BOUND:
             verdict = "at a bound"
-        elif found.width < _IDENTIFIED and not (UNKNOWNS[KEYS.index(key)].decades and high > _WIDE * low):
+        elif width < _IDENTIFIED and not (UNKNOWNS[KEYS.index(key)].decades and high > _WIDE * low):
             verdict = "identified"
-        elif found.width < _WEAK:
+        elif width < _WEAK:
             verdict = "weak"
-        return replace(found, verdict=verdict)
-
-    @property
-    def width(self) -> float:
-        """Of the interval over that of the prior, in decades where the prior is; NaN of what is no parameter."""
-        return (self.parts[2] - self.parts[0]) / 0.9 if self.parts else math.nan
+        return replace(found, parts=within, width=width, verdict=verdict)
 
     def __str__(self) -> str:
         for digits in (2, 3, 4):  # as many as show that the ends differ
@@ -216,22 +211,15 @@ class Fit(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fit as plain numbers, texts and lists."""
-
-        def intervals(found: tuple[Interval, ...]) -> dict[str, Any]:
-            of_parameters = ("verdict", "width") if found is parameters else ()
-            kept = ("low", "median", "high", "unit", *of_parameters)
-            return {one.key: {name: getattr(one, name) for name in kept} for one in found}
-
-        parameters = self.parameters
         found: dict[str, Any] = plain(
             {
                 "slips": len(self.events),
                 "force_unit": self.events.force_unit,
-                "parameters": intervals(parameters),
-                "quantities": intervals(self.quantities),
+                "parameters": {one.key: one for one in self.parameters},
+                "quantities": {one.key: one for one in self.quantities},
                 "known": self.known,
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
-                "delay": self.delays and self.delays.to_dict(),
+                "delay": self.delays and {"half_speed": self.delays.half_speed, "misfit": self.delays.misfit},
                 "ageing": self.strengthening,
                 "effective_draws": self.sample.effective,
                 **{name: getattr(self.sample, name) for name in ("edge", "adjusted", "invalid", "simulations")},

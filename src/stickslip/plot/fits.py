@@ -34,12 +34,10 @@ def slips(data: xr.Dataset) -> Figure:
     for name, colour, text in (("peak", style.VERMILLION, "before a slip"), ("trough", style.BLUE, "after it")):
         trace.plot(data[f"{name}_time"], data[name], ".", color=colour, markersize=3, label=text)
     legend_above(trace)
-
     size = np.sort(data["drop"].values)
     drops.step(size, np.arange(1, size.size + 1) / size.size, where="post", color=style.BLACK)
     drops.axvline(data.attrs["smallest"], color=style.GREY, linestyle=style.DASHED, linewidth=0.9)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
-
     pairs.plot(data["peak"], data["trough"], ".", color=style.BLACK, markersize=3)
     rate.plot(data["peak_time"], data["loading_rate"], ".", color=style.BLACK, markersize=3)
     known, when = data["loading_rate"].values[1:], data["peak_time"].values[1:]
@@ -70,7 +68,19 @@ def fitted(found: Fit) -> Figure:
     measured = figure.add_subplot(grid[0, :])
     simulated = figure.add_subplot(grid[1, :], sharex=measured, sharey=measured)
     test, parameters = (figure.add_subplot(grid[2, i]) for i in range(2))
-    _beside(measured, simulated, found)
+    # A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales.
+    events, made = found.events, found.simulated()
+    begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
+    time = made["time"].values - 0.4 * float(made["time"][-1])
+    closest = "simulated, the draw nearest to the medians"
+    shown = (measured, events.time - begin, events.force, style.BLACK, "measured")
+    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, style.BLUE, closest)):
+        inside = (t >= 0.0) & (t <= lasts)
+        ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
+        letter(ax, title)
+        ax.set_ylabel(f"force ({events.force_unit})" if events.force_unit not in ("", "1") else "force")
+    measured.tick_params(labelbottom=False)
+    simulated.set_xlabel(f"time ({events.time_unit})" if events.time_unit else "time")
     _draw_test(test, found)
     _draw_intervals(parameters, found)
     return figure
@@ -103,22 +113,6 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
     ax.set(xlim=(0, 1), ylim=(-len(found.parameters) + 0.4, 0.7), xticks=[], yticks=[])
     letter(ax, "90 % intervals within the prior")
     ax.spines[["left", "bottom"]].set_visible(False)
-
-
-def _beside(measured: Axes, simulated: Axes, found: Fit) -> None:
-    """A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales."""
-    events, made = found.events, found.simulated()
-    begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
-    time = made["time"].values - 0.4 * float(made["time"][-1])
-    closest = "simulated, the draw nearest to the medians"
-    shown = (measured, events.time - begin, events.force, style.BLACK, "measured")
-    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, style.BLUE, closest)):
-        inside = (t >= 0.0) & (t <= lasts)
-        ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
-        letter(ax, title)
-        ax.set_ylabel(f"force ({events.force_unit})" if events.force_unit not in ("", "1") else "force")
-    measured.tick_params(labelbottom=False)
-    simulated.set_xlabel(f"time ({events.time_unit})" if events.time_unit else "time")
 
 
 @house_style()
