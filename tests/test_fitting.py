@@ -358,9 +358,9 @@ def test_speeds_add_the_delay_and_holds_ageing():
     )
     margin = found.draws("delay") * half
     assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
-    assert found.delays.half_speed == pytest.approx(half, rel=1e-6)
-    assert found.strengthening.per_decade == pytest.approx(0.03, abs=1e-6)
-    assert "changes by 3 ± " in str(found.strengthening)
+    assert found.delays.value == pytest.approx(half, rel=1e-6)
+    assert found.strengthening.value == pytest.approx(0.03, abs=1e-6)
+    assert "changes by (3 ± " in found.strengthening.words
     assert "contacts age" in str(found)
     close, _ = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))
     assert abs(math.log(close / half)) < 3.0 * close.error / close < 1.0
@@ -408,7 +408,7 @@ def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
 def test_holds_without_ageing_seldom_seem_to_age():
     """Three holds leave one degree of freedom: 2.5 % lie above the 97.5 % quantile of Student's t."""
     drawn = (tuple(zip((1.0, 10.0, 100.0), row, strict=True)) for row in RNG(0).normal(10.0, 0.1, (1000, 3)).tolist())
-    assert sum(str(strengthening_of(holds)).endswith("age") for holds in drawn) == pytest.approx(25, abs=15)
+    assert sum(strengthening_of(holds).words.endswith("age") for holds in drawn) == pytest.approx(25, abs=15)
 
 
 def test_speeds_in_a_file(tmp_path):

@@ -4,8 +4,7 @@
 a few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
 """
 
-from stickslip.fitting.bench import Delays as Delays
-from stickslip.fitting.bench import Strengthening as Strengthening
+from stickslip.fitting.bench import Told as Told
 from stickslip.fitting.events import Events as Events
 from stickslip.fitting.events import check as check
 from stickslip.fitting.events import pick_events as pick_events

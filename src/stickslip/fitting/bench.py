@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, sequence
 from stickslip.fitting.events import Events
 from stickslip.io import files
@@ -21,7 +20,6 @@ from stickslip.measure.headings import ratio
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
 from stickslip.rate_state.fitting import Estimate, least_squares
-from stickslip.words import engineering
 
 _UNITS = {
     "stiffness": ("N/m", "350 N/m"),
@@ -152,38 +150,16 @@ def refusal(name: str, known: Known) -> InputError:
 # ------------------------------------------------------------------------------ friction at several speeds, after holds
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Delays(Answer):
-    """The delay of re-attachment that the friction at several speeds tells."""
+class Told(NamedTuple):
+    """What readings besides the trace tell: a number with its error, in words, and draws of what follows of it."""
 
-    draws: Array  #: in s, in the order of the draws of the fit
-    half_speed: float  #: in m/s: there the friction of the attached contacts has halved
-    misfit: float  #: root mean square of what is left of the forces, over their range
-
-    def __str__(self) -> str:
-        half, misfit = engineering(self.half_speed, "m/s", 3), f"{100 * self.misfit:.2g} % of the range"
-        return f"From friction at several speeds: that of attached contacts halves at {half}; misfit {misfit}"
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Strengthening(Answer):
-    """How static friction grows with the time of rest."""
-
-    per_decade: float  #: of the time, over the static friction at the shortest hold
-    error: float  #: its standard error
-    freedom: int  #: degrees of freedom of the error: holds less two
-
-    def __str__(self) -> str:
-        clear = self.per_decade > float(stdtrit(self.freedom, 0.975)) * self.error  # Student's t, 5 % two-sided
-        words = "contacts age" if clear else "no ageing is seen"
-        return (
-            f"From the holds: static friction changes by {100 * self.per_decade:.2g} ± {100 * self.error:.1g} % per "
-            f"decade of rest: {words}"
-        )
+    value: Estimate  #: in m/s, the speed at which friction halves; or the growth of static friction per decade of rest
+    words: str
+    draws: Array = np.empty(0)  #: of the delay, in s, in the order of the draws of the fit
 
 
 def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float]:
-    """Half-speed, and rms misfit, of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
+    """Half-speed, and misfit over the range, of ``F = stays + falls/(1 + v/v_h)``, neither below 0."""
     v, F = np.asarray(speeds), np.asarray(forces)
     size, slowest, fastest = float(np.abs(F).max()), float(v.min()), float(v.max())
     low, high = np.array([[slowest / 80.0, 0.0, 0.0], [80.0 * fastest, 1e3 * size, size]])
@@ -199,10 +175,10 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float
             "measure over a wider range",
             "speeds",
         )
-    return half, found.rms
+    return half, found.misfit
 
 
-def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Delays:
+def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Told:
     """The delay of each draw: mean rupture margin of a newborn contact over the half-speed.
 
     A contact is attached while the slider goes its margin, and detached for the delay: the friction that attached
@@ -213,19 +189,19 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Delays:
     margins = [Gaussian(mean=1.0 - residual, std=std).positive() for std, residual in values[:, 1:3].tolist()]
     mean = np.array([margin.moment(1) for margin in margins])
     scatter = np.random.default_rng([6, len(mean)]).standard_t(len(F) - 3, len(mean))
-    return Delays(
-        draws=np.asarray(mean * displacement / half * np.exp(half.error / half * scatter)),
-        half_speed=float(half),
-        misfit=misfit / max(float(np.ptp(F)), 1e-300),
-    )
+    words = f"that of attached contacts halves at {half.words('m/s')}; misfit {100 * misfit:.2g} % of the range"
+    draws = np.asarray(mean * displacement / half * np.exp(half.error / half * scatter))
+    return Told(half, f"From friction at several speeds: {words}", draws)
 
 
-def strengthening_of(holds: Pairs) -> Strengthening:
-    """Straight line of static friction over the logarithm of the time of rest before."""
+def strengthening_of(holds: Pairs) -> Told:
+    """Straight line of static friction, over that of the shortest, over the logarithm of the time of rest before."""
     t, F = _pairs("holds", holds, "s", "10 s")
-    (slope, _), covariance = np.polyfit(np.log10(t), F, 1, cov=True)
-    size = float(F[np.argmin(t)])
-    return Strengthening(per_decade=float(slope) / size, error=math.sqrt(covariance[0, 0]) / size, freedom=len(F) - 2)
+    (slope, _), covariance = np.polyfit(np.log10(t), F / F[np.argmin(t)], 1, cov=True)
+    growth = Estimate(slope, math.sqrt(covariance[0, 0]))
+    clear = growth > float(stdtrit(len(F) - 2, 0.975)) * growth.error  # Student's t, 5 % two-sided
+    words = f"{(growth * 100.0).words('%')} per decade of rest: {'contacts age' if clear else 'no ageing is seen'}"
+    return Told(growth, f"From the holds: static friction changes by {words}")
 
 
 def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, Array]:

@@ -99,8 +99,8 @@ class Fit(Answer):
     known: bench.Known  #: what was known besides
     sample: Sample  #: the draws before they were made equally likely, and how they were found
     notes: tuple[str, ...]  #: what a reader should know
-    delays: bench.Delays | None = None  #: what other speeds say of the delay
-    strengthening: bench.Strengthening | None = None  #: what holds say of ageing
+    delays: bench.Told | None = None  #: what other speeds say of the delay
+    strengthening: bench.Told | None = None  #: what holds say of ageing
 
     def __len__(self) -> int:
         return len(self.values)
@@ -219,8 +219,8 @@ class Fit(Answer):
                 "quantities": {one.key: one for one in self.quantities},
                 "known": self.known,
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
-                "delay": self.delays and {"half_speed": self.delays.half_speed, "misfit": self.delays.misfit},
-                "ageing": self.strengthening,
+                "half_speed": self.delays and (self.delays.value, self.delays.value.error),
+                "ageing": self.strengthening and (self.strengthening.value, self.strengthening.value.error),
                 "effective_draws": self.sample.effective,
                 **{name: getattr(self.sample, name) for name in ("edge", "adjusted", "invalid", "simulations")},
                 "p_values": self.p_values,
@@ -242,7 +242,7 @@ class Fit(Answer):
                 f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics "
                 f"{min(p[name] for name in FITTED):.2g}, of {len(HELD_OUT)} others "
                 f"{min(p[name] for name in HELD_OUT):.2g}",
-                *(str(more) for more in (self.delays, self.strengthening) if more),
+                *(more.words for more in (self.delays, self.strengthening) if more),
                 *(f"note: {note}" for note in self.notes),
                 *(f"next: {what}" for what in self.next_experiments),
             ]

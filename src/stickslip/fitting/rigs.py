@@ -73,7 +73,7 @@ def rig_of(found: Fit, name: str) -> Rig:
     found.draws("breaking_displacement")  # refused without the stiffness of the spring: no length is known
     exact, draws = (_draws(found, one) for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known))
     order, nearest = found.from_the_centre[:_TRIED], ""
-    delays = [] if found.delays is None else [{"interface.delay": _rounded(found.delays.draws)}]
+    delays = [{"interface.delay": _rounded(found.draws("delay"))}] if found.delays else []
     for delay in (*delays, {}):
         fitted = {path: values for path, values in (draws | delay).items() if KEYS[path][0] not in known}
         document = _document(found, name, fitted)
@@ -312,11 +312,6 @@ class Uncertain(Answer):
     reason: str = ""  #: why theory does not tell
     speed_unit: str = "m/s"
 
-    @property
-    def here(self) -> float:
-        """Fraction of the draws for which smooth sliding is unstable at the rig's own speed."""
-        return self.unstable[len(self.speeds) // 2]
-
     def __str__(self) -> str:
         if min(self.undecided) == 1.0:
             return f"Not judged over the draws: {self.reason}"
@@ -325,7 +320,7 @@ class Uncertain(Answer):
         untold = f" (up to {100 * max(self.undecided):.0f} % not told)" if any(self.undecided) else ""
         return (
             f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in "
-            f"{100 * self.here:.0f} % at this speed; {each}{untold}"
+            f"{100 * self.unstable[len(self.speeds) // 2]:.0f} % at this speed; {each}{untold}"
         )
 
 

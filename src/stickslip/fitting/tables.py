@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -39,7 +39,6 @@ _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
 """Of a table, but for its prior: what is kept of each block."""
 Series = NDArray[np.float32]
-Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +209,7 @@ class Observation(NamedTuple):
         return np.full_like(seen, np.nan)
 
 
-def _on_all_cores(function: Callable[[int], Found], of: Iterable[int]) -> list[Found]:
+def _on_all_cores(function: Callable[[int], Any], of: Iterable[int]) -> list[Any]:
     """What a function of numbers returns, by threads: kernels let others run."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(function, of))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth, MasterEquation
 from stickslip.model.distribution import Distribution
@@ -293,15 +293,7 @@ def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> S
 
 
 def fit_contacts(
-    data: xr.Dataset | Step,
-    *,
-    at: float | None = None,
-    before: float | None = None,
-    after: float | None = None,
-    thresholds: Distribution = Gamma(mean=1.0, std=0.75),
-    span: tuple[float, float] | None = None,
-    trend: bool = True,
-    linear: bool = False,
+    step: Step, *, thresholds: Distribution = Gamma(mean=1.0, std=0.75), trend: bool = True, linear: bool = False
 ) -> ContactsFit:
     """Read a velocity step as contacts: activation width, ageing and breaking displacement, for given thresholds.
 
@@ -311,10 +303,12 @@ def fit_contacts(
 
     Parameters
     ----------
-    data, at, before, after, span, trend
-        As in `fit_rate_and_state`.
+    step : Step
+        What `velocity_step_in` cuts out.
     thresholds : Distribution
         Of mean 1.
+    trend : bool
+        Whether friction may change linearly with displacement besides.
     linear : bool
         Only fit the linear response, which takes seconds in place of a minute: for steps by a factor of a few.
 
@@ -325,9 +319,11 @@ def fit_contacts(
     Raises
     ------
     InputError
-        If the data holds no such step, or the mean of the thresholds is not 1.
+        If the mean of the thresholds is not 1.
+    UndecidedError
+        If the data does not tell the parameters, as in `fit_rate_and_state`.
     """
-    step = data if isinstance(data, Step) else velocity_step_in(data, at=at, before=before, after=after, span=span)
+    instance("fit_contacts: step", step, Step, "what velocity_step_in() cuts out")
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:
         raise InputError(f"thresholds = {thresholds}: must have a mean of 1; the breaking displacement is fitted")
     rough = _fit_law(step, "slip", None, trend=trend)
