@@ -99,40 +99,38 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
             assert key.is_table or key.read(key.example, name, natural=False)
 
 
+def report_of(folder, studies=(), **more):
+    """A report of the verification in a folder."""
+    file = folder / "report.json"
+    file.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": list(studies), **more}))
+    return file
+
+
 def test_claims_become_a_table_for_each_group(house, tmp_path):
     measured = near("K*", 2.98913, 2.989, 0.003, "k")
     claim = weighed(6, "K* = 3.59 | N", measured, printed=False, evidence="Eq. (8)", exact="2.989 k").plain()
-    finding = claim | {"lines": [str(measured)]}
-    failed = claim | {"lines": [], "ok": False, "number": None}
-    studies = [
-        {"study": "fig3", "group": "Claims", "findings": [finding]},
-        {"study": "ratio", "group": "Closed forms", "findings": [failed]},
-    ]
-    report = tmp_path / "report.json"
-    report.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": studies}))
-    text = house.claims(report)
+    finding, failed = claim | {"lines": [str(measured)]}, claim | {"lines": [], "ok": False, "number": None}
+    groups = (("fig3", "Claims", finding), ("ratio", "Closed forms", failed))
+    text = house.claims(report_of(tmp_path, [{"study": s, "group": g, "findings": [f]} for s, g, f in groups]))
+    assert "### Closed forms" in text
+    assert r"| fig3 | not reproduced | Claim 6: K\* = 3.59 \| N" in text
+    assert r"K\* = 2.98913 k (2.989 ± 0.003)" in text
+    assert "| ratio | **FAILED** |" in text
     assert "make verify" in house.claims(tmp_path / "none.json")
-    for words in (
-        "### Closed forms",
-        r"| fig3 | not reproduced | Claim 6: K\* = 3.59 \| N",
-        r"K\* = 2.98913 k (2.989 ± 0.003)",
-        "| ratio | **FAILED** |",
-    ):
-        assert words in text
 
 
 @pytest.mark.parametrize(("fast", "code"), [(0.1, 0), (0.5, 1)])
 def test_a_promise_that_is_not_kept_fails_the_benchmarks(tmp_path, fast, code):
-    def timed(role, least):
-        info = {"role": role, "what": "runs", "promised": 5}
-        return {"group": "Fig. 4c", "extra_info": info, "stats": {"min": least}}
-
-    machine = {"cpu": {}, "python_version": "3.11"}
-    record = {"benchmarks": [timed("plain", 1.0), timed("fast", fast)], "machine_info": machine}
-    (tmp_path / "record.json").write_text(json.dumps(record | {"datetime": "2026-01-01T00:00:00+00:00"}))
-    (tmp_path / "page.md").write_text(f"{bench_table.BEGIN}{bench_table.END}")
-    assert bench_table.main([str(tmp_path / "record.json"), str(tmp_path / "page.md")]) == code
-    assert ("not met" in (tmp_path / "page.md").read_text()) == bool(code)
+    runs = [
+        {"group": "a", "extra_info": {"role": role, "what": "runs", "promised": 5}, "stats": {"min": least}}
+        for role, least in (("plain", 1.0), ("fast", fast))
+    ]
+    record, page = tmp_path / "record.json", tmp_path / "page.md"
+    info = {"machine_info": {"cpu": {}, "python_version": "3.11"}, "datetime": "2026-01-01T00:00:00+00:00"}
+    record.write_text(json.dumps({"benchmarks": runs, **info}))
+    page.write_text(f"{bench_table.BEGIN}{bench_table.END}")
+    assert bench_table.main([str(record), str(page)]) == code
+    assert ("not met" in page.read_text()) == bool(code)
 
 
 def test_no_row_of_the_readme_hides_a_promise_that_is_not_kept():
@@ -145,12 +143,9 @@ def test_no_row_of_the_readme_hides_a_promise_that_is_not_kept():
 def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(ROOT))
     sources = import_module("verification.sources")
-    report = tmp_path / "report.json"
-    content = {"stickslip": "1.0", "when": "today", "studies": [], "sources": sources.fingerprint()}
-    report.write_text(json.dumps(content))
-    assert house.stale_report(report) == ""
+    assert house.stale_report(report_of(tmp_path))  # made before there was a mark
+    report = report_of(tmp_path, sources=sources.fingerprint())
     assert house.made_by(report) == "Made by version 1.0 on today."
-
     package = tmp_path / "src" / "stickslip"
     shutil.copytree(ROOT / "src" / "stickslip", package, ignore=shutil.ignore_patterns("__pycache__", "static"))
     monkeypatch.setattr(sources, "ROOT", tmp_path)
@@ -159,8 +154,6 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
         (package / file).write_text((package / file).read_text() + "# changed\n")
         assert bool(house.stale_report(report)) == stale
     assert "run `make verify`" in house.made_by(report)
-    report.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": []}))  # made before there was a mark
-    assert house.stale_report(report)
 
 
 # ---------------------------------------------------------------- the built pages

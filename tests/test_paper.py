@@ -20,7 +20,7 @@ from stickslip.model import Slider
 from stickslip.paper import FIGURES
 from stickslip.paper.cases import FIG2, FIG5
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.figure import at_least, at_most, near, weighed
+from stickslip.paper.figure import at_most, near, weighed
 from stickslip.rigid import effective_stiffness
 from stickslip.theory import effective_potential
 
@@ -66,33 +66,23 @@ def test_claims_come_out_as_settled_and_are_what_they_were(quick, name):
 def test_picture_is_what_it_was_and_its_words_stay_within(quick, name):
     picture = FIGURES[name].draw(quick(name))
     assert_drawn(picture, name)
-    canvas = FigureCanvasAgg(picture)
-    canvas.draw()
-    assert 0.01 < np.mean(np.any(np.asarray(canvas.buffer_rgba())[..., :3] < 250, axis=-1)) < 0.5
+    FigureCanvasAgg(picture).draw()
     for ax in picture.axes:
         assert ax.has_data() or not ax.axison
         labels = [axis.label for axis in (ax.xaxis, ax.yaxis) if axis.get_visible() and ax.axison]
         for words in [*labels, *(each for each in ax.get_children() if isinstance(each, Text))]:
-            box = words.get_window_extent()
-            if words.get_text():
-                assert picture.bbox.x0 <= box.x0, words
-                assert box.x1 <= picture.bbox.x1, words
-                assert picture.bbox.y0 - 1 <= box.y0, words
-                assert box.y1 <= picture.bbox.y1 + 1, words
+            box, page = words.get_window_extent(), picture.bbox.padded(1)
+            assert not words.get_text() or (page.contains(*box.min) and page.contains(*box.max)), words
 
 
 @pytest.mark.parametrize("name", QUICKLY)
 def test_data_are_labelled_and_go_through_a_file(quick, name, tmp_path):
     data = quick(name)
-    for array in (*data.data_vars.values(), *data.coords.values()):
-        if array.dtype.kind == "f":
-            assert "units" in array.attrs, array.name
-            assert "long_name" in array.attrs, array.name
+    for array in data.variables.values():
+        assert array.dtype.kind != "f" or {"units", "long_name"} <= set(array.attrs)
     loaded = store.load(store.save(data, tmp_path / "data.nc"))
     xr.testing.assert_identical(loaded, data)
-    made_by = store.read_provenance(loaded)
-    assert made_by["call"] == "paper"
-    assert made_by["arguments"] == {"figure": name, "quick": True}
+    assert store.read_provenance(loaded)["arguments"] == {"figure": name, "quick": True}
     assert [c.plain() for c in FIGURES[name].check(loaded)] == [c.plain() for c in FIGURES[name].check(data)]
 
 
@@ -100,9 +90,6 @@ def test_data_of_another_figure_are_refused(quick):
     for use in (FIGURES["fig1"].check, FIGURES["fig1"].draw):
         with pytest.raises(InputError, match="fig1: these are other data"):
             use(quick("fig2"))
-
-
-# ---------------------------------------------------------------- a claim that fails shows it
 
 
 PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
@@ -200,20 +187,10 @@ def test_a_claim_holds_where_the_verdict_is_the_settled_one_and_its_numbers_are_
     assert made.ok == (verdict == settled and said.get("value", 2.9891) == 2.9891)
 
 
-def test_a_claim_reads_well():
-    assert str(claim(printed=False, exact="2.989")).splitlines() == [
-        "ok  claim 6: K* = 3.59",
-        "    as expected: not reproduced",
-        "    exact: 2.989",
-        "    K* = 2.9891 k (2.989 ± 0.003)",
-        "    evidence: computed",
-    ]
-    assert str(at_most("p", 0.1, 0.05)) == "p = 0.1 (at most 0.05: NOT MET)"
-    assert str(at_least("p", 0.1, 0.05, "f_s")) == "p = 0.1 f_s (at least 0.05)"
-
-
-def test_a_claim_as_json():
-    plain = json.loads(json.dumps(weighed(6, "", at_most("p", math.nan, 0.05), evidence="").plain(), allow_nan=False))
+def test_a_claim_that_fails_in_words_and_as_json():
+    failed = weighed(6, "", at_most("p", math.nan, 0.05), evidence="")
+    assert "    p = nan (at most 0.05: NOT MET)" in str(failed)
+    plain = json.loads(json.dumps(failed.plain(), allow_nan=False))
     assert plain["number"] == 6
     assert plain["ok"] is False
     assert plain["measured"] == [{"name": "p", "value": None, "low": None, "high": 0.05, "unit": "", "ok": False}]
