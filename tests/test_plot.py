@@ -111,19 +111,9 @@ def test_velocity_goes_logarithmic_for_violent_slips(run):
     axes = plot.velocity(violent)
     shown = (plot.velocity(run), plot.velocity(violent.drop_vars("drive_velocity")), axes)
     assert [ax.get_yscale() for ax in shown] == ["linear", "linear", "symlog"]
-    assert plot.velocity(run, scale="log").get_yscale() == "symlog"
     drive, label = float(run["drive_velocity"].max()), axes.yaxis.get_major_formatter()
     assert label(0.5 * drive) == label(-0.5 * drive) == ""  # these would crowd around 0
     assert (label(0.0), label(10.0 * drive)) == ("0", f"{10 * drive:g}")
-
-
-def test_phase_portrait_after_a_time(run):
-    last, before = run["time"].to_numpy()[[-1, -2]].tolist()
-    for after in (10.0, before):
-        shown = plot.phase_portrait(run, after=after).lines[0].get_xdata()
-        assert shown.size == np.count_nonzero(run["time"] >= after)
-    with pytest.raises(InputError, match="after = 12: the data hold no motion after that time"):
-        plot.phase_portrait(run, after=last)
 
 
 def test_a_long_line_is_drawn_by_its_envelope(trace):

@@ -148,7 +148,7 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     edges = np.linspace(0.5, 1.5, _BINS + 1)
     ax.stairs(data["P_c_seen"], edges, fill=True, color=plot.SKY, label="contacts aged at rest")
     ax.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
-    density = plot.label(data["P_c"].assign_attrs(long_name="density"))
+    density = data["P_c"].assign_attrs(long_name="density")
     panel(ax, "(c) thresholds at rest", data["f"], density, "upper left", xlim=(0.15, 1.5))
 
     ax = axes["d"]
@@ -162,8 +162,8 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
         ax.plot([], [], color=colour, label=words)
     for solver, mark, _ in marks:
         ax.plot([], [], mark, color=plot.GREY, markersize=4, label=solver)
-    words, title = plot.label(data["rate"], units="time units$^{-1/2}$"), "(d) oscillation of the force"
-    panel(ax, title, words, data["amplitude"], "upper right", ylim=(0.0, 1.6), xlim=(0.5, None))
+    limits = {"xlim": (0.5, None), "ylim": (0.0, 1.6)}
+    panel(ax, "(d) oscillation of the force", data["rate"], data["amplitude"], "upper right", **limits)
 
 
 FIGURE = Figure(__name__, __doc__, 5.6, _data, _drawing, _stationary, _window)

@@ -55,16 +55,13 @@ from stickslip.plot.style import GREY as GREY
 from stickslip.plot.style import ORANGE as ORANGE
 from stickslip.plot.style import PAGE as PAGE
 from stickslip.plot.style import PALETTE as PALETTE
-from stickslip.plot.style import PURPLE as PURPLE
 from stickslip.plot.style import SKY as SKY
 from stickslip.plot.style import VERMILLION as VERMILLION
-from stickslip.plot.style import YELLOW as YELLOW
 from stickslip.plot.style import dress as dress
 from stickslip.plot.style import house_style as house_style
 from stickslip.plot.style import label as label
 from stickslip.plot.style import legend_above as legend_above
 from stickslip.plot.style import letter as letter
-from stickslip.plot.style import new_axes as new_axes
 from stickslip.plot.style import new_figure as new_figure
 from stickslip.plot.style import save as save
 from stickslip.plot.style import unit_text as unit_text

@@ -28,6 +28,8 @@ What = Literal["attached", "velocity", "force"]
 _MOST_ROWS = 1200
 _APART = 0.02
 """Of the time of a run: how close together two numbers may stand."""
+_FEWEST = 3
+"""Blocks of the smallest event that is drawn."""
 _DECADES = 4.0
 """Of slip velocity in a picture, below the largest."""
 
@@ -174,7 +176,7 @@ def _local_speeds(run: xr.Dataset, rig: Rig, ax: Axes) -> None:
 
 
 @house_style()
-def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> Axes:
+def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the driving force against time, each precursor a dot with the number of blocks that it reaches.
 
     Parameters
@@ -182,11 +184,9 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
     run : Dataset
         A run of a `Chain` pulled at one end.
     ax : Axes, optional
-    fewest : int
-        Blocks of the shortest precursor that is marked.
     """
     ax, _ = along_time(run, "spring_force", ax, 2.6, color=style.GREY, linewidth=0.9)
-    found = _events(run, fewest).sortby("reach", ascending=False)
+    found = _events(run).sortby("reach", ascending=False)
     whole = found["blocks"] >= run.sizes["block"]
     partial = (~whole, style.BLUE, "precursor, with its length")
     for kind, colour, text in (partial, (whole, style.VERMILLION, "slip of all blocks")):
@@ -202,7 +202,7 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
 
 
 @house_style()
-def precursor_lengths(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> Axes:
+def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw how far each precursor ran against the driving force at which it did, with the exact curve.
 
     The curve is that of a first slow pull, all thresholds at their mean and without re-attachment.
@@ -212,10 +212,8 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 
     run : Dataset
         A run of a `Chain` pulled at one end.
     ax : Axes, optional
-    fewest : int
-        Blocks of the shortest precursor that is drawn.
     """
-    found = _events(run, fewest)
+    found = _events(run)
     rig = rig_of(run)
     ax = new_axes() if ax is None else ax
     ax.plot(found["force_before"], found["reach"], "o", color=style.BLUE, markersize=3.5, label="events of the run")
@@ -232,7 +230,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 
 
 
 @house_style()
-def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> Axes:
+def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw how far each block slipped in each event, early events dark and late ones bright.
 
     Parameters
@@ -240,12 +238,10 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -
     run : Dataset
         A run of a `Chain`.
     ax : Axes, optional
-    fewest : int
-        Blocks of the smallest event that is drawn.
     """
-    moved, found = on_blocks(run, "displacement", "plot"), _events(run, fewest)
+    moved, found = on_blocks(run, "displacement", "plot"), _events(run)
     if found.sizes["event"] == 0:
-        raise InputError(f"slip_profiles: the run holds no event of {fewest} blocks or more; run it for longer")
+        raise InputError(f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run it for longer")
     ax = new_axes() if ax is None else ax
     slips = _gone(moved, found).assign_attrs(moved.attrs | {"long_name": "slip in an event"})
     for slip, colour in zip(slips, style.dark_to_bright(found.sizes["event"]), strict=True):
@@ -261,10 +257,10 @@ def _gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
     return values.sel(time=events["end"], method="nearest") - values.sel(time=events["start"], method="nearest")
 
 
-def _events(run: xr.Dataset, fewest: int) -> xr.Dataset:
-    """Events of at least so many blocks; `reach`: up to which block, from 1, contacts broke; `force_before` it."""
+def _events(run: xr.Dataset) -> xr.Dataset:
+    """Events of some blocks; `reach`: up to which block, from 1, contacts broke; `force_before` it."""
     found = measure.events(run)
-    found = found.isel(event=np.flatnonzero(found["blocks"].values >= fewest))
+    found = found.isel(event=np.flatnonzero(found["blocks"].values >= _FEWEST))
     broken = on_blocks(run, "broken", "plot")
     reach = ((_gone(broken, found) >= 0.5) * (np.arange(run.sizes["block"]) + 1)).max("block")
     before = np.interp(found["start"], run["time"], variable(run, "spring_force", "time"))

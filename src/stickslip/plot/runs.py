@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,8 +20,6 @@ from stickslip.model.units import engineering
 from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.style import along_time, dress, envelope, house_style, legend_above, new_axes, variable
-
-Scale = Literal["linear", "log"]
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
 _WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a logarithmic axis
@@ -63,31 +61,27 @@ def force_trace(
 
 
 @house_style()
-def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = None) -> Axes:
+def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the velocity of the slider, and of the drive, against time.
+
+    Where the slider gets more than 25 times as fast as the drive the axis is logarithmic from the drive's velocity on.
 
     Parameters
     ----------
     run : Dataset
         A run: ``velocity`` along ``time``.
     ax : Axes, optional
-    scale : {"linear", "log"}, optional
-        Logarithmic from the drive's velocity on, linear below it, as the slider may move back. By default
-        logarithmic where the slider gets more than 25 times as fast as the drive.
     """
     ax, speed = along_time(run, "velocity", ax, color=style.GREEN, label="slider")
-    usual = 0.0
     if "drive_velocity" in run:
         look: Any = {"color": style.GREY, "linewidth": 0.9, "linestyle": style.DASHED, "label": "drive"}
         _, drive = along_time(run, "drive_velocity", ax, **look)
-        usual = float(abs(drive).max())
+        usual, minus = float(abs(drive).max()), style.minus
+        if 0.0 < _WIDE_RANGE * usual < float(abs(speed).max()):
+            ax.set_yscale("symlog", linthresh=usual)  # decades within the linear part would crowd around 0
+            ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "" if 0 < abs(value) < usual else minus(value)))
+        dress(ax.yaxis, speed)
         legend_above(ax)
-    if scale == "log" or (scale is None and 0.0 < _WIDE_RANGE * usual < float(abs(speed).max())):
-        linear = usual or float(abs(speed).median()) or 1.0
-        ax.set_yscale("symlog", linthresh=linear)
-        minus = style.minus  # decades within the linear part would crowd around 0
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "" if 0 < abs(value) < linear else minus(value)))
-    dress(ax.yaxis, speed)
     return ax
 
 
@@ -100,28 +94,22 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 @house_style()
-def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | None = None) -> Axes:
+def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the spring force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
 
     Parameters
     ----------
     run : Dataset
-        A run: ``spring_force`` and ``velocity`` along ``time``.
+        A run: ``spring_force`` and ``velocity`` along ``time``; select what comes after the transient:
+        ``run.sel(time=slice(10, None))``.
     ax : Axes, optional
-    after : float, optional
-        Draw what comes after this time, in the unit of ``time``: the cycle without the transient.
     """
-    variable(run, "spring_force", "time")
-    variable(run, "velocity", "time")
+    speed, force = (variable(run, name, "time") for name in ("velocity", "spring_force"))
     ax = new_axes() if ax is None else ax
-    if after is not None:
-        run = run.sel(time=slice(after, None))
-        if run.sizes["time"] < 2:
-            raise InputError(f"phase_portrait: after = {after:g}: the data hold no motion after that time")
-    large = run.sizes["time"] > 10 * style.MOST_POINTS
-    ax.plot(run["velocity"], run["spring_force"], color=style.BLUE, linewidth=0.8, rasterized=large)
-    dress(ax.xaxis, run["velocity"])
-    dress(ax.yaxis, run["spring_force"])
+    large = speed.size > 10 * style.MOST_POINTS
+    ax.plot(speed, force, color=style.BLUE, linewidth=0.8, rasterized=large)
+    dress(ax.xaxis, speed)
+    dress(ax.yaxis, force)
     return ax
 
 

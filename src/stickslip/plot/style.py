@@ -63,8 +63,7 @@ def new_figure(width: float = COLUMN, height: float = 2.6) -> Figure:
 
 def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
     """Return the axes of a new figure with one panel, in the style of the house."""
-    with house_style():
-        return new_figure(width, height).add_subplot()
+    return new_figure(width, height).add_subplot()
 
 
 def unit_text(units: str) -> str:
@@ -90,19 +89,10 @@ def _drawable(text: str) -> str:
     return text
 
 
-def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) -> str:
-    """Return the label of an axis: long name and unit of a variable.
-
-    Parameters
-    ----------
-    variable : DataArray
-    units : str, optional
-        In place of its own.
-    most : int
-        Characters of a line; a longer label is broken into two.
-    """
+def label(variable: xr.DataArray, most: int = 200) -> str:
+    """Return the label of an axis: long name and unit of a variable, in two lines if it has more characters."""
     name = _drawable(str(variable.attrs.get("long_name", "" if variable.name is None else variable.name)))
-    units = str(variable.attrs.get("units", "")) if units is None else units
+    units = str(variable.attrs.get("units", ""))
     words, lengths = name.split(), [len(word) + 1 for word in name.split()]
     if unit := _drawable(unit_text(units)):
         words.append(f"({unit})")
@@ -135,7 +125,7 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     if factor == 1.0 and not log and largest > 0.0 and not 1e-5 <= largest < 1e6:  # else matplotlib writes it above
         power = math.floor(math.log10(largest))
         factor, units = 10.0**power, f"$10^{{{power}}}$ {'' if units == '1' else units}".strip()
-    axis.set_label_text(label(variable, units=units, most=24 if upright else 200))
+    axis.set_label_text(label(variable.assign_attrs(units=units), 24 if upright else 200))
     if log or factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
 
@@ -151,7 +141,7 @@ def legend_above(ax: Axes, *, columns: int = 4) -> None:
 
 
 def letter(ax: Axes, text: str) -> None:
-    """Put the letter of a panel, and a short title if there is one, above it on the left: ``"(a) no delay"``."""
+    """Put the letter of a panel, and a short title, above it on the left: ``"(a) no delay"``."""
     ax.set_title(text, loc="left")
 
 
