@@ -14,7 +14,6 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,13 +85,10 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
         kind = kinds.get(name) if isinstance(name, str) else None
         if kind is None:
             raise InputError(f"provenance names the record {name!r}, which this version does not have")
-        known = {field.name for field in fields(kind) if field.init and field.compare}
-        if strange := sorted(set(content) - known):
-            raise InputError(f"provenance of {name} has the field {strange[0]!r}, unknown to this version")
         try:
             return kind(**content)
-        except TypeError:
-            raise InputError(f"provenance of {name} lacks a field; make the run again") from None
+        except TypeError as error:  # a field that is missing, or unknown to this version
+            raise InputError(f"provenance of {name} is of another version ({error}); make the run again") from None
     if isinstance(plain, list):
         return tuple(decode(item, kinds) for item in plain)
     if plain in ("inf", "-inf"):
@@ -100,14 +96,9 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
     return plain
 
 
-@lru_cache(maxsize=1)
-def _version() -> str:
-    return version("stickslip")
-
-
 def provenance(call: str, arguments: Mapping[str, object]) -> str:
     """Return the JSON string that says which call made a result, with what, by which version."""
-    return json.dumps({"stickslip": _version(), "call": call, "arguments": encode(arguments)}, sort_keys=True)
+    return json.dumps({"stickslip": version("stickslip"), "call": call, "arguments": encode(arguments)}, sort_keys=True)
 
 
 def read_provenance(data: xr.Dataset) -> dict[str, Any]:
@@ -167,14 +158,12 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
 
     files.size(path, "run", largest=LARGEST_RUN)
     source = Path(path)
-    try:
-        known = is_netcdf(source)
-    except OSError as error:
-        raise files.unreadable(source, error) from None
-    if not known:
-        raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
     with _silence():  # whatever the libraries below print
         try:
+            if not is_netcdf(source):
+                raise InputError(
+                    f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`"
+                )
             h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
             # A time is a number here; its unit may be anything in a damaged file.
             with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
@@ -184,6 +173,8 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
                 for text in (word for holder in holders for item in holder.attrs.items() for word in item):
                     str(text).encode()  # a byte that has changed may stand for no letter
                 return data.load()
+        except InputError:
+            raise
         except Exception as error:  # a damaged file fails in many ways
             why = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged") from None

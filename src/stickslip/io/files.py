@@ -29,7 +29,7 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
-        raise unreadable(path, error) from None
+        raise _unreadable(path, error) from None
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"{path}: is {_KINDS[stat.S_IFMT(found.st_mode)]}, not a {kind}")
     if found.st_size > largest:
@@ -45,12 +45,11 @@ def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
     try:
         return Path(path).read_bytes()
     except OSError as error:
-        raise unreadable(path, error) from None
+        raise _unreadable(path, error) from None
 
 
-def unreadable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
-    """What to raise for a file that cannot be read."""
-    return InputError(f"{path}: cannot be read ({_reason(error)})")
+def _unreadable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
+    return InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
 
 
 def target(path: str | os.PathLike[str]) -> Path:
@@ -99,8 +98,5 @@ def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
 
 
 def _unwritable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
-    return InputError(f"{path}: cannot be written ({_reason(error)}); nothing was lost, choose another place")
-
-
-def _reason(error: OSError | ValueError) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+    reason = getattr(error, "strerror", None) or error
+    return InputError(f"{path}: cannot be written ({reason}); nothing was lost, choose another place")

@@ -310,10 +310,6 @@ class _Reader:
         for path, entry in self._of_paths(content, "fitted", Key({})).items():
             with suppress(MistakesError):
                 found[path] = Fitted(self._value_at(path), **self._whole(entry, rig_keys.FITTED, f"fitted.{path}"))
-        counts = {len(one.draws): path for path, one in found.items() if one.draws}
-        if len(counts) > 1:
-            words = ", ".join(f"{count} of {path}" for count, path in counts.items())
-            self.file.wrong("fitted", f"draws belong together, but there are {words}; give as many of each")
         return found
 
     def _value_at(self, path: str) -> str:

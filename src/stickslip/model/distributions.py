@@ -287,18 +287,8 @@ class Gamma(_PowerOfGamma):
     std: Above0
 
     @property
-    def shape(self) -> float:
-        """Shape parameter ``(mean/standard deviation)**2``."""
-        return (self.mean / self.std) ** 2
-
-    @property
-    def scale(self) -> float:
-        """Scale parameter ``std**2/mean``."""
-        return self.std**2 / self.mean
-
-    @property
     def _form(self) -> tuple[float, float, float]:
-        return self.scale, self.shape, 1.0
+        return self.std**2 / self.mean, (self.mean / self.std) ** 2, 1.0
 
 
 @register("lognormal")

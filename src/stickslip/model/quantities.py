@@ -115,14 +115,23 @@ def read_number(text: str) -> float:
     return _nearest(Fraction(found[1]))
 
 
-def read_value(place: str, value: object, unit: str, example: str, *, bare: bool = False) -> float:
-    """Return a value above 0, given as a number in `unit` or as a text with a unit; errors name the place."""
+def read_value(
+    place: str,
+    value: object,
+    unit: str,
+    example: str,
+    *,
+    bare: bool = False,
+    above: float | None = 0,
+    at_least: float | None = None,
+) -> float:
+    """Return a value, above 0, given as a number in `unit` or as a text with a unit; errors name the place."""
     if isinstance(value, str):
         try:
             value = read_quantity(value, unit, example, bare=bare)
         except InputError as error:
             raise InputError(f"{place} = {shown(value)}: {error}", place) from None
-    return number(place, value, above=0, hint=f"in {unit}")
+    return number(place, value, above=above, at_least=at_least, hint="" if unit == "1" else f"in {unit}")
 
 
 def _nearest(value: Fraction) -> float:

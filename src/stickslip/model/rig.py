@@ -14,7 +14,7 @@ from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, Start
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
-from stickslip.model.quantities import read_quantity
+from stickslip.model.quantities import read_value
 from stickslip.model.records import Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
@@ -234,20 +234,15 @@ class Rig(Answer):
         changed = replace(self, **fields)
         for name in [name for name in changes if name not in fields]:
             known = parameter_named(name, place="replace")
-            changed = known.set(changed, changed._in_natural_units(name, changes[name], known, at_least=0))
+            changed = known.set(changed, changed._in_natural_units(name, changes[name], known, above=None, at_least=0))
         return changed
 
     def _in_natural_units(self, place: str, value: object, parameter: Parameter, **bounds: Any) -> float:
         """A value of a parameter, in the rig's own unit or a text with a unit, in its natural unit."""
         unit = self.unit_name(parameter.unit)
-        if isinstance(value, str):
-            if self.scales is None:
-                raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
-            try:
-                value = read_quantity(value, unit, f"2 {unit}")
-            except InputError as error:
-                raise error.at(f"{place} = {value!r}") from None
-        return number(place, value, **bounds, hint="" if unit == "1" else f"in {unit}") / self.unit(parameter.unit)
+        if isinstance(value, str) and self.scales is None:
+            raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
+        return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(parameter.unit)
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
         """Return the range a factor `USUAL_RANGE` either way of what the rig has, in natural units."""
