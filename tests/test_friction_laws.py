@@ -491,7 +491,7 @@ REFUSED = [
     (lambda: ss.growth_rate(bench(AREAS)), NOT_WITH_AREAS),
     (lambda: ss.rate_and_state(AREAS), NOT_WITH_AREAS),
     (lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0), NOT_WITH_AREAS),
-    (lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)), "use Barrier"),
+    (lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)), "not available with temp"),
     (lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j), "never re-attach"),
     (lambda: ss.rate_and_state(contacts(width=None)), "does not change with the velocity"),
     (

@@ -52,19 +52,16 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
     def friction(std: float) -> tuple[float, float]:
         return slow_friction(Gaussian(mean=1.0, std=std), initial)  # type: ignore[arg-type]
 
-    def beyond(std: float) -> float:
+    def ratio(std: float) -> float:
         most, least = friction(std)
-        return most / least - static / kinetic
+        return most / least
 
-    wanted = static / kinetic
-    least, most = (wanted + beyond(std) for std in (WIDEST, NARROWEST))
+    wanted, least, most = static / kinetic, ratio(WIDEST), ratio(NARROWEST)
     if not least <= wanted <= most:
-        can = (
-            "contacts of the same kind can give; a larger ratio needs contacts that strengthen at rest: give "
-            "contact_strength, thresholds and ageing"
-            if wanted > most
-            else "Gaussian thresholds can give"
+        more = "; more needs contacts that strengthen at rest: give contact_strength, thresholds and ageing"
+        raise InputError(
+            f"mu_s/mu_k = {wanted:.4g}: must be between {least:.3f} and {most:.3f} with Gaussian thresholds"
+            + (more if wanted > most else "")
         )
-        raise InputError(f"mu_s/mu_k = {wanted:.4g}: must be between {least:.3f} and {most:.3f}, which is what {can}")
-    std = float(optimize.brentq(beyond, NARROWEST, WIDEST, xtol=1e-10))
+    std = float(optimize.brentq(lambda std: ratio(std) - wanted, NARROWEST, WIDEST, xtol=1e-10))
     return Gaussian(mean=1.0, std=std), kinetic / friction(std)[1]

@@ -95,23 +95,16 @@ class Interface:
         if not _SIZES[0] <= median <= _SIZES[1]:  # what solvers call small is small beside x_s
             raise InputError(
                 f"Interface.thresholds = {self.thresholds}: half of them lie below {median:.3g} x_s; lengths are in "
-                "units of x_s, the breaking displacement, so that thresholds are about 1: divide all lengths by it, or "
-                "read the rig from a file with SI units",
+                "units of x_s, the breaking displacement: divide by it, or read the rig from a file with SI units",
                 "Interface.thresholds",
             )
 
     def _check_areas(self) -> None:
-        if self.areas is None:
-            return
-        if not isinstance(self.ageing, FixedGrowth | None):
-            raise InputError(
-                f"Interface.areas = {self.areas!r}: not available with ageing = {self.ageing}; leave one of them out"
-            )
-        if not isinstance(self.temperature, Barrier | None):
-            raise InputError(
-                f"Interface.areas = {self.areas!r}: not available with temperature = {self.temperature}, which is of "
-                "contacts of one stiffness; use Barrier(...), relative to the threshold of each"
-            )
+        for name, kinds in {"ageing": FixedGrowth | None, "temperature": Barrier | None}.items():
+            if self.areas is not None and not isinstance(given := getattr(self, name), kinds):
+                raise InputError(
+                    f"Interface.areas = {self.areas!r}: not available with {name} = {given}; leave one of them out"
+                )
 
     @property
     def mechanisms(self) -> frozenset[str]:

@@ -92,8 +92,8 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
         raise InputError(f"is longer than {LONGEST_QUANTITY} characters; write it as in {example!r}")
     found = _QUANTITY.fullmatch(text)
     if found is None:
-        remedy = _remedy(text, _QUANTITY)
-        raise InputError(remedy or f"cannot be read as a quantity, one number and its unit; write it as in {example!r}")
+        general = f"cannot be read as one number, with a decimal point, and its unit; write it as in {example!r}"
+        raise InputError(_remedy(text, _QUANTITY) or general)
     if found[2] is None:
         if bare:
             return _nearest(Fraction(found[1]))
@@ -191,7 +191,7 @@ _SLIPS = (
     (re.compile(r"(?<=\d),(?=\d{3}(?:,\d{3})*\.)"), "", "no separators of thousands"),
     (re.compile(r"(?<=\d)\.(?=\d{3}(?:\.\d{3})*,)"), "", "no separators of thousands"),
     (re.compile(r"(?<=\d)[ \u00a0\u2009\u202f'’_](?=\d{3}(?!\d))"), "", "no blanks or marks inside a number"),
-    (re.compile(r"(?<=\d),(?=\d)"), ".", "decimal point, not comma"),
+    (re.compile(r"(?<=\d),(?=\d)(?!\d{3}(?!\d))"), ".", "decimal point, not comma"),  # 1,200 may be either
     (re.compile(r"(?<=[A-Za-zµμÅ])(?<![\d. ][eE])(-?[1-9])"), r"^\1", "'^' before an exponent"),
     (re.compile(r"(?<=[A-Za-zµμÅ¹²³]) +(?=[A-Za-zµμÅ])"), "*", "'*' between units"),
 )
@@ -204,10 +204,6 @@ def _remedy(text: str, grammar: re.Pattern[str]) -> str:
         return "must be finite"
     if len(text) > LONGEST_QUANTITY:
         return ""
-    if re.match(r" *[-+]?[1-9]\d{0,2},\d{3}(?!\d|,|\.)", text):
-        ways = [text.replace(",", mark).strip() for mark in (".", "")]
-        if all(map(grammar.fullmatch, ways)):
-            return f"write {ways[0]!r} or {ways[1]!r}: decimal point, not comma, and no separators of thousands"
     if re.search(r"/.*[/*·⋅]", text) and "(" not in text and "**" not in text:
         return "may be read in two ways; after '/' put one unit, or parentheses, as in '3 N/(m*s)'"
     reasons = []
