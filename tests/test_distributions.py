@@ -37,28 +37,21 @@ def quadrature(
     low, high = distribution.support
     # Moments and transforms feel more of a tail than the probability does.
     tail = distribution.thresholds if isinstance(distribution, SteadyState) else distribution
-    if isinstance(tail, Gaussian):
-        low, high = (
-            max(low if tail is not distribution else tail.lower, tail.mean - 38 * tail.std),
-            tail.mean + 38 * tail.std,
-        )
-    else:
-        high = max(high, float(tail.inverse_survival(1e-60)))
+    high = max(high, float(tail.inverse_survival(1e-200 if isinstance(tail, Gaussian) else 1e-60)))
+    if isinstance(distribution, Gaussian):
+        low = max(distribution.lower, 2 * distribution.mean - high)
     inner = {knot for knot in kinks(distribution) if low < knot < high}
     if low < above < high:
         inner.add(above)
-    edges = [np.array([high, high])]
+    edges = [high]
     for a, b in pairwise(sorted({low, high} | inner)):
         if b > above:
             graded = (b - a) * 2.0 ** (-np.arange(1, 140 * per_octave) / per_octave)
-            edges.append(np.unique(np.concatenate([[a, b], a + graded, np.linspace(a, b, 257 * per_octave)])))
-    x, weight = [], []
-    for part in edges:
-        half = 0.5 * np.diff(part)[:, None]
-        x.append((part[:-1, None] + half * (1 + _NODE)).ravel())
-        weight.append((half * _WEIGHT).ravel())
-    nodes = np.concatenate(x)
-    return nodes, np.concatenate(weight) * distribution.density(nodes)
+            edges += [a, *(a + graded), *np.linspace(a, b, 257 * per_octave)]
+    edges = np.unique(np.array(edges))
+    half = 0.5 * np.diff(edges)[:, None]
+    nodes = edges[:-1, None] + half * (1 + _NODE)
+    return nodes.ravel(), (half * _WEIGHT * distribution.density(nodes)).ravel()
 
 
 def kinks(distribution: Distribution) -> tuple[float, ...]:
