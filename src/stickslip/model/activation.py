@@ -10,13 +10,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from stickslip.model.records import Number, Record
-from stickslip.model.registry import registrar
+from stickslip.model.registry import registry
 
-ACTIVATIONS: dict[str, type] = {}
-"""The kinds of thermal activation that rig files can name."""
-
-register = registrar(ACTIVATIONS, "activation")
-"""Class decorator: ``@register("bell")`` gives a kind of activation the name that rig files use."""
+ACTIVATIONS, register = registry("activation")
+"""The kinds of thermal activation that rig files can name; ``@register("bell")`` gives a class its name there."""
 
 
 @register("bell")

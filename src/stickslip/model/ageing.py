@@ -9,13 +9,10 @@ from stickslip.errors import InputError
 from stickslip.model.delays import DelayModel
 from stickslip.model.distribution import Distribution
 from stickslip.model.records import Number, Record
-from stickslip.model.registry import registrar
+from stickslip.model.registry import registry
 
-AGEING_MODELS: dict[str, type] = {}
-"""The models of ageing that rig files can name."""
-
-register = registrar(AGEING_MODELS, "ageing model")
-"""Class decorator: ``@register("langevin")`` gives an ageing model the name that rig files use."""
+AGEING_MODELS, register = registry("ageing model")
+"""The models of ageing that rig files can name; ``@register("langevin")`` gives a class its name there."""
 
 
 class AgeingModel(Record):

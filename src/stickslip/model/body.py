@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.model.records import Number, Record
-from stickslip.model.registry import registrar
+from stickslip.model.registry import registry
 
 Array = NDArray[np.float64]
 Links = tuple[NDArray[np.int64], Array]
@@ -57,11 +57,8 @@ class Slider(Record):
         return 0.5 * self.damping / self.frequency
 
 
-BODIES: dict[str, type] = {}
-"""The elastic bodies that rig files can describe, by the name of their table."""
-
-register = registrar(BODIES, "body")
-"""Class decorator: ``@register("chain")`` gives a body the name of the table that describes it in rig files."""
+BODIES, register = registry("body")
+"""The elastic bodies by the name of their table in rig files; ``@register("chain")`` gives a class its name there."""
 
 
 @dataclass(frozen=True, kw_only=True)

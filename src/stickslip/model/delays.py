@@ -14,7 +14,7 @@ from scipy import special
 from stickslip.errors import InputError
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, check
-from stickslip.model.registry import registrar
+from stickslip.model.registry import registry
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -91,11 +91,8 @@ class DelayModel(Protocol):
         return float(np.max(tau[beyond > 1e-5], initial=self.moment(1)))
 
 
-DELAYS: dict[str, type] = {}
-"""The delays that rig files can name."""
-
-register = registrar(DELAYS, "delay")
-"""Class decorator: ``@register("constant rate")`` gives a delay the name that rig files use."""
+DELAYS, register = registry("delay")
+"""The delays that rig files can name; ``@register("constant rate")`` gives a class its name there."""
 
 
 @register("fixed")

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.errors import InputError
 from stickslip.model.quadrature import inverse_survival_of, partial_moment_of, transforms_of
 from stickslip.model.records import check
-from stickslip.model.registry import registrar
+from stickslip.model.registry import registry
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -151,11 +151,8 @@ class Positive(Distribution):
         return (begin - self.stretching, *(knot - self.stretching for knot in self.whole.knots if knot > begin))
 
 
-DISTRIBUTIONS: dict[str, type] = {}
-"""The distributions that rig files can name."""
-
-register = registrar(DISTRIBUTIONS, "distribution")
-"""Class decorator: ``@register("triangular")`` gives a distribution the name that rig files use."""
+DISTRIBUTIONS, register = registry("distribution")
+"""The distributions that rig files can name; ``@register("triangular")`` gives a class its name there."""
 
 
 def check_density(thresholds: Distribution) -> None:

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from stickslip.model.records import Number, Record
-from stickslip.model.registry import registrar
+from stickslip.model.registry import registry
 
-METHODS: dict[str, type] = {}
-"""The methods that rig files can name."""
-
-register = registrar(METHODS, "method")
-"""Class decorator: ``@register("contacts")`` gives a method the name that rig files use."""
+METHODS, register = registry("method")
+"""The methods that rig files can name; ``@register("contacts")`` gives a class its name there."""
 
 
 @register("contacts")

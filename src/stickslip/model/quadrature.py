@@ -84,19 +84,15 @@ def table_of(distribution: Distribution) -> Table:
     kept: list[Array] = []
     for _ in range(64):
         middle = 0.5 * (left + right)
-        whole = integral(left, right)
         halves = integral(left, middle) + integral(middle, right)
         # Relative, so that far tails are right as well.
-        coarse = np.abs(halves - whole) > 1e-13 * np.abs(halves) + 1e-25
+        coarse = np.abs(halves - integral(left, right)) > 1e-13 * np.abs(halves) + 1e-25
         coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
         kept.append(left[~coarse])
-        if not coarse.any():
+        left, right = np.r_[left[coarse], middle[coarse]], np.r_[middle[coarse], right[coarse]]
+        if not left.size:
             break
-        left, right = (
-            np.concatenate([left[coarse], middle[coarse]]),
-            np.concatenate([middle[coarse], right[coarse]]),
-        )
-    edges = np.append(np.sort(np.concatenate([*kept, left[coarse]])), edges[-1])
+    edges = np.append(np.sort(np.concatenate([*kept, left])), edges[-1])
     x, weight = _between(edges[:-1], edges[1:])
     weight = weight * _density(distribution, x)
     held = np.flatnonzero(weight.sum(axis=1))
@@ -153,10 +149,7 @@ def inverse_survival_of(distribution: Distribution, probability: ArrayLike) -> A
         inside = np.clip(partial_moment_of(distribution, x, 0), t, s)
         return np.where(x <= a, s, np.where(x >= b, t, inside)) - p
 
-    found = elementwise.find_root(lacking, (low, high), args=(wanted, low, high, top, bottom))
-    return np.asarray(
-        np.where(wanted <= 0.0, table.edges[-1], np.where(wanted >= table.survival[0], table.edges[0], found.x))
-    )
+    return np.asarray(elementwise.find_root(lacking, (low, high), args=(wanted, low, high, top, bottom)).x)
 
 
 _TURN = 8.0

@@ -12,12 +12,13 @@ from stickslip.errors import InputError, shown
 Kind = TypeVar("Kind", bound=type)
 
 
-def registrar(table: dict[str, type], what: str) -> Callable[[str], Callable[[Kind], Kind]]:
-    """Return the decorator that enters a frozen dataclass into a table by name; `what` the table holds, in words.
+def registry(what: str) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
+    """Return a table of frozen dataclasses by name, and the decorator that enters one; `what` it holds, in words.
 
     The decorator raises `InputError` if the class is none, or if another class has the name.
     """
-    return lambda name: partial(_enter, table, f"{what} {shown(name)}", name)
+    table: dict[str, type] = {}
+    return table, lambda name: partial(_enter, table, f"{what} {shown(name)}", name)
 
 
 def _enter(table: dict[str, type], place: str, name: str, kind: Kind) -> Kind:
