@@ -100,32 +100,11 @@ def test_the_count_of_slips_at_other_samplings_and_noise(samples, noise):
     assert abs(len(events) - (large.sum() - 2)) <= 1  # the first is left out, and the trace ends with the last
 
 
-def test_ringing_belongs_to_its_slip():
-    clean = bench(samples=100)
-    force = clean["spring_force"].values.copy()
-    falls = np.flatnonzero(np.diff(force) < -1.0)
-    for at in falls:
-        t = np.arange(40)
-        end = min(at + 1 + t.size, force.size)
-        force[at + 1 : end] -= (0.8 * np.exp(-t / 8.0) * np.cos(2 * np.pi * t / 8.0))[: end - at - 1]
-    ringing = clean.assign(spring_force=("time", force, {"units": "N"}))
-    assert abs(len(fitting.pick_events(ringing)) - len(fitting.pick_events(clean))) <= 2
-
-
 # ----------------------------------------------------------------------------------------------- what must be refused
 
 
-def trace_of(force, **more):
-    return xr.Dataset(
-        {"spring_force": ("time", force)} | {name: ("time", values) for name, values in more.items()},
-        coords={"time": 0.01 * np.arange(len(force))},
-    )
-
-
-def with_changes(**changes):
-    """A good trace, but for some samples of one of its variables."""
-    trace = bench()
-    return trace.assign({name: ("time", change(trace.sizes["time"])) for name, change in changes.items()})
+def trace_of(force):
+    return xr.Dataset({"spring_force": ("time", force)}, coords={"time": 0.01 * np.arange(len(force))})
 
 
 RNG = np.random.default_rng
@@ -148,9 +127,12 @@ NOT_STICK_SLIP = {
     "few slips": (bench(count=25), "slips: at least 30"),
     "few samples": (bench(samples=8), "samples from slip to slip"),
     "noisy": (bench(noise=0.05), "of the peak force: at most 3 %"),
-    "gap": (with_changes(filled=lambda n: np.abs(np.arange(n) - 1000.5) < 3), "6 samples in a row"),
+    "gap": (
+        bench().assign(filled=lambda d: ("time", np.abs(np.arange(d.time.size) - 1000.5) < 3)),
+        "6 samples in a row",
+    ),
     "jump": (bench().isel(time=np.delete(np.arange(5000), slice(1000, 1007))), "7 samples in a row"),
-    "load": (with_changes(load=lambda n: np.linspace(20.0, 24.0, n)), "normal load changes by"),
+    "load": (bench().assign(load=lambda d: ("time", np.linspace(20.0, 24.0, d.time.size))), "normal load changes by"),
     "saturated": (
         bench(noise=0.002).map(lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True)),
         "fit: the tops of the force are flat",

@@ -17,9 +17,9 @@ from stickslip.measure.arrays import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth, MasterEquation
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, small_step
+from stickslip.rate_state.experiments import Step, velocity_step_in
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import Law, RateAndState, laws_to_fit
-from stickslip.rate_state.steps import Step, velocity_step_in
 from stickslip.sliding import kinetic_friction
 
 if TYPE_CHECKING:
