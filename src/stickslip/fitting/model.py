@@ -7,13 +7,13 @@ numbers without a unit describe its slips; forces are in units of the total cont
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from stickslip.errors import InputError, number, whole
+from stickslip.errors import InputError, number, sequence, whole
 from stickslip.measure.arrays import Array
 from stickslip.model.records import Number, Record
 
@@ -70,13 +70,13 @@ class Prior:
     track_scatter: Range = (0.0, 0.3)
 
     def __post_init__(self) -> None:
-        for one, field in zip(UNKNOWNS, fields(self), strict=True):
+        for one in UNKNOWNS:
             place, given = f"Prior.{one.key}", getattr(self, one.key)
-            if not isinstance(given, tuple) or len(given) != 2:
-                raise InputError(f"{place} = {given!r}: must be two numbers, such as {field.default}", place)
-            low, high = (number(place, end, at_least=one.least, at_most=one.most) for end in given)
-            if low >= high:
-                raise InputError(f"{place} = {given!r}: the first must be below the second", place)
+            hint = "two numbers, the first below the second"
+            ends = sequence(place, given, hint)
+            values = [number(place, end, at_least=one.least, at_most=one.most) for end in ends]
+            if len(values) != 2 or values[0] >= values[1]:
+                raise InputError(f"{place} = {given!r}: must be {hint}", place)
 
     def _ends(self) -> Array:
         """Ends of the ranges, of some in decades."""

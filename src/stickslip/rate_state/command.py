@@ -16,14 +16,14 @@ from stickslip.rate_state.exports import Program
 if TYPE_CHECKING:
     from stickslip.rate_state.measured import StepFit
 
-Asked = Literal["best", "ageing", "slip"]
-
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class OfRig:
-    """What may be asked of a rig."""
+class Options:
+    """What may be asked of a rig, and what is to be known of a measured step."""
 
+    law: Literal["best", "ageing", "slip"] = "best"
+    """Which law to fit."""
     velocity: str | None = None
     """Of smooth sliding before the step; the rig's own by default."""
     step: str = "10"
@@ -38,13 +38,6 @@ class OfRig:
     """Area of the surface, for the export: '1 cm^2'."""
     output: Annotated[Path | None, Parameter(alias="-o")] = None
     """Write the export to a file."""
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class OfTrace:
-    """What is to be known of a measured step."""
-
     step_at: str | None = None
     """Of a trace: about when the step came, '68.7 s'."""
     from_: Annotated[str | None, Parameter(name="--from")] = None
@@ -57,19 +50,13 @@ class OfTrace:
     """Of a trace: fit a linear trend in displacement besides."""
     stiffness: str | None = None
     """Of a trace: between load point and surface, '0.006 1/um'; fitted by default."""
+    json: Annotated[bool, Parameter(negative="")] = False
+    """Print JSON for a machine to read."""
+    plot: Path | None = None
+    """Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf."""
 
 
-def rsf(
-    data: Path,
-    *,
-    law: Annotated[Asked, Parameter(help="Which law to fit.")] = "best",
-    rig: OfRig = OfRig(),
-    trace: OfTrace = OfTrace(),
-    json: Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")] = False,
-    plot: Annotated[
-        Path | None, Parameter(help="Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf.")
-    ] = None,
-) -> None:
+def rsf(data: Path, *, given: Options = Options()) -> None:
     """Say whether a rig is rate-and-state-like, or fit rate and state to a measured velocity step.
 
     What is not rate-and-state-like ends with exit code 2 and the number that fails.
@@ -82,17 +69,17 @@ def rsf(
     from stickslip.io import rig_files
 
     named = not data.exists() and data.name in rig_files.example_names()
-    if trace.step_at is None and (data.suffix == ".toml" or named):
-        told, words = _judged(data, law, rig, plot)
-    elif rig.holds is None:
-        found = _fitted(data, law, trace, plot)
+    if given.step_at is None and (data.suffix == ".toml" or named):
+        told, words = _judged(data, given)
+    elif given.holds is None:
+        found = _fitted(data, given)
         told, words = found.to_dict(), f"{found}\n"
     else:
         raise InputError("--holds: is for a rig; a measured trace has its own")
-    print(jsonlib.dumps(told, indent=2) + "\n" if told and json else words, end="")
+    print(jsonlib.dumps(told, indent=2) + "\n" if told and given.json else words, end="")
 
 
-def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[dict[str, Any], str]:
+def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     """The verdict on a rig, plain and in words; an export is of words alone."""
     from stickslip import rate_state
     from stickslip.io.rig_files import read_rig
@@ -100,7 +87,7 @@ def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[di
 
     rig = read_rig(path)
     for option, value, needed in (
-        ("--plot", plot, "holds"),
+        ("--plot", given.plot, "holds"),
         ("--area", given.area, "export"),
         ("--output", given.output, "export"),
         ("--export", given.export, "load"),
@@ -113,7 +100,7 @@ def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[di
         raise InputError(f"--load {given.load}: {path} is in natural units; a load needs a rig file in SI units")
     speed = rig.velocity if given.velocity is None else _of("--velocity", given.velocity, "m/s", "1 um/s")
     ratio = _of("--step", given.step)
-    fit = rate_state.rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=law)
+    fit = rate_state.rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law)
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
     scaled = fit.in_units(rig)
@@ -134,14 +121,14 @@ def _judged(path: Path, law: Asked, given: OfRig, plot: Path | None) -> tuple[di
         healed = rate_state.healing(run, float(scaled.b))
         told["holds"] = healed.to_dict()
         words += f"\n{healed}\n"
-        if plot is not None:
+        if given.plot is not None:
             from stickslip import plot as drawing
 
-            drawing.save(drawing.peaks_after_holds(run, healed.by_rate_and_state), plot)
+            drawing.save(drawing.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
     return told, words
 
 
-def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFit:
+def _fitted(path: Path, given: Options) -> StepFit:
     """The fit of a measured step, in the units of the trace."""
     from stickslip.measure import read_trace
     from stickslip.rate_state import fit_rate_and_state, velocity_step_in
@@ -166,11 +153,11 @@ def _fitted(path: Path, law: Asked, given: OfTrace, plot: Path | None) -> StepFi
     if given.stiffness is not None:
         unit = f"{step.friction_unit or 1}/{length}"
         spring = _of("--stiffness", given.stiffness, unit, f"0.006 {unit}")
-    fit = fit_rate_and_state(replace(step, length_unit=length), law=law, stiffness=spring, trend=given.trend)
-    if plot is not None:
+    fit = fit_rate_and_state(replace(step, length_unit=length), law=given.law, stiffness=spring, trend=given.trend)
+    if given.plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.velocity_step(step, [fit], length=length), plot)
+        drawing.save(drawing.velocity_step(step, [fit], length=length), given.plot)
     return fit
 
 
