@@ -134,10 +134,9 @@ def gather(trace: Trace, found: Slips) -> Evidence:
         # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
         # irregular one, that it rises at one rate for most of the time, too.
         slips = phase <= SLIP_PHASE or (full >= MOST and not cycles)
-        if (fastest := speeds(trace, found)) is not None:
-            values["fast"] = speed = weighted_median(fastest, found.drops**2)
-            if speed >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP:
-                slips = speed >= SLIP_VELOCITY
+        values["fast"] = speed = weighted_median(speeds(trace, found), found.drops**2)
+        if not math.isnan(speed) and (speed >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP):
+            slips = speed >= SLIP_VELOCITY
         facts |= {"slips"} if slips else set()
         count = cycles.count if cycles else (fast_ones(trace, found) if slips else found).size
         if found.cycles.correlation >= PERIODIC and not slips:  # a cycle may have more than one drop

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,7 +84,9 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
     if np.any(trace.drive < 0):
         raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
-    rig = _rig_of(run)
+    rig = None  # not every run says what it was made of
+    with suppress(InputError):
+        rig = rig_of(run)
     level = number(
         "level", _usual(run, rig, "level") if level is None else level, above=0, hint="in the unit of spring_force"
     )
@@ -128,14 +131,6 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         .merge(_both_ways(seen, top), combine_attrs="override")
         .assign_attrs(level=level, notes="; ".join(notes))
     )
-
-
-def _rig_of(run: xr.Dataset) -> Rig | None:
-    """The rig that a run was made of; None if it does not say."""
-    try:
-        return rig_of(run)
-    except InputError:
-        return None
 
 
 def _usual(run: xr.Dataset, rig: Rig | None, name: str) -> float:

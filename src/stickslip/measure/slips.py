@@ -85,11 +85,6 @@ def weighted_median(values: Array, weights: Array) -> float:
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Noise
-# ---------------------------------------------------------------------------------------------------------------------
-
-
 def white_noise(force: Array) -> float:
     """Standard deviation of white noise on a trace, from second differences.
 
@@ -150,11 +145,6 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
 
     noise *= math.sqrt(0.5 * math.pi / width)
     return median_filter(force, width, mode="nearest"), _chance_drop(force.size / width, cycle / width, noise)
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Slips
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
@@ -221,26 +211,22 @@ def _threshold(trace: Trace, noise: float, cycles: Cycles) -> tuple[Array, float
 
 
 def fastest(trace: Trace, found: Slips) -> Array:
-    """Largest velocity of the slider in each slip."""
-    assert trace.velocity is not None
-    both = zip(found.peak, found.trough, strict=True)
-    return np.array([trace.velocity[i : j + 1].max() for i, j in both], dtype=float)
+    """Largest velocity of the slider in each slip; not a number where it is not known."""
+    if trace.velocity is None:
+        return np.full(found.size, math.nan)
+    return np.maximum.reduceat(trace.velocity, np.column_stack([found.peak, found.trough + 1]).ravel())[::2]
 
 
-def speeds(trace: Trace, found: Slips) -> Array | None:
-    """Largest velocity of the slider in each slip over that of the drive; None where either is not known."""
-    if trace.velocity is None or trace.drive is None or not found.size:
-        return None
-    return fastest(trace, found) / np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
+def speeds(trace: Trace, found: Slips) -> Array:
+    """Largest velocity of the slider in each slip over that of the drive; not a number where either is not known."""
+    drive = math.nan if trace.drive is None else np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
+    return fastest(trace, found) / drive
 
 
 def fast_ones(trace: Trace, found: Slips) -> Slips:
     """Leave out slow drops beside fast ones, where the velocity is known and seen."""
-    speed = speeds(trace, found)
-    if speed is None or float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP:
-        return found
-    fast = speed >= SLIP_VELOCITY
-    if fast.all() or not fast.any():
+    fast = speeds(trace, found) >= SLIP_VELOCITY
+    if fast.all() or not fast.any() or float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP:
         return found
     return found.only(fast, criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
 
