@@ -212,15 +212,6 @@ def springs_between(body):
     return matrix
 
 
-def test_precursor_force_to_six_digits():
-    """From tip to tip the force rises by the sliding force."""
-    force = elastic.precursor_force(side_driven())
-    assert force.sel(tip=[0, 10, 20]).values == pytest.approx([2.561553, 6.811553, 11.061553], abs=5e-7)
-    assert float(force.max()) / 50 == pytest.approx(0.444328, abs=5e-7)
-    assert int(force.idxmax()) == 47
-    assert np.diff(elastic.precursor_force(side_driven(200)).values)[:100] == pytest.approx(0.425, rel=1e-10)
-
-
 @pytest.mark.parametrize("tip", [0, 1, 17, 28, 29])
 def test_precursor_force_from_the_balance_of_every_block(tip):
     """The same from the equations of all blocks at once: those behind the tip slide, the tip is at its threshold."""
@@ -337,9 +328,6 @@ def test_stiff_leaf_springs_keep_every_wave_stable():
     found = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
     assert math.isinf(found.wavelength)
     assert "stable at every wavelength" in str(found)
-    in_si = replace(sliding(blocks=8, coupling=20.0, leaf=3.0), scales=Scales(force=120.0, stretching=1e-6))
-    assert elastic.critical_length(in_si).stiffness == pytest.approx(found.stiffness * in_si.unit("k"))
-    assert in_si.unit("k") != 1.0
 
 
 def test_modes_in_si_units():
@@ -349,6 +337,8 @@ def test_modes_in_si_units():
     assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
     assert si.stiffness.values == pytest.approx(1e8 * natural.stiffness.values, rel=1e-12)
     assert (si.growth.units, si.stiffness.units) == ("1/s", "N/m")
+    stiffness = (elastic.critical_length(each).stiffness for each in (scaled, rig))
+    assert next(stiffness) == pytest.approx(next(stiffness) * scaled.unit("k"))
 
 
 # ---------------------------------------------------------------- bad input
@@ -402,20 +392,11 @@ def test_bad_input(ask, message):
 RIGID = ss.Rig(ALIKE.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0), ss.constant(1.0))
 
 
-@pytest.mark.parametrize(
-    "ask",
-    [
-        lambda rig: elastic.front_speed(rig, prestress=0.5),
-        elastic.front_threshold,
-        elastic.screening_length,
-        elastic.precursor_force,
-        elastic.modes,
-        elastic.critical_length,
-    ],
-)
-def test_a_rigid_slider_has_no_fronts(ask):
-    with pytest.raises(ss.InputError, match=r"^Rig\.slider = Slider\(.*needs an elastic slider; give a Chain"):
-        ask(RIGID)
+def test_a_rigid_slider_has_no_fronts():
+    names = ("front_threshold", "screening_length", "precursor_force", "modes", "critical_length")
+    for ask in (front(RIGID), *(lambda name=name: getattr(elastic, name)(RIGID) for name in names)):
+        with pytest.raises(ss.InputError, match=r"^Rig\.slider = Slider\(.*needs an elastic slider; give a Chain"):
+            ask()
 
 
 # ---------------------------------------------------------------- pictures
@@ -458,16 +439,6 @@ def test_pictures_are_what_they_were(passing, pulled):
     for name in ("precursors", "precursor_lengths", "slip_profiles"):
         assert_drawn(getattr(ss.plot, name)(pulled).figure, name)
     assert_drawn(ss.plot.overview(pulled), "overview_of_a_chain")
-
-
-def test_spacetime_of_the_velocity_is_in_decades_and_keeps_the_peaks_of_a_long_run(passing):
-    largest = pytest.approx(float(np.abs(passing["velocity"]).max()))
-    longer = passing.isel(time=np.repeat(np.arange(passing.sizes["time"]), 10))
-    for run in (passing, longer):
-        mesh = ss.plot.spacetime(run, "velocity").collections[0]
-        assert mesh.norm.vmax == mesh.get_array().max() == largest
-        assert mesh.norm.vmax / mesh.norm.vmin == pytest.approx(1e4)
-        assert mesh.get_array().size <= 1200 * 300
 
 
 def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
