@@ -205,7 +205,7 @@ def _cycles(trace: Trace, found: Slips) -> Cycles | None:
 
 
 def _trend(trace: Trace, found: Slips, cycles: Cycles | None, *, slips: bool) -> tuple[float, float]:
-    """Amplitude in the second half of the window over the first, and the error of its logarithm: 1 and 0 if unknown.
+    """Amplitude in the second half of the window over the first, and the error of its logarithm; NaN and 0 if unknown.
 
     From the drops, where they are slips or cycles; else from the range of each cycle, or, of what is neither, the
     fluctuation in parts of the window.
@@ -220,7 +220,7 @@ def _trend(trace: Trace, found: Slips, cycles: Cycles | None, *, slips: bool) ->
         sizes, times = np.array([np.ptp(part) if cycles else part.std() for part in parts]), edges[:-1]
     times, sizes = times[sizes > 0], np.log(sizes[sizes > 0])
     if sizes.size < FEWEST_CYCLES:
-        return 1.0, 0.0
+        return math.nan, 0.0
     at = (times - times.mean()) / (end - begin)
     change = slope(sizes, at)
     rest = without_line(sizes, at)

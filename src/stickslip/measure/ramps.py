@@ -121,7 +121,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
             if not inside.size:
                 why = f"less than a window of travel on the way {way}"
             elif inside.any() and not inside.all():
-                why = f"it goes on to the end of the way {way}, or was there before"
+                why = f"it does not {'end' if here.size else 'set in'} on the way {way}"
             notes.append(f"{' and '.join(missing)} not seen: {why}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
@@ -158,19 +158,19 @@ def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float, w
         swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
         loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
         period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
-        gone = cumulative_trapezoid(0.5 * trace.drive / (loading + trace.drive * period), trace.t, initial=0)
-        each = " of two cycles"
+        width = 2.0 * (loading + trace.drive * period)
     else:
-        window = number("window", window or _usual(run, rig, "window"), above=0, hint="in the unit of X")
-        gone, each = travel / window, f" of drive travel {window:g}"
+        width = number("window", window or _usual(run, rig, "window"), above=0, hint="in the unit of X") + 0.0 * travel
+    gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
+    said = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
         raise UndecidedError(
-            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows{each}: run it longer"
+            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 {said}: run it longer"
         )
     begin = np.arange(min(int(gone[-1] * _PARTS), trace.t.size)) / _PARTS
     begins = np.searchsorted(gone, begin)
     if begin.size == trace.t.size or np.any(np.diff(begins) < 1):
-        raise UndecidedError(f"transitions: fewer than {_PARTS} samples in some window{each}: record more often")
+        raise UndecidedError(f"transitions: fewer than {_PARTS} samples in some {said}: record more often")
     high, low = (
         extreme.reduce(np.lib.stride_tricks.sliding_window_view(extreme.reduceat(trace.force, begins), _PARTS), axis=1)
         for extreme in (np.maximum, np.minimum)
