@@ -679,29 +679,28 @@ def test_transitions_of_a_made_up_loop(up, down):
     assert found.attrs["notes"] == ""
 
 
-HALF, NOWHERE = slice(0, 400), (8.0, 9.0)
+BOTH, UP, DOWN, NOWHERE = slice(None), slice(0.0, 400.0), slice(400.01, None), (8.0, 9.0)
 
 
 @pytest.mark.parametrize(
-    ("data", "seen", "note"),
+    ("up", "down", "start", "part", "seen", "note"),
     [
-        (lambda: loop((1.4, 9.0), (0.7, 9.0)), {"v1": 1.4, "v1_down": 0.7}, "v2 not seen"),
-        (lambda: loop(NOWHERE, NOWHERE), {}, "no stick-slip all the way up"),
+        ((1.4, 9.0), (0.7, 9.0), 0.0, BOTH, {"v1": 1.4, "v1_down": 0.7}, "v2 not seen: it does not end"),
+        ((1.4, 9.0), (0.7, 9.0), 0.9, BOTH, {"v1": 1.4, "v1_down": 0.7}, "from the start"),
+        (NOWHERE, NOWHERE, 0.0, BOTH, {}, "no stick-slip all the way up"),
+        ((1.4, 2.4), (0.7, 2.0), 0.0, UP, {"v1": 1.4, "v2": 2.4}, "less than a window of travel on the way down"),
         (
-            lambda: loop((1.4, 2.4), (0.7, 2.0)).sel(time=HALF),
-            {"v1": 1.4, "v2": 2.4},
-            "less than a window of travel on the way down",
-        ),
-        (
-            lambda: loop((1.4, 2.4), (0.7, 2.0)).sel(time=slice(400.01, None)),
+            (1.4, 2.4),
+            (0.7, 2.0),
+            0.0,
+            DOWN,
             {"v1_down": 0.7, "v2_down": 2.0},
-            "less than a window of travel on the way up",
+            "less than a window of travel on the way",
         ),
-        (lambda: loop((1.4, 9.0), (0.7, 9.0), start=0.9), {"v1": 1.4, "v1_down": 0.7}, "from the start"),
     ],
 )
-def test_what_a_ramp_does_not_show_is_not_seen_and_why(data, seen, note):
-    found = transitions(data())
+def test_what_a_ramp_does_not_show_is_not_seen_and_why(up, down, start, part, seen, note):
+    found = transitions(loop(up, down, start=start).sel(time=part))
     for name in ("v1", "v2", "v1_down", "v2_down"):
         assert float(found[name]) == pytest.approx(seen.get(name, math.nan), abs=0.04, nan_ok=True)
     assert note in found.attrs["notes"]
@@ -712,29 +711,21 @@ def test_what_a_ramp_does_not_show_is_not_seen_and_why(data, seen, note):
 
 
 @pytest.mark.parametrize(
-    ("change", "options", "error", "words"),
+    ("ask", "error", "words"),
     [
-        (lambda d: d[["spring_force"]], {}, ss.InputError, "drive_velocity"),
-        (lambda d: d, {"level": 0.0}, ss.InputError, "level"),
-        (lambda d: d.assign(drive_velocity=d.drive_velocity - 1.0), {}, ss.InputError, "turns back"),
-        (lambda d: d.assign(spring_force=d.spring_force.assign_attrs(units="N")), {}, ss.InputError, "give level"),
-        (lambda d: d.assign(drive_velocity=d.drive_velocity * 0.0 + 1.0), {}, ss.UndecidedError, "keeps its velocity"),
-        (
-            lambda d: d.assign(drive_velocity=2.0 + np.sin(4 * np.pi * d.time / 800.0 - 0.5 * np.pi)),
-            {},
-            ss.UndecidedError,
-            "2 times",
-        ),
-        (lambda d: d.isel(time=slice(None, 300)), {}, ss.UndecidedError, "run it longer"),
-        (lambda d: d.isel(time=slice(None, None, 100)), {}, ss.UndecidedError, "record more often"),
-        # In the unit of a run: would be 1e12 windows and more.
-        (lambda d: d, {"window": 1e-9}, ss.UndecidedError, "record more often"),
-        (lambda d: d, {"window": 1e-30}, ss.UndecidedError, "record more often"),
+        (lambda d: transitions(d[["spring_force"]]), ss.InputError, "drive_velocity"),
+        (lambda d: transitions(d, level=0.0), ss.InputError, "level"),
+        (lambda d: transitions(d.assign(drive_velocity=d.drive_velocity - 1.0)), ss.InputError, "turns back"),
+        (lambda d: transitions(d.assign(drive_velocity=1.0 + 0.0 * d.time)), ss.UndecidedError, "keeps its velocity"),
+        (lambda d: transitions(d.assign(drive_velocity=2 - np.cos(d.time / 64))), ss.UndecidedError, "2 times"),
+        (lambda d: transitions(d.isel(time=slice(None, 300))), ss.UndecidedError, "run it longer"),
+        (lambda d: transitions(d.isel(time=slice(None, None, 100))), ss.UndecidedError, "record more often"),
+        (lambda d: transitions(d, window=1e-30), ss.UndecidedError, "record more often"),
     ],
 )
-def test_ramps_that_cannot_be_read_are_refused(change, options, error, words):
+def test_ramps_that_cannot_be_read_are_refused(ask, error, words):
     with pytest.raises(error, match=words):
-        transitions(change(loop((1.4, 2.4), (0.7, 2.0))), **options)
+        ask(loop((1.4, 2.4), (0.7, 2.0)))
 
 
 @pytest.fixture(scope="module")
