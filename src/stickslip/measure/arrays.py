@@ -74,24 +74,23 @@ class Trace:
             raise InputError(
                 "measure: need a Dataset with the variable spring_force along time; read a file with read_trace()"
             )
-        for name in ("time", *_VARIABLES.values()):
-            if name in data:
-                check_numbers("measure", data[name])
-        data = of_the_whole(data)
+        check_numbers("measure", data["time"])
         t = np.asarray(data["time"].values, dtype=float)
         if t.size < FEWEST_READINGS:
             raise InputError(
                 f"measure: {t.size} samples of spring_force are too few to judge; {FEWEST_READINGS} is the least"
             )
-        if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
-            raise InputError("measure: the times t must be finite and rising")
-        if not t[-1] - t[0] >= SMALLEST:
-            raise InputError(f"measure: the times span {t[-1] - t[0]:.3g} only; give them in another unit")
+        if not (np.all(np.isfinite(t)) and np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
+            raise InputError(
+                f"measure: the times must be finite and rising over {SMALLEST:g}, in another unit if need be"
+            )
         arrays: dict[str, Any] = dict.fromkeys(_VARIABLES)
         for key, name in _VARIABLES.items():
             if name not in data:
                 continue
-            arrays[key] = values = np.asarray(data[name].values, dtype=float)
+            check_numbers("measure", data[name])
+            along = data[name].mean("block") if "block" in data[name].dims else data[name]
+            arrays[key] = values = np.asarray(along.values, dtype=float)
             if values.shape != t.shape:
                 raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
             bad = np.flatnonzero(~np.isfinite(values))
@@ -167,15 +166,6 @@ class Trace:
 def in_words(value: float, unit: str, digits: int = 4) -> str:
     """A value with its unit, of time too."""
     return engineering(value, "time units" if unit == "time" else unit, digits)
-
-
-def of_the_whole(data: xr.Dataset) -> xr.Dataset:
-    """Return a run of an elastic slider with the means over its blocks; other data as they are."""
-    if "block" not in data.dims:
-        return data
-    return data.drop_vars([name for name in data.variables if "time" not in data[name].dims and name != "time"]).mean(
-        "block", keep_attrs=True
-    )
 
 
 def _contacts(data: xr.Dataset) -> int | None:
