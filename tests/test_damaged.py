@@ -53,16 +53,11 @@ def changed(whole, place, **attributes):
     return place
 
 
-@pytest.mark.parametrize("command", [["measure"], ["measure", "--json"], ["plot"]], ids=" ".join)
-@pytest.mark.parametrize(
-    "text",
-    ["x = ", 3, "x = " + "[" * 2000, "", "slider = 3", "i = " + "9" * 5000, [1.0, 2.0]],
-    ids=lambda t: str(t)[:9],
-)
-def test_a_damaged_rig(whole, tmp_path, check, command, text):
+@pytest.mark.parametrize("text", ["x = ", 3, "x = " + "[" * 2000, [1.0, 2.0]], ids=lambda t: str(t)[:9])
+def test_a_damaged_rig(whole, tmp_path, check, text):
     place = changed(whole, tmp_path / "run.nc", rig=text)
-    last = [tmp_path / "out.png"] if command == ["plot"] else []
-    check(command[0], place, *last, *command[1:], code=0)  # it is told from the provenance
+    check("measure", place, code=0)  # it is told from the provenance
+    check("plot", place, tmp_path / "out.png", code=0)
 
 
 def arguments(change):

@@ -534,8 +534,6 @@ ROWS = b"time,force\n" + b"".join(b"%.2f,%d\n" % (0.01 * i, i % 7) for i in rang
     ("sent", "content", "words"),
     [
         ({"name": "x.nc"}, b"\x89HDF\r\n\x1a\n" + bytes(100), "NetCDF"),
-        ({"name": "x.bin"}, bytes(range(256)) * 20, "binary"),
-        ({"name": "x.csv"}, b"hello\nworld\n", "no column of numbers"),
         ({"name": "../../x.csv"}, b"time,force\n1,2\n2,3\n", "too few"),
         *(({"options": {"force": name}}, ROWS, "no such column") for name in ("²", "9" * 5_000, "-1", "0")),
         ({"options": {"step": "1e-320"}}, ROWS, "nearer to 0"),

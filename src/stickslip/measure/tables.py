@@ -185,7 +185,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     start = next((i for i, row in full if _share(row, comma) == 1.0), None)
     if start is None:
         raise InputError(
-            f"line {content[0][0] + 1}, {shortened(content[0][1])!r}: found no column of numbers that begins by line "
+            f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found no column of numbers that begins by line "
             f"{head[-1][0] + 1}; it should hold a column of forces, without more text above it"
         )
     above = [line.lstrip().lstrip("#%/! ") for i, line in head if i < start]
@@ -251,7 +251,7 @@ def _as_wide(line: str, mark: str, width: int) -> list[str] | None:
     if mark in (_BLANKS, _BEFORE_NUMBERS):  # names may hold blanks: look for other marks first
         found = [_split(line, other) for other in ",;\t" if other in line]
         found += [re.split(blanks, line.strip()) for blanks in (r"\s{2,}", r"\s+(?![\[(])", r"\s+")]
-    found += [cells[:-1] for cells in found if simple(cells[-1]) in _REMARKS]
+    found += [cells[:-1] for cells in found if cells and simple(cells[-1]) in _REMARKS]
     return next((cells for cells in found if len(cells) == width), None)
 
 
