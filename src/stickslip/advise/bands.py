@@ -10,9 +10,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
-from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import Parameter
@@ -132,25 +129,17 @@ def factor_of(change: Change) -> Parameter:
 def stability_along(rig: Rig, change: Change, low: float, high: float) -> tuple[Band, ...]:
     """Ranges of the factor of a change, rising, in which smooth sliding is stable throughout, or not.
 
-    Stable ranges narrower than a sixteenth of a decade may be missed; unstable ones where theory has gaps.
+    Stable ranges narrower than a sixteenth of a decade may be missed.
     """
     factor, density = factor_of(change), _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
     try:
         found = search(factor, rig.natural, low, high, density=density, edges_only=True)
-        ends = [low, *(edge.value for edge in found.edges), high]
-        growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
-        kinds = ["unstable" if modes else "stable" for modes in growing]
     except (InputError, UndecidedError):  # at some value the theory cannot tell
-        values = np.geomspace(low, high, 2 + math.ceil(density * math.log10(high / low))).tolist()
-        told = [by_theory(factor.set(rig, value)) for value in values]
-        ends, kinds = [low], [told[0]]
-        for (left, one), (right, two) in pairwise(zip(values, told, strict=True)):
-            if one != two:
-
-                def has_changed(value: float, before: str = one) -> bool:
-                    return by_theory(factor.set(rig, value)) != before
-
-                ends.append(math.sqrt(math.prod(halved(has_changed, left, right, _NARROW))))
-                kinds.append(two)
-        ends.append(high)
+        if high < (1.0 + _NARROW) * low or all(by_theory(factor.set(rig, end)) == "unknown" for end in (low, high)):
+            return (Band(kind="unknown", low=low, high=high),)
+        middle = math.sqrt(low * high)
+        return joined([*stability_along(rig, change, low, middle), *stability_along(rig, change, middle, high)])
+    ends = [low, *(edge.value for edge in found.edges), high]
+    growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
+    kinds = ["unstable" if modes else "stable" for modes in growing]
     return tuple(Band(kind=kind, low=a, high=b) for kind, (a, b) in zip(kinds, pairwise(ends), strict=True))

@@ -268,12 +268,12 @@ class _Search:
     def _mitigation(self, change: Change, stops: float | None, keeps: float | None) -> Mitigation:
         """A change in the rig's own units, from factors."""
 
-        def values(factor: float | None) -> tuple[float, ...] | None:
-            return None if factor is None else tuple(self.rig.value(p) * factor**side for p, side in change)
+        def at(factor: float) -> tuple[float, ...]:
+            return tuple(self.rig.value(parameter) * factor**side for parameter, side in change)
 
         return Mitigation(
-            parameters=tuple(p.name for p, _ in change),
-            values=tuple(self.rig.value(p) for p, _ in change),
-            keeps=values(keeps),
-            stops=values(stops),
+            parameters=tuple(parameter.name for parameter, _ in change),
+            values=at(1.0),
+            keeps=at(keeps) if keeps else None,
+            stops=at(stops) if stops else None,
         )

@@ -29,7 +29,6 @@ _BY_THEORY = {
     "stable": "stable (linear, without noise)",
     "unknown": "not known",
 }
-_BAR: Any = {"height": 0.62, "linewidth": 0}
 
 
 @house_style()
@@ -114,18 +113,21 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
     ax.set_title("force at its speed", fontsize=8)
 
 
+def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
+    for low, high in ranges:
+        ax.barh(row, high - low, left=low, color=_COLOURS[kind], height=0.62, linewidth=0)
+
+
 def _margins(ax: Axes, answer: Prediction) -> None:
     """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
     stops = {each.parameters[0]: each for each in answer.mitigations if each.stops and len(each.parameters) == 1}
     names = list(dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops]))
     widest = 1.0
     for k, margin in enumerate(answer.margins):
-        colours = [_COLOURS["unstable"], *[_COLOURS["smooth sliding"]] * len(margin.stable)]
-        for (low, high), colour in zip(
-            np.array([margin.searched, *margin.stable]) / margin.value, colours, strict=True
-        ):
-            ax.barh(k, high - low, left=low, color=colour, **_BAR)
-            widest = max(widest, high, 1.0 / low)
+        (low, high), *stable = np.array([margin.searched, *margin.stable]) / margin.value
+        _bars(ax, k, [(low, high)], "unstable")
+        _bars(ax, k, stable, "smooth sliding")
+        widest = max(widest, high, 1.0 / low)
         for edge in (margin.lower, margin.upper):
             if edge is not None:
                 ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
@@ -155,10 +157,9 @@ def waves(answer: Any) -> Figure:
     rows = max(len(answer.waves), 1)
     figure = new_figure(PAGE, 1.4 + 0.3 * rows)
     ax = figure.add_subplot()
-    grows, decays = _COLOURS["unstable"], _COLOURS["smooth sliding"]
     for row, wave in enumerate(answer.waves):
-        for (begin, end), colour in [(answer.speeds_searched, decays), *((pair, grows) for pair in wave.speeds)]:
-            ax.barh(row, end - begin, left=begin, color=colour, **_BAR)
+        _bars(ax, row, [answer.speeds_searched], "smooth sliding")
+        _bars(ax, row, wave.speeds, "unstable")
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
     _axis_of_speeds(ax, answer)
     ax.set_ylim(rows - 0.5, -0.5)
@@ -166,6 +167,6 @@ def waves(answer: Any) -> Figure:
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
     figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
-    named = ((grows, "grows (linear)"), (decays, "decays"))
-    legend_below(figure, [Patch(facecolor=colour, label=name, **EDGE) for colour, name in named])
+    named = {"unstable": "grows (linear)", "smooth sliding": "decays"}
+    legend_below(figure, [Patch(facecolor=_COLOURS[kind], label=name, **EDGE) for kind, name in named.items()])
     return figure
