@@ -31,8 +31,8 @@ _DEARER = 10.0
 """How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
-_LONGEST, _MOST_RUNS = 80.0, 30
-"""For a run that is made twice as long, again and again, and those that tell noise from oscillation."""
+_LONGEST, _MOST_RUNS, _FOR_NOISE = 80.0, 30, 40.0
+"""For a run that is made twice as long, again and again; and for those that tell noise from oscillation."""
 NO_THEORY_OF_ARREST = (
     "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
     "are judged by runs"
@@ -152,7 +152,8 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
         affordable = _FIRST * dearer / cost_of(replace(rig, drive=drive)) * drive.duration
         fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity
         drive = constant(velocity, min(max(affordable, fewest), drive.duration))
-    return watch(replace(rig, drive=drive), Budget(_LONGEST * dearer), most=_MOST_RUNS, long=False, progress=progress)
+    case, budget = replace(rig, drive=drive), Budget(_LONGEST * dearer)
+    return watch(case, budget, most=_MOST_RUNS, spare=_FOR_NOISE, long=False, progress=progress)
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:

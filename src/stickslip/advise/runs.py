@@ -125,13 +125,21 @@ def _longer(case: Rig, lasts: float = 0.0) -> Rig:
 
 
 def watch(
-    case: Rig, budget: Budget, *, most: int = MOST_RUNS, long: bool = True, progress: Progress | None = None
+    case: Rig,
+    budget: Budget,
+    *,
+    most: int = MOST_RUNS,
+    spare: float = 0.0,
+    long: bool = True,
+    progress: Progress | None = None,
 ) -> tuple[Recording, Regime, Steady]:
     """What a run that ends at a constant speed shows, made longer until that can be told; the first is paid for.
 
-    Of a linearly stable rig that does not look smooth, further runs tell an oscillation from the noise of its contacts.
+    Of a linearly stable rig that does not look smooth, further runs, with what is to `spare` for them, tell an
+    oscillation from the noise of its contacts.
     """
     run, seen = _until_told(case, budget, most, long, progress)
+    budget.left += spare
     few = isinstance(case.method, Contacts)
     if seen.kind == "smooth sliding" or not few or by_theory(run.rig) != "stable":
         return run, seen, "stays"
