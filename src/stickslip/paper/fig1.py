@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 from scipy.signal import argrelmax, argrelmin
 
 import stickslip as ss
@@ -188,13 +187,15 @@ def _sketch(ax: Axes) -> None:
     """The model: a slider pulled by a spring over contacts, each a spring that breaks."""
     ax.set(xlim=(0, 10), ylim=(0, 3.2))
     ax.axis("off")
-    box: dict[str, Any] = {"edgecolor": plot.BLACK, "linewidth": 0.7}
-    ax.add_patch(Rectangle((0.2, 0.0), 9.6, 0.5, facecolor="#D9D9D9", **box))
-    ax.add_patch(Rectangle((0.6, 1.7), 5.6, 1.1, facecolor=plot.SKY, alpha=0.5, **box))
-    for foot in np.arange(1.2, 5.7, 1.1):
-        _spring(ax, foot - 0.25 + 0.5j, foot + 0.15 + 1.7j, plot.VERMILLION)
-        ax.plot(foot - 0.25, 0.5, "o", color=plot.VERMILLION, markersize=2.5)
-    _spring(ax, 6.2 + 2.25j, 8.4 + 2.25j, plot.BLACK)
+    base, slider = (5.0, 0.5, 9.6, 0.0, "#D9D9D9"), (3.4, 1.1, 5.6, 1.7, "#AADAF4")
+    for *box, colour in (base, slider):
+        ax.bar(*box, color=colour, edgecolor=plot.BLACK, linewidth=0.7)
+    along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])  # a spring, and its zigzag
+    aside = np.array([0.0, 0.0, 0.13, -0.13, 0.13, -0.13, 0.13, -0.13, 0.0, 0.0])
+    for foot in np.arange(0.95, 5.4, 1.1):
+        ax.plot(foot + 0.4 * along + aside, 0.5 + 1.2 * along, color=plot.VERMILLION, linewidth=0.8)
+        ax.plot(foot, 0.5, "o", color=plot.VERMILLION, markersize=2.5)
+    ax.plot(6.2 + 2.2 * along, 2.25 + aside, color=plot.BLACK, linewidth=0.8)
     arrow = {"arrowstyle": "-|>", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "color": plot.BLACK}
     ax.annotate("", (9.4, 2.25), (8.4, 2.25), arrowprops=arrow)
     for x, y, words, side in (
@@ -205,15 +206,6 @@ def _sketch(ax: Axes) -> None:
         (9.45, 2.25, r"$v_\mathrm{d}$", "left"),
     ):
         ax.text(x, y, words, ha=side, va="center", fontsize=8)
-
-
-def _spring(ax: Axes, start: complex, end: complex, colour: str) -> None:
-    """A zigzag from one point of the plane to another."""
-    along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])
-    aside = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0]) * 0.13
-    way = end - start
-    places = start + way * along + 1j * way / abs(way) * aside
-    ax.plot(places.real, places.imag, color=colour, linewidth=0.8)
 
 
 FIGURE = Figure(__name__, __doc__, 3.6, _data, _drawing, _scatter, _limit, _steady_start, _delta_start)

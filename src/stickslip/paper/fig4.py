@@ -73,9 +73,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         return theory.driving_force(rig.interface, rig.slider, FIG4.velocity)
 
     seen = grid(run, first, solver=_SOLVERS, stiffness=STIFFNESSES, delay=_DELAYS)
-    traces = (
-        seen[_TRACES].sel(solver="contacts", delay=[*_SHOWN_DELAYS]).drop_vars("solver").rename(delay="shown_delay")
-    )
+    traces = seen[_TRACES].sel(solver="contacts", drop=True)
     of_smooth = "mean spring force in smooth sliding, closed form, per contact [f_s]"
     of_period = "coefficient of variation of the period, K = 2 k, delay .2 [1]"
     return dataset(
@@ -87,10 +85,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "mean_force_smooth": (table(smooth, stiffness=STIFFNESSES, delay=_DELAYS), of_smooth),
             "period_scatter": (grid(scatter, second, contacts=counts)["scatter"], of_period),
         },
-        {
-            "stiffness": (STIFFNESSES, "stiffness of the driving spring, per contact [k]"),
-            "shown_delay": (_SHOWN_DELAYS, "delay [time]"),
-        },
+        {"stiffness": (STIFFNESSES, "stiffness of the driving spring, per contact [k]")},
         count=FIG4.contacts,
     )
 
@@ -169,13 +164,13 @@ def _strictly_periodic(data: xr.Dataset) -> Claim:
 def _drawing(picture: Picture, data: xr.Dataset) -> None:
     upper, lower = picture.subfigures(2, 1, height_ratios=(1.0, 2.0), squeeze=False)[:, 0]
     left, right = upper.subplots(1, 2, sharey=True)
-    _draw_without_delay(left, data.sel(stiffness=STIFFNESSES[0], shown_delay=0.0)).tick_params(labelright=False)
+    _draw_without_delay(left, data.sel(stiffness=STIFFNESSES[0], delay=0.0)).tick_params(labelright=False)
     left.set_ylabel(plot.label(data["spring_force"]), color=plot.BLUE)
-    second = _draw_without_delay(right, data.sel(stiffness=STIFFNESSES[1], shown_delay=0.0))
+    second = _draw_without_delay(right, data.sel(stiffness=STIFFNESSES[1], delay=0.0))
     second.set_ylabel(plot.label(data["velocity"]), color=plot.VERMILLION)
     panels = lower.subplots(len(_SHOWN_DELAYS), len(STIFFNESSES), sharex=True, sharey=True)
     for (i, delay), (j, stiffness) in itertools.product(enumerate(_SHOWN_DELAYS), enumerate(STIFFNESSES)):
-        ax, case = panels[i, j], data.sel(stiffness=stiffness, shown_delay=delay, delay=delay, solver="contacts")
+        ax, case = panels[i, j], data.sel(stiffness=stiffness, delay=delay, solver="contacts")
         ax.plot(case["time"], case["spring_force"], color=plot.BLUE, linewidth=0.9)
         words = rf"$\tau_\mathrm{{d}}$ = {delay:g},  {case['kind'].item()} at the end"
         ax.text(1.0, 1.0, words, transform=ax.transAxes, ha="right", va="bottom", fontsize=8)
