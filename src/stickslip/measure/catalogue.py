@@ -13,7 +13,7 @@ from stickslip.errors import number, printable
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import find_strokes
 from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips, mean_and_std
-from stickslip.measure.verdict import Regime, over_the_window, since, with_coefficient
+from stickslip.measure.verdict import Regime, judged
 from stickslip.words import prefixed
 
 if TYPE_CHECKING:
@@ -88,10 +88,9 @@ def regime_and_drops(
     """Return what `regime` and `drops` do, from one look at the data."""
     import xarray as xr
 
-    trace = since(Trace.of(data), after)
     if minimum_drop is not None:
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
-    seen = with_coefficient(over_the_window(trace, whole=after is None), data)
+    trace, seen = judged(data, after)
     parts = (find_strokes(trace) if trace.drive is None else []) or [trace]
     tables = [_table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts]
     each = np.repeat(np.arange(len(tables)), [table.sizes["event"] for table in tables])

@@ -77,9 +77,6 @@ class Segment:
     end: float
 
 
-Parts = tuple[Segment, ...]
-
-
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Regime(Answer):
     """The regime of motion in a stretch of constant driving, with the evidence; it equals its own `kind`.
@@ -244,36 +241,31 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     InputError
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
-    return with_coefficient(over_the_window(since(Trace.of(data), after), whole=after is None), data)
-
-
-def with_coefficient(seen: Regime, data: xr.Dataset) -> Regime:
-    """Add the coefficient of friction where the data hold one; its size, as it changes sign with the direction."""
-    if "mu" not in data or data["mu"].dims != ("time",):
-        return seen
-    size = abs(data["mu"])
-    inside = size.sel(time=slice(*seen.window))
-    return replace(seen, mean_mu=float(inside.mean()), static_mu=float(size.max()))
+    return judged(data, after)[1]
 
 
 def regime_of(run: Recording) -> Regime:
     """Return the regime of a run that has not become a Dataset; the same as of the Dataset."""
-    return over_the_window(Trace.of_recording(run))
+    return _over_the_window(Trace.of_recording(run))
 
 
-def since(trace: Trace, after: float | None) -> Trace:
-    """What comes after a time, if one is given; `InputError` if that is next to nothing."""
-    if after is None:
-        return trace
-    late = trace.part(begin := number("after", after, hint="a time, in the unit of t"))
-    if late.t.size < FEWEST_READINGS:
-        raise InputError(
-            f"after = {begin:g}: fewer than {FEWEST_READINGS} samples lie after it; the data end at t = {trace.t[-1]:g}"
-        )
-    return late
+def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
+    """The trace that data hold, or what comes after a time, and its regime; a coefficient of friction by its size."""
+    trace = Trace.of(data)
+    if after is not None:
+        end, trace = trace.t[-1], trace.part(begin := number("after", after, hint="a time, in the unit of t"))
+        if trace.t.size < FEWEST_READINGS:
+            least = f"fewer than {FEWEST_READINGS} samples lie after it"
+            raise InputError(f"after = {begin:g}: {least}; the data end at t = {end:g}")
+    seen = _over_the_window(trace, whole=after is None)
+    if "mu" in data and data["mu"].dims == ("time",):
+        size = abs(data["mu"])  # it changes sign with the direction
+        inside = size.sel(time=slice(*seen.window))
+        seen = replace(seen, mean_mu=float(inside.mean()), static_mu=float(size.max()))
+    return trace, seen
 
 
-def over_the_window(trace: Trace, *, whole: bool = True) -> Regime:
+def _over_the_window(trace: Trace, *, whole: bool = True) -> Regime:
     """Choose the window in all of the data, or take what was chosen, and judge it; of a bench, with notes."""
     if trace.drive is None:
         return _of_a_bench(trace, whole=whole)
@@ -341,15 +333,27 @@ def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -
     found = find_slips(trace) if found is None else found
     seen = gather(trace, found)
     stuck, drive = None, None if trace.drive is None else float(trace.drive.mean())
+    largest = float(trace.velocity.max()) / drive if trace.velocity is not None and drive else None
     if trace.velocity is not None and drive:
         stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    kind, reason, segments = _verdict(trace, found, seen, stuck, in_parts=in_parts)
+    kind, reason, segments = OPEN, _fault(trace, found), tuple[Segment, ...]()
+    if not reason:
+        facts, said = seen.facts, _in_words(trace, seen, stuck)
+        if in_parts and "cycles" in facts and facts & {"slips", "periodic"}:
+            if "paused" in facts and (segments := _around_pauses(trace, found, seen.tests["paused"])):
+                facts, said["parts"] = facts | {"turns"}, _parts_in_words(trace, segments)
+            elif "shrinks" in facts and (step := _step(trace, found)):
+                facts, said["how"] = facts - {"shrinks"}, f"{said['how']}; {step}"
+        kind, reason = next(
+            (kind, reason.format_map(said))
+            for conditions, kind, reason in RULES
+            if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
+        )
     slips = fast_ones(trace, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
     if seen.cycles and kind != SMOOTH:
         count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
-    largest = float(trace.velocity.max()) / drive if trace.velocity is not None and drive else None
     return Regime(
         kind=kind,
         reason=reason,
@@ -374,27 +378,6 @@ def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -
         table=tuple(seen.tests.values()),
         segments=segments,
     )
-
-
-def _verdict(
-    trace: Trace, found: Slips, seen: Evidence, stuck: float | None, *, in_parts: bool
-) -> tuple[Kind, str, Parts]:
-    """Kind, reason and parts, by the first rule that fits."""
-    if fault := _fault(trace, found):
-        return OPEN, fault, ()
-    segments: Parts = ()
-    facts, said = seen.facts, _in_words(trace, seen, stuck)
-    if in_parts and "cycles" in facts and facts & {"slips", "periodic"}:
-        if "paused" in facts and (segments := _around_pauses(trace, found, seen.tests["paused"])):
-            facts, said["parts"] = facts | {"turns"}, _parts_in_words(trace, segments)
-        elif "shrinks" in facts and (step := _step(trace, found)):
-            facts, said["how"] = facts - {"shrinks"}, f"{said['how']}; {step}"
-    kind, reason = next(
-        (kind, reason)
-        for conditions, kind, reason in RULES
-        if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
-    )
-    return kind, reason.format_map(said), segments
 
 
 def _fault(trace: Trace, found: Slips) -> str:
@@ -461,7 +444,7 @@ def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, ob
     }
 
 
-def _around_pauses(trace: Trace, found: Slips, pause: Criterion) -> Parts:
+def _around_pauses(trace: Trace, found: Slips, pause: Criterion) -> tuple[Segment, ...]:
     """The parts of a record with pauses among its slips, each judged by itself; none if they are of one kind."""
     limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
     waits = np.diff(limits)
@@ -484,7 +467,7 @@ def _around_pauses(trace: Trace, found: Slips, pause: Criterion) -> Parts:
     return merged if len(merged) > 1 and {each.kind for each in merged} & {SLIPS, LASTS} else ()
 
 
-def _parts_in_words(trace: Trace, segments: Parts) -> str:
+def _parts_in_words(trace: Trace, segments: tuple[Segment, ...]) -> str:
     if len(segments) > FEWEST_CYCLES:
         return f"slips and pauses take turns, in {len(segments)} parts: judge each by itself"
     ends = [f" up to t = {trace.time_in_words(segment.end)}" for segment in segments[:-1]]
