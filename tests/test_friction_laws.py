@@ -241,15 +241,6 @@ def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_dampin
 # ---------------------------------------------------------------- steps of contacts
 
 
-def test_a_finite_step_of_contacts():
-    for interface, rise, end in ((THERMAL, 0.00955, 0.00447), (AGEING, 0.00943, -0.00461)):
-        _, force = finite_step(interface, 1.0, 10.0, 6.0)
-        assert force.max() / math.log(10) == pytest.approx(rise, rel=0.01)
-        assert force[-1] / math.log(10) == pytest.approx(end, rel=0.02)
-        change = ss.kinetic_friction(interface, 10.0) - ss.kinetic_friction(interface, 1.0)
-        assert force[-1] == pytest.approx(change, abs=2e-4)
-
-
 def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
     """It lags behind by the force over the stiffness."""
     rigid, force = finite_step(AGEING, 1.0, 10.0, 2.0)
