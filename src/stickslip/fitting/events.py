@@ -48,7 +48,7 @@ class Events(Answer):
     noise: float  #: standard deviation, from sample to sample
     resolution: float  #: step of the recording; 0 if there is none
     doubled: int  #: how many slips are at least twice as large
-    gap: int = 0  #: longest run of samples that were interpolated
+    gap: int = 0  #: longest run of samples that are missing, or were interpolated
     force_unit: str = ""  #: empty where the trace does not say
     time_unit: str = ""
     source: str = ""
@@ -198,9 +198,7 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
             f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, resolution {step:.2g}): "
             f"at least {FEWEST} slips are needed; stick-slip shows more, or --smallest is too large"
         )
-    filled = np.asarray(kept["filled"].values) if "filled" in kept else np.zeros(force.size, dtype=bool)
-    runs = np.diff(np.flatnonzero(np.concatenate([[True], ~filled, [True]]))) - 1
-    steps = np.diff(read.t)
+    steps = np.diff(read.t[~kept["filled"].values] if "filled" in kept else read.t)
     load = np.asarray(kept["load"].values, dtype=float) if "load" in kept else np.ones(1)
     return Events(
         time=read.t,
@@ -211,7 +209,7 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
         noise=noise,
         resolution=step,
         doubled=len(picked(PLATEAU * smallest)[0]),
-        gap=max(int(runs.max()), round(float(steps.max() / np.median(steps))) - 1),
+        gap=round(float(steps.max() / np.median(steps))) - 1,
         force_unit=read.force_unit,
         time_unit=read.time_unit,
         source=str(trace.attrs.get("source", "")),

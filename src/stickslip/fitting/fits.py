@@ -335,27 +335,16 @@ def fit(
         notes=(),
         strengthening=bench.strengthening_of(holds) if holds else None,
     )
+    surprises = [name for name, p in found.p_values.items() if p < LOW]
+    worth_saying = {
+        f"the trace lies at the edge of what the model makes ({sample.edge:.3g} percentile, above {EDGE:g}): the draws "
+        "were not moved by a regression, and the intervals are wider than need be": not sample.adjusted,
+        **{f"{one.title}: at a bound of its prior": one.verdict == "at a bound" for one in found.parameters},
+        f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
+        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
+        "N is an effective number of independent strength units, inferred from the scatter; not a count of "
+        "asperities": found["contacts"].high < 100,
+    }
+    notes += [words for words, worth in worth_saying.items() if worth]
     delays = bench.delays_of(found.values, found.draws("breaking_displacement"), speeds) if speeds else None
-    return replace(found, notes=(*notes, *_worth_saying(found)), delays=delays)
-
-
-def _worth_saying(found: Fit) -> list[str]:
-    """What a reader should know of a fit."""
-    notes = []
-    if not found.sample.adjusted:
-        notes.append(
-            f"the trace lies at the edge of what the model makes ({found.sample.edge:.3g} percentile, above {EDGE:g}): "
-            "the draws were not moved by a regression, and the intervals are wider than need be"
-        )
-    notes += [f"{one.title}: at a bound of its prior" for one in found.parameters if one.verdict == "at a bound"]
-    if surprises := [name for name, p in found.p_values.items() if p < LOW]:
-        notes.append(
-            f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
-            f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}"
-        )
-    if found["contacts"].high < 100:
-        notes.append(
-            "N is an effective number of independent strength units, inferred from the scatter; not a count of "
-            "asperities"
-        )
-    return notes
+    return replace(found, notes=tuple(notes), delays=delays)

@@ -306,17 +306,16 @@ class Uncertain(Answer):
     """How often smooth sliding is unstable, over the draws of a fitted rig (linear stability)."""
 
     draws: int
-    speeds: tuple[float, ...]  #: in the rig's own units; the middle one is its own
+    speeds: tuple[float, ...]  #: in m/s; the middle one is its own
     unstable: tuple[float, ...]  #: fraction of the draws for which smooth sliding is unstable at each speed
     undecided: tuple[float, ...]  #: fraction of the draws that theory does not tell
     reason: str = ""  #: why theory does not tell
-    speed_unit: str = "m/s"
 
     def __str__(self) -> str:
         if min(self.undecided) == 1.0:
             return f"Not judged over the draws: {self.reason}"
         pairs = zip(self.unstable, self.speeds, strict=True)
-        each = ", ".join(f"{100 * part:.0f} % at {engineering(v, self.speed_unit, 2)}" for part, v in pairs)
+        each = ", ".join(f"{100 * part:.0f} % at {engineering(v, 'm/s', 2)}" for part, v in pairs)
         untold = f" (up to {100 * max(self.undecided):.0f} % not told)" if any(self.undecided) else ""
         return (
             f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in "

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError, UndecidedError, number, numbers, shown
+from stickslip.errors import InputError, UndecidedError, number, numbers
 from stickslip.measure.arrays import Array
 from stickslip.model.records import Number, Record
 
@@ -124,10 +124,3 @@ class RateAndState(Record):
 
     def __str__(self) -> str:
         return f"{self.law} law, a = {self.a:.4g}, b = {self.b:.4g}, D = {self.distance:.4g}"
-
-
-def laws_to_fit(law: Literal["best"] | Law) -> tuple[Law, ...]:
-    """The laws that are tried where one of them, or the best, is asked for."""
-    if law not in ("best", *LAWS):
-        raise InputError(f"law = {shown(law)}: must be 'best', 'ageing' or 'slip'")
-    return LAWS if law == "best" else (law,)

@@ -19,7 +19,7 @@ from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, small_step
 from stickslip.rate_state.experiments import Step, velocity_step_in
 from stickslip.rate_state.fitting import Estimate, least_squares
-from stickslip.rate_state.laws import Law, RateAndState, laws_to_fit
+from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.sliding import kinetic_friction
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def fit_rate_and_state(
     step = data if isinstance(data, Step) else velocity_step_in(data, at=at, before=before, after=after, span=span)
     spring = None if stiffness is None else number("stiffness", stiffness, above=0, hint="friction per displacement")
     found, failed = [], []
-    for one in laws_to_fit(law):
+    for one in LAWS if law == "best" else (law,):
         try:
             found.append(_fit_law(step, one, spring, trend=trend))
         except UndecidedError as error:

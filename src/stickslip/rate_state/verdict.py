@@ -17,7 +17,7 @@ from stickslip.model.records import Number, rescaled
 from stickslip.model.units import si_unit
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
 from stickslip.rate_state.fitting import Estimate, Fit, least_squares
-from stickslip.rate_state.laws import Law, RateAndState, laws_to_fit
+from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
 from stickslip.words import engineering
@@ -174,7 +174,7 @@ def rate_and_state(
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     step = number("step", step, above=1, hint="ratio of the velocities")
-    laws, ageing = laws_to_fit(law), interface.ageing
+    laws, ageing = LAWS if law == "best" else (law,), interface.ageing
     if respond(interface).inert:
         raise InputError(
             "rate_and_state: the friction force does not change with the velocity: without temperature, ageing and "
