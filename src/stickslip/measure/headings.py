@@ -11,16 +11,11 @@ from stickslip.words import PREFIXES
 
 Quantity = Literal["force", "load", "coefficient", "time", "displacement", "other", ""]
 
-_KINDS: dict[str, dict[str, int]] = {
-    "force": {"kg": 1, "m": 1, "s": -2},
-    "time": {"s": 1},
-    "length": {"m": 1},
-    "stress": {"kg": 1, "m": -1, "s": -2},
-    "velocity": {"m": 1, "s": -1},
-    "temperature": {"K": 1},
-}
+_KINDS = {"force": "N", "time": "s", "length": "m", "stress": "Pa", "velocity": "m/s", "temperature": "K"}
+"""The SI unit of each kind of quantity."""
 _WORDS: dict[str, tuple[str, float]] = {
-    **dict.fromkeys(("sek", "sekunden"), ("time", 1.0)),
+    "sek": ("time", 1.0),
+    "sekunden": ("time", 1.0),
     "minuten": ("time", 60.0),
     "stunden": ("time", 3600.0),
     **dict.fromkeys(("volt", "volts"), ("signal", 1.0)),
@@ -45,12 +40,7 @@ _NAMES: dict[Quantity, str] = {
 }
 _NAMED: dict[str, Quantity] = {name: quantity for quantity, names in _NAMES.items() for name in names.split(", ")}
 _TOLD_BY_UNIT: dict[str, Quantity] = {"force": "force", "time": "time", "length": "displacement"}
-_FRICTION_IN: dict[str, Quantity] = {
-    **dict.fromkeys(("force", "stress"), "force"),
-    **dict.fromkeys(("length", "time"), "other"),
-    "number": "coefficient",
-}
-"""What friction is by its unit, whatever it is called."""
+_FRICTION_IN: dict[str, Quantity] = {"number": "coefficient", "length": "other", "time": "other"}
 _UNITS_OF = {"time": ("time",), "force": ("force", "stress"), "load": ("force", "stress"), "displacement": ("length",)}
 
 _BRACKET = re.compile(r"(?P<name>.+?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
@@ -68,12 +58,7 @@ def unit_named(text: str) -> tuple[str, float] | None:
     found = unit_size(plain) or (unit_size(plain.lower()) if len(plain) > 1 else None)  # Newton, MIN, but no "S"
     if found is None or plain == "d":  # which names a displacement rather than days
         return None
-    return next(((kind, found[0]) for kind, parts in _KINDS.items() if parts == found[1]), None)
-
-
-def is_unit(word: str) -> bool:
-    """Whether a word is a unit, be it of what no bench measures."""
-    return bool(unit_named(word) or unit_size(word))
+    return next(((kind, found[0]) for kind, si in _KINDS.items() if unit_size(si) == (1.0, found[1])), None)
 
 
 def ratio(unit: str, of: str) -> float | None:
@@ -115,7 +100,7 @@ class Heading(NamedTuple):
         if kind in ("temperature", "frequency", "angle", "velocity"):
             return "other"
         if named in ("force", "coefficient"):
-            return _FRICTION_IN.get(kind, named)
+            return _FRICTION_IN.get(kind, "force" if kind in _UNITS_OF["force"] else named)
         return named or _TOLD_BY_UNIT.get(kind, "")
 
     def __str__(self) -> str:
@@ -139,8 +124,5 @@ def units_in(cells: Sequence[str], *, below_names: bool) -> list[str]:
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
     """Give a bare friction column the unit 1: without a unit where the others have theirs, it is a coefficient."""
-    carried = sum(bool(heading.unit) for heading in headings) >= 2
-    return [
-        Heading(each.name, "1") if carried and not each.unit and simple(each.name) == "friction" else each
-        for each in headings
-    ]
+    bare = Heading("friction") if sum(bool(heading.unit) for heading in headings) >= 2 else None
+    return [Heading(name, "1") if (simple(name), unit) == bare else Heading(name, unit) for name, unit in headings]

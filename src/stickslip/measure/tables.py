@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import Array
-from stickslip.measure.headings import Heading, is_unit, ratio, simple, unit_named, units_in, with_coefficients
+from stickslip.measure.headings import Heading, ratio, simple, unit_named, units_in, with_coefficients
+from stickslip.model.quantities import unit_size
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,7 +102,7 @@ def _is_number(cell: str, comma: bool = False) -> bool | None:
     if cell.strip().lower() in _NO_VALUE:
         return None
     value, unit = read_cell(cell, comma)
-    return value is not None and (not unit or any(map(is_unit, unit.split())))
+    return value is not None and (not unit or any(unit_named(word) or unit_size(word) for word in unit.split()))
 
 
 def _share(cells: Iterable[str], comma: bool = False) -> float:
