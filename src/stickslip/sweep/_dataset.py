@@ -92,11 +92,11 @@ def run_cases(
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     values = {name: axis_values(name, given) for name, given in axes.items()}
-    attributes = {name: dict(getattr(given, "attrs", {})) for name, given in axes.items()}
-    for name, given in options.attributes.items():
-        attributes[name] = attributes.get(name, {}) | dict(given)
+    brought = {
+        name: {**getattr(given, "attrs", {}), **options.attributes.get(name, {})} for name, given in axes.items()
+    }
     cases = math.prod(map(len, values.values()))
-    options = replace(options, attributes=attributes)
+    options = replace(options, attributes={**options.attributes, **brought})
     where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
     with started(function, list(values), cases, {"axes": values}, **where) as runner:
         runner.run(_keys_of(runner.table))

@@ -148,11 +148,9 @@ def refine(
     branches = combinations(each)
     search = {
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
-        "each": each,
         "label": label,
-        "runs": refinement.runs,
-        "resolution": refinement.resolution,
-        "together": refinement.together,
+        **vars(refinement),
+        "each": each,
     }
     where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
     with started(function, [*spans, *each], refinement.runs * len(branches), {"search": search}, **where) as runner:
@@ -265,13 +263,14 @@ def _triangles(points: Iterable[Point]) -> list[list[Point]]:
 
 
 def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
-    if len(box) != 2:
-        raise InputError(f"box = {dict(box)!r}: must name two axes")
-    spans = {}
-    for name, given in box.items():
+    for name in box:
         check_name("box", name)
-        try:
-            spans[name] = given if isinstance(given, Span) else Span(low=given[0], high=given[1])
-        except (TypeError, IndexError):
-            raise InputError(f"box[{name!r}] = {given!r}: must be (low, high) or a Span") from None
+    try:
+        spans = {
+            name: each if isinstance(each, Span) else Span(low=each[0], high=each[1]) for name, each in box.items()
+        }
+    except (TypeError, IndexError):
+        spans = {}
+    if len(spans) != 2:
+        raise InputError(f"box = {dict(box)!r}: must name two axes, each with (low, high) or a Span")
     return spans

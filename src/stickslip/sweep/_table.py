@@ -131,8 +131,12 @@ class Table:
         if _HEAD not in self.rows:
             raise _damaged(path, "its head is missing")
         stored = json.loads(self.rows.pop(_HEAD))
-        if self.head:
-            _check_identity(path, stored["identity"], self.head["identity"])
+        here, there = self.head.get("identity", stored["identity"]), stored["identity"]
+        if differs := [part for part in {**here, **there} if there.get(part) != here.get(part)]:
+            raise InputError(
+                f"store = {str(path)!r}: holds another sweep; what differs: {', '.join(differs)}. Choose another "
+                "store, or delete this one to start afresh"
+            )
         self.head = self.head or stored
 
 
@@ -171,14 +175,6 @@ def _is_there(path: Path) -> bool:
 
 def _checksum(key: str, row: str) -> str:
     return hashlib.blake2b(f"{key}\n{row}".encode(), digest_size=8).hexdigest()
-
-
-def _check_identity(path: Path, there: Mapping[str, str], here: Mapping[str, str]) -> None:
-    if differs := [part for part in {**here, **there} if there.get(part) != here.get(part)]:
-        raise InputError(
-            f"store = {str(path)!r}: holds another sweep; what differs: {', '.join(differs)}. Choose another store, or "
-            "delete this one to start afresh"
-        )
 
 
 def _damaged(path: Path, how: str) -> InputError:

@@ -16,7 +16,6 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +25,7 @@ import numpy as np
 from stickslip.errors import InputError, instance, number, sequence, shown, together, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
-from stickslip.io.keys import Key
+from stickslip.io.keys import Key, Sign
 from stickslip.io.rig_keys import methods_with
 from stickslip.io.tables import read_toml, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
@@ -38,12 +37,10 @@ from stickslip.sweep._executors import Workers
 from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._run import Options, Progress, Runs, check_size
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
-from stickslip.words import engineering
 
 if TYPE_CHECKING:
     import xarray as xr
 
-EXAMPLE = "`stickslip new phase_diagram`"
 SHORTEST = 120.0
 """``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""
 NOTE = "sweep"
@@ -55,6 +52,7 @@ OTHERS = {
 }
 """What can be an axis besides the parameters of a rig."""
 _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
+_SIGNS: tuple[Sign, Sign] = ("above 0", "at least 0")
 _SPACING = Key("linear", choices=("linear", "log"))
 
 
@@ -251,7 +249,7 @@ _LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
 def read_plan(path: str | os.PathLike[str]) -> Plan:
     """Read a sweep file, and the rig file that it may name."""
     source = Path(path)
-    return from_document(read_toml(source, "sweep file", EXAMPLE), source.name, source.parent)
+    return from_document(read_toml(source, "sweep file", "`stickslip new phase_diagram`"), source.name, source.parent)
 
 
 def from_document(document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()) -> Plan:
@@ -259,7 +257,7 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     try:
         _check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
         axes, run = document.get("axes", {}), document.get("run", {})
-        _check_axes(axes)
+        _check_keys(axes, (*BY_NAME, *OTHERS), "axes")
         _check_keys(run, (*_SIMULATED, *_LASTING), "run")
         refinement = None
         if "refine" in document:
@@ -353,21 +351,9 @@ class _AxisReader:
             return _START.read(value, place, natural=True)
         if name in OTHERS:
             return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
-        parameter, rig = BY_NAME[name], self.rig
-        key = Key(1.0)
-        if parameter.unit != "1":
-            unit = rig.unit_name(parameter.unit)
-            key = Key(f"1 {unit}", unit=parameter.unit, sign="at least 0" if parameter.zero else "above 0")
-            with suppress(InputError):  # the rig has none: the plan will say so
-                key = replace(key, example=engineering(rig.value(name), unit, 3))
+        unit, sign = BY_NAME[name].unit, _SIGNS[BY_NAME[name].zero]
+        key = Key(1.0) if unit == "1" else Key(f"2 {self.rig.unit_name(unit)}", unit=unit, sign=sign)
         return self.quantity(key, value, place)
-
-
-def _check_axes(content: object) -> None:
-    """Refuse what is no table of axes: parameters, those registered since then included, and `OTHERS`."""
-    _check_keys(content, (*BY_NAME, *OTHERS), "axes")
-    if not content:
-        raise InputError(f"axes: must hold at least one of {', '.join((*BY_NAME, *OTHERS))}")
 
 
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
@@ -403,7 +389,7 @@ def _plan(
     from_python: bool = False,
 ) -> Plan:
     """Make a plan of a rig with its method and start."""
-    _check_axes(axes)
+    _check_keys(axes, (*BY_NAME, *OTHERS), "axes")  # parameters registered since then included
     most = whole("run.max_cases", runs.max_cases, at_least=1)
     reader = _AxisReader(rig=rig, most=most, from_python=from_python)
     values = {each: reader.axis(each, given) for each, given in axes.items()}
