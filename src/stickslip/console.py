@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, printable
-from stickslip.progress import bar, log_of
+from stickslip.progress import bar
 
 if TYPE_CHECKING:
     from stickslip.advise import ElasticPrediction, Prediction
@@ -70,17 +70,13 @@ def working(title: str) -> Iterator[Callable[[float], None]]:
 @contextmanager
 def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
     """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
-    if sys.stderr.isatty():
-        with bar(title) as shown_bar:
-            yield lambda p: shown_bar(p.finished / p.total)
-        return
-    write = log_of(title, 0.0, 30.0)
+    with bar(title, first=0.0, every=30.0) as report:
 
-    def line(p: Progress) -> None:
-        words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
-        write(words, (p.finished - p.found) / max(p.total - p.found, 1) if p.finished < p.total else 1.0)
+        def tell(p: Progress) -> None:
+            words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
+            report(p.finished / p.total, words, p.found / p.total)
 
-    yield line
+        yield tell
 
 
 @contextmanager

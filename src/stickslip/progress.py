@@ -20,19 +20,14 @@ def part(report: Progress, begin: float, end: float) -> Progress:
     return lambda share: report(begin + (end - begin) * share)
 
 
-LINES_EVERY = 60.0
-"""Seconds between the lines in a log."""
-
-
 @contextmanager
-def bar(title: str, *, always: bool = False) -> Iterator[Progress]:
+def bar(title: str, *, always: bool = False, first: float = 60.0, every: float = 60.0) -> Iterator[Callable[..., None]]:
     """Show a progress bar on a terminal or, if asked `always`, in a notebook as well.
 
-    Elsewhere, as in the log of a job, a line with the time every minute; none of what takes less.
+    Elsewhere, as in the log of a job, a line with the time and the words given, after `first` s, then each `every` s.
     """
     if not (always or sys.stderr.isatty()):
-        write = log_of(title, LINES_EVERY, LINES_EVERY)
-        yield lambda share: write(f"{100.0 * share:.0f} %", share)
+        yield _log_of(title, first, every)
         return
     from rich.console import Console
     from rich.markup import escape
@@ -40,21 +35,21 @@ def bar(title: str, *, always: bool = False) -> Iterator[Progress]:
 
     with Bar(console=Console(stderr=True), transient=True) as shown_bar:
         task = shown_bar.add_task(escape(title), total=1.0)
-        yield lambda share: shown_bar.update(task, completed=share)
+        yield lambda share, *_: shown_bar.update(task, completed=share)
 
 
-def log_of(title: str, first: float, every: float) -> Callable[[str, float], None]:
-    """Return a function that writes words and the time left to a log, not before `first`, then each `every` s."""
+def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
     begin = time.monotonic()
     due = begin + first
 
-    def write(words: str, share: float) -> None:
-        """Write the words, if it is time, while a share of the work is done and not all of it."""
+    def write(share: float, words: str = "", since: float = 0.0) -> None:
+        """Write a line, if it is time, while a share of the work is done and not all; `since` was done at the begin."""
         nonlocal due
         now = time.monotonic()
         if now >= due and share < 1.0:
             due = now + every
-            left = f", about {in_time((now - begin) * (1.0 - share) / share)} left" if share > 0.0 else ""
+            left = f", about {in_time((now - begin) * (1.0 - share) / (share - since))} left" if share > since else ""
+            words = words or f"{100.0 * share:.0f} %"
             sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {title}: {words}{left}\n")
             sys.stderr.flush()
 
