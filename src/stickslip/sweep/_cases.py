@@ -94,14 +94,8 @@ def _held(value: Any) -> Any:
     match value:
         case np.generic():
             return value.item()
-        case complex() | bytes():
-            return [name, repr(value)]
         case np.ndarray(dtype=np.dtype(hasobject=False)):
             return [name, value.dtype.str, value.shape, _hash(value.tobytes())]
-        case Mapping():
-            return [name, dict(value)]
-        case set() | frozenset():
-            return [name, sorted(json.dumps(item, default=_held) for item in value)]
         case functools.partial():
             held = [value.func, value.args, value.keywords]
         case MethodType():

@@ -22,7 +22,7 @@ import socket
 import sqlite3
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -152,14 +152,11 @@ def is_store(path: str | os.PathLike[str]) -> bool:
 
 def writer_of(path: Path) -> str | None:
     """Who is writing a store, in words; None if nobody is."""
-    try:
-        with open(_lock_of(path), errors="replace") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return file.read(100) or "another process"
-    except OSError:
-        pass
+    with suppress(OSError), open(_lock_of(path), errors="replace") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return file.read(100) or "another process"
     return None
 
 
