@@ -1,4 +1,6 @@
-"""Rig files that more than one room is tested with."""
+"""Rig files, and readings of runs, that more than one room is tested with."""
+
+import numpy as np
 
 WARM = """
 name = "Warm bench"
@@ -20,3 +22,11 @@ attempts = "1e6 1/s"
 [drive]
 velocity = "2 um/s"
 """
+
+
+def imbalance(run):
+    """Largest gap between the work of the drive and what became of it, as a fraction of all energy turned over."""
+    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
+    found = sum(run[name] for name in parts)
+    gap = run["work"] - found
+    return float(np.abs(gap - gap[0]).max()) / max(float(found.max()), 1e-6)

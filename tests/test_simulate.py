@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from benches import imbalance
 
 import stickslip as ss
 from stickslip.io import datasets as store
@@ -22,14 +23,6 @@ def interface(delay=0.2, thresholds=TENTH, initial=NARROW):
     return ss.Interface(
         thresholds=thresholds, initial=initial, delay=ss.Delay(delay) if isinstance(delay, (int, float)) else delay
     )
-
-
-def imbalance(run: xr.Dataset) -> float:
-    """Largest departure of the energy balance, relative to the energy that has gone through."""
-    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
-    through = max(float(np.abs(run["work"]).max()), float(run["broken_energy"][-1] + run["damped_energy"][-1]))
-    defect = sum(run[part] for part in parts) - run["work"]
-    return float(np.abs(defect - defect[0]).max()) / through
 
 
 FIG4 = ss.Rig(interface(), FIG4_SLIDER, ss.constant(1.0, duration=6), method=ss.Contacts(1_000, seed=1))

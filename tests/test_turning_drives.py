@@ -11,6 +11,7 @@ from functools import reduce
 
 import numpy as np
 import pytest
+from benches import imbalance
 from scipy.linalg import expm
 
 import stickslip as ss
@@ -68,14 +69,6 @@ def run_of(case, delay, method, samples=2000):
     interface = ss.Interface(thresholds=BROAD, delay=delay)
     output = ss.Output(interval=case.drive.duration / samples)
     return ss.simulate(ss.Rig(interface, case.slider, case.drive), method=method, output=output)
-
-
-def imbalance(run):
-    """Largest gap between the work of the drive and what became of it, as a fraction of all energy turned over."""
-    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
-    found = sum(run[name] for name in parts)
-    gap = run["work"] - found
-    return float(np.abs(gap - gap[0]).max()) / max(float(found.max()), 1e-6)
 
 
 # ------------------------------------------------------------------------------------------------ a plain reference
