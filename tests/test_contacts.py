@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from stickslip.kernels import events as kernel
 from stickslip.kernels import flight as flights
-from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.drive import DRAWS_USED_UP, FINISHED, Piece, Quadratic, Sampling
 from stickslip.kernels.event_queue import (
     clear,
     drop,
@@ -24,7 +24,7 @@ from stickslip.kernels.event_queue import (
     size,
     used,
 )
-from stickslip.kernels.motion import Piece, Sampling, make_motion
+from stickslip.kernels.motion import make_motion
 from stickslip.kernels.oscillator import Slider
 
 
@@ -221,8 +221,8 @@ def test_blocks_of_random_numbers_and_budgets_change_nothing():
     piece, sampling = Piece(Quadratic(0.0, 0.0, 1.0, 0.0), 5.0), Sampling(times, samples)
     blocks = iter(np.split(all_thresholds, range(7, 4_000, 7)))
     draws = kernel.Draws(next(blocks), np.empty(0), rig.delay)
-    while (why := kernel.advance(state, rig.slider, piece, sampling, draws, 11)) != kernel.REACHED_END:
-        if why == kernel.DRAWS_USED_UP:
+    while (why := kernel.advance(state, rig.slider, piece, sampling, draws, 11)) != FINISHED:
+        if why == DRAWS_USED_UP:
             draws, state.motion[0].thresholds_used = draws._replace(thresholds=next(blocks)), 0
     np.testing.assert_array_equal(samples, whole)
     end, whole_end = state.motion[0].copy(), end_state.motion[0]
@@ -244,7 +244,7 @@ def test_sums_and_queues_survive_many_rebuilds(N):
         why = kernel.advance(state, slider, piece, sampling, kernel.Draws(thresholds[used:], np.empty(0), 0.0), 10**9)
         used += state.motion[0].thresholds_used
         state.motion[0].thresholds_used = 0
-        assert why == kernel.REACHED_END
+        assert why == FINISHED
         t, D, velocity = t + 1.0, D + velocity, -velocity
     contacts = kernel.attached_contacts(state)
     x = state.motion[0].position - contacts["birth"]

@@ -16,8 +16,8 @@ from scipy.linalg import expm
 
 import stickslip as ss
 from stickslip.kernels import events as kernel
-from stickslip.kernels.drive import Quadratic
-from stickslip.kernels.motion import COLUMNS, Piece, Sampling, make_motion
+from stickslip.kernels.drive import FINISHED, Piece, Quadratic, Sampling
+from stickslip.kernels.motion import make_motion
 from stickslip.kernels.oscillator import Slider
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
@@ -161,13 +161,13 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     times = case.drive.duration * np.linspace(0.0, 0.999, 200)
     state = kernel.make_state(birth, threshold, np.zeros(0), 0.1, make_motion())
     slider = Slider(case.slider.stiffness, case.slider.mass, case.slider.damping)
-    samples = np.full((times.size, len(COLUMNS)), np.nan)
+    samples = np.full((times.size, 8), np.nan)
     sampling, draws = Sampling(times, samples), kernel.Draws(newborn, np.empty(0), delay)
     begin, place = 0.0, 0.0
     for piece in case.drive.pieces:
         end = begin + piece.duration
         drive = Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
-        assert kernel.advance(state, slider, drive, sampling, draws, 10**8) == kernel.REACHED_END
+        assert kernel.advance(state, slider, drive, sampling, draws, 10**8) == FINISHED
         begin, place = end, place + 0.5 * (piece.start + piece.end) * piece.duration
     exact = plain(case, birth, threshold, newborn, delay, times)
     assert np.abs(samples[:, [0, 2, 3]] - exact).max() < 1e-6

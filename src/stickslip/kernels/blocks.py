@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP
-from .leapfrog import Motion, Piece, Sampling, at_rest, begin_step, end_step, slide
+from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece, Sampling
+from .leapfrog import Motion, at_rest, begin_step, end_step, slide
 from .network import Network
 from .tournament import enter, play, smallest, tournaments, winner
 

@@ -65,8 +65,7 @@ def due(history: History, delays: Delays, dt: float, found: Array) -> float:
     times, kept, last = history.times, history.times.size, history.entered[0] - 1
     now = times[last % kept]
     fraction = 0.0
-    for j in range(found.size):
-        found[j] = 0.0
+    found[:] = 0.0
     for k in range(delays.time.size):
         i, then, weight = history.cursor[k], now + dt - delays.time[k], delays.weight[k]
         while i < last - 1 and times[(i + 1) % kept] <= now - delays.time[k]:

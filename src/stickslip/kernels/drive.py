@@ -1,6 +1,10 @@
 """The drive, one piece at a time: how its far end of the spring moves, and where a piece ends early."""
 
+import math
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ._jit import inlined
 
@@ -17,11 +21,10 @@ class Quadratic(NamedTuple):
 STILL = Quadratic(0.0, 0.0, 0.0, 0.0)
 
 # Why a kernel came back: the end of a piece is reached, its condition holds, its budget is spent; or, to go on, a look
-# has to be taken, there is no more room for cohorts or for steps in a delay, random thresholds or delays are used up.
-# `UNSOLVED`: the next step has no solution.
-ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, NO_ROOM, NO_HISTORY, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED = range(
-    10
-)
+# has to be taken, the slider has stopped, there is no more room for cohorts or for steps in a delay, random numbers are
+# used up. `UNSOLVED`: the next step has no solution.
+ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, ARRESTED, NO_ROOM, NO_HISTORY = range(8)
+DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED = range(8, 12)
 
 # Kinds of conditions.
 NOWHERE, TRAVEL, FORCE_ABOVE, FORCE_BELOW = range(4)
@@ -37,6 +40,27 @@ class Stop(NamedTuple):
     kind: int = NOWHERE
     value: float = 0.0
     origin: float = 0.0
+
+
+class Piece(NamedTuple):
+    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of at most `longest`.
+
+    `look` is a time at which the caller wants to look at the contacts: before the flight or step that would pass it the
+    kernel comes back, so that looking changes nothing.
+    """
+
+    drive: Quadratic
+    end: float
+    stop: Stop = Stop()
+    look: float = math.inf
+    longest: float = math.inf
+
+
+class Sampling(NamedTuple):
+    """Rising times at which to sample, shape (n,), and the samples, shape (n, columns)."""
+
+    times: NDArray[np.float64]
+    samples: NDArray[np.float64]
 
 
 @inlined

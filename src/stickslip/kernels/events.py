@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from . import shared_clock
 from ._jit import bare, inlined
 from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, threshold_now
-from .drive import Quadratic
+from .drive import ARRESTED, DRAWS_USED_UP, FINISHED, LOOK, PAUSED, STOPPED, Piece, Quadratic, Sampling
 from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
@@ -41,8 +41,6 @@ from .motion import (
     Constants,
     Leg,
     Motion,
-    Piece,
-    Sampling,
     balance,
     constants,
     contact_force,
@@ -66,9 +64,6 @@ CONTACT = np.dtype([*ENTRY.descr, ("birth", float), ("threshold", float)])
 # When a contact attached; how far its box reaches, and the largest rate there: 0 if the time of the contact is that of
 # the end of its box, below 0 if it breaks then; its place in the queue ahead.
 BOX = np.dtype([("since", float), ("reach", float), ("most", float), ("place", np.int64)])
-
-REACHED_END, CONDITION_HELD, DRAWS_USED_UP, BUDGET_SPENT, LOOK, ARRESTED = range(6)
-"""Why `advance` returned."""
 
 _NEED = 4
 """Variates that an event may need, at most."""
@@ -662,7 +657,7 @@ def advance(
         if thresholds or delays or variates:
             return DRAWS_USED_UP
         if to_go <= 0:
-            return BUDGET_SPENT
+            return PAUSED
         to_go -= 1
         ahead = peek(state.ahead)
         if c.massless and _leaps(state, piece.drive, ahead, draws, boxes, c):
@@ -687,7 +682,7 @@ def advance(
             m.looked = leg.X + at(leg.motion, piece.look - leg.t)[0]
             return LOOK
         if sample_until(m, piece, sampling, leg, min(ends_at, piece.end), c):
-            return CONDITION_HELD
+            return STOPPED
         fly(m, leg, h, y, u, acceleration, c)
         m.time = ends_at
         if side == _TURN:
@@ -707,4 +702,4 @@ def advance(
             elif by == -1:
                 _leave(state, boxes.of[winner(boxes.times, state.size)]["place"], draws, boxes, c)
         elif ends_at >= piece.end:
-            return REACHED_END
+            return FINISHED

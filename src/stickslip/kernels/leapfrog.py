@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .drive import FINISHED, LOOK, NOWHERE, ON_THE_WAY, STOPPED, Quadratic, Stop, drive_at, holds
+from .drive import FINISHED, LOOK, NOWHERE, ON_THE_WAY, STOPPED, Piece, Sampling, drive_at, holds
 from .network import Network, Pull, energies, stretch
 from .records import Record, blank, record
 
@@ -25,26 +25,6 @@ of the driving springs, of the springs between blocks and of the contacts, and w
 in contacts."""
 FIELDS = 5
 """Then come numbers of all blocks: displacement, velocity, friction force, attached fraction, breaks per contact."""
-
-
-class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (k,), and the samples, shape (k, ``SCALARS + FIELDS n``)."""
-
-    times: Floats
-    samples: Floats
-
-
-class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of at most `longest`.
-
-    Before the step that would pass the time `look`, the kernel comes back.
-    """
-
-    drive: Quadratic
-    end: float
-    stop: Stop
-    longest: float
-    look: float = math.inf
 
 
 class Blocks(NamedTuple):
@@ -215,7 +195,7 @@ def _sample(
 ) -> bool:
     """Fill the samples that lie between the last two moments; whether one of them holds the condition."""
     now, time = motion.now, motion.now.time
-    k, n = now.sampled, motion.blocks.X.size
+    k = now.sampled
     if k == sampling.times.size or sampling.times[k] > max(time, next_time):
         now.has_row = 0
         return False
@@ -228,13 +208,9 @@ def _sample(
             fraction = (sampling.times[k] - now.row_time) / span
         _interpolate(motion, sampling.samples[k], fraction, span)
         k += 1
-        if piece.stop.kind != NOWHERE:
-            mean = 0.0
-            for j in range(n):
-                mean += motion.blocks.X[j]
-            if holds(piece.stop, mean / n, motion.rows[1, 0]):
-                held = True
-                break
+        if piece.stop.kind != NOWHERE and holds(piece.stop, motion.blocks.X.mean(), motion.rows[1, 0]):
+            held = True
+            break
     now.sampled = k
     for i in range(motion.rows.shape[1]):
         motion.rows[0, i] = motion.rows[1, i]

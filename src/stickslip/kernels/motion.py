@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
+from .drive import NOWHERE, Piece, Quadratic, Sampling, drive_at, holds
 from .flight import NEAR, Flight, at, energies, take_off
 from .oscillator import Slider
 
@@ -79,33 +79,6 @@ def make_motion(X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.
     motion.velocity, motion.sliding_force, motion.slides = velocity, sliding_force, slides
     motion.direction = -1 if velocity < 0 else 1
     return motion  # type: ignore[no-any-return]
-
-
-class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample.
-
-    `look` is a time at which the caller wants to look at the contacts: the engine then returns before the flight that
-    passes it, so that looking changes nothing.
-    """
-
-    drive: Quadratic
-    end: float
-    stop: Stop = Stop()
-    look: float = math.inf
-
-
-class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (n,), and the samples, shape (n, 8), filled with `COLUMNS`.
-
-    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the
-    start, work of the drive, energy lost to damping and in breaks; all per contact.
-    """
-
-    times: Floats
-    samples: Floats
-
-
-COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
 
 
 class Constants(NamedTuple):
@@ -214,7 +187,11 @@ def balance(m: Motion, drive: Quadratic, c: Constants) -> float:
 
 @inlined
 def sample(m: Motion, row: Floats, leg: Leg, part: float, a: float, c: Constants) -> None:
-    """Fill a row with what the flight passes a time `part` after its beginning."""
+    """Fill a row with what the flight passes a time `part` after its beginning.
+
+    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the start,
+    work of the drive, energy lost to damping and in breaks; all per contact.
+    """
     n = leg.n
     y, u = at(leg.motion, part)
     x = leg.X + y - m.reference

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from . import drive
 from ._jit import bare, inlined
 from .blocks import Draws, State, attach_contact, break_contact, look_ahead
-from .drive import NOWHERE, drive_at, holds
-from .leapfrog import Piece, Sampling, element, fill_row, slide
+from .drive import NOWHERE, Piece, Sampling, drive_at, holds
+from .leapfrog import element, fill_row, slide
 from .network import Network, stretch
 from .tournament import smallest, winner
 
@@ -276,12 +276,8 @@ def advance(
                 blocks.V_now[i] = v_then * room[0, i]
             fill_row(state.motion, network, piece, sampling.samples[k], sliding)
             now.sampled += 1
-            if piece.stop.kind != NOWHERE:
-                mean = 0.0
-                for i in range(n):
-                    mean += blocks.X[i]
-                if holds(piece.stop, mean / n, sampling.samples[k, 0]):
-                    return drive.STOPPED
+            if piece.stop.kind != NOWHERE and holds(piece.stop, blocks.X.mean(), sampling.samples[k, 0]):
+                return drive.STOPPED
         D_before, _ = drive_at(piece.drive, now.time)
         D_then, _ = drive_at(piece.drive, event)
         _go(state, network, sliding, D_then - D_before, event, piece, room)

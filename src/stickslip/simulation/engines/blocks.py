@@ -10,11 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.kernels import block_cohorts, blocks, leapfrog, quasistatic
+from stickslip.kernels import block_cohorts, blocks, quasistatic
 from stickslip.kernels.blocks import Draws
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays, longer
-from stickslip.kernels.drive import DELAYS_USED_UP, LOOK, NO_HISTORY, NO_ROOM, PAUSED, THRESHOLDS_USED_UP, UNSOLVED
-from stickslip.kernels.leapfrog import Motion, Piece, Sampling, at_rest
+from stickslip.kernels.drive import (
+    DELAYS_USED_UP,
+    LOOK,
+    NO_HISTORY,
+    NO_ROOM,
+    PAUSED,
+    THRESHOLDS_USED_UP,
+    UNSOLVED,
+    Piece,
+    Sampling,
+)
+from stickslip.kernels.leapfrog import Motion, at_rest
 from stickslip.kernels.network import Network, fastest, stiffest_dashpot
 from stickslip.model import (
     Chain,
@@ -270,10 +280,10 @@ class ElasticEngine(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
+        sampling = Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
         self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
-        piece = leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step(), look)
+        piece = Piece(leg.drive, leg.end, leg.stop, look, self.longest_step())
         while self._provide(why := self._move(piece, sampling)):
             pass
         rows = sampling.samples[: self._motion.now.sampled]

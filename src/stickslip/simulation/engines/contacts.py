@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
 from stickslip.kernels.boxes import Rule, lives
+from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
 from stickslip.kernels.events import force_of, re_attach_all, short_of
-from stickslip.kernels.motion import Piece, Sampling, make_motion
+from stickslip.kernels.motion import make_motion
 from stickslip.model import (
     Barrier,
     Bell,
@@ -253,17 +254,17 @@ class EventByEvent(Engine):
             piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
             left = last - m.events
             why = kernel.advance(self._state, self.slider, piece, sampling, self._draws, left, self._boxes)
-            if why == kernel.DRAWS_USED_UP:
+            if why == DRAWS_USED_UP:
                 self._refill()
-            elif why == kernel.ARRESTED:
+            elif why == ARRESTED:
                 self._arrest()
-            elif why == kernel.LOOK:  # before the flight that passes it, so that none is cut in two
+            elif why == LOOK:  # before the flight that passes it, so that none is cut in two
                 seen.append(self._stretchings(m.looked))
             else:
                 break
         while looks[len(seen)] <= m.time:  # at the very end
             seen.append(self.stretchings())
-        return Advance(sampling.samples[: m.sample], tuple(seen), over=why != kernel.BUDGET_SPENT)
+        return Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)
 
 
 def rule_of(interface: Interface) -> Rule | None:
