@@ -187,7 +187,7 @@ FORCES = {
     "creep between slips": (lambda: with_motion(*even_sawtooth(cycles=60)), "stick-slip", "periodic slips"),
     "a slip that overshoots": (overshooting, "stick-slip", "slider reaches"),
     "slips on a drift": (alone(20.0, 0.01, lambda t: 10 + 6 * t + 3 * (t / 0.5 % 1)), "stick-slip", "drifts by 6"),
-    "through zero": (lambda: trace(*even_sawtooth(cycles=40, drop=2.0, low=-1.1)), None, "^(?!.*strokes)"),
+    "through zero": (lambda: trace(*even_sawtooth(cycles=40, drop=2.0, low=-1.1)), "stick-slip", "^(?!.*strokes)"),
     "saturated": (lambda: bench(noise=0.01, samples=100)[0].clip(max=5.7), "stick-slip", "flat at 5.7: .* saturated"),
     "rounded": (lambda: (bench(samples=100)[0] / 0.05).round() * 0.05, "stick-slip", "^(?!.*note)"),
     "mirrored": (lambda: 12.0 - bench(samples=50, noise=0.02)[0], "undecided", "--flip on .*flip=True"),

@@ -135,8 +135,10 @@ class Trace:
 
     @classmethod
     def _along_the_drive(cls, arrays: dict[str, Any], turned: bool = False, **more: Any) -> Trace:
-        told = arrays["force"] if arrays["drive"] is None else arrays["drive"]
-        sign = -1.0 if np.mean(told) < 0 and not turned else 1.0
+        drive, force = arrays["drive"], arrays["force"]
+        # A force with its zero well within its range is without its mean: what is left does not tell the direction.
+        below = np.mean(force) < 0 and -np.min(force) > 3.0 * np.max(force) if drive is None else np.mean(drive) < 0
+        sign = -1.0 if below and not turned else 1.0
         along = {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if arrays[key] is not None}
         top = float(np.max(along["force"]))  # of a force that never pulls that way, the largest in size
         largest = top if top > 0 else float(np.max(np.abs(along["force"])))
