@@ -489,7 +489,7 @@ def test_a_front_that_stops_inside_the_bar_is_arrested():
     [
         (lambda run: front_map(run, "heat"), r"^front_map: what = 'heat': must be one of velocity"),
         (lambda run: front_map(run.isel(block=0)), r"^front_map: this Dataset has no velocity of each block"),
-        (lambda run: ss.plot.spacetime(run, "heat"), r"^spacetime: what = 'heat': must be one of attached"),
+        (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: what = 'heat': must be one of velocity"),
         (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
         (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
         (lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))), r"^slip_profiles: .* no event of 3"),

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -107,11 +108,8 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     wanted = whole("count", count, at_least=1, hint="number of modes")
     stiffness, coupling, wavelength, each = sliders_of(body, wanted)
     natural = rig.natural
-    roots: dict[Slider, complex] = {}  # modes come in pairs of one stiffness
-    for slider in each:
-        if slider not in roots:
-            roots[slider] = rightmost_root(replace(natural, slider=slider))
-    root = np.array([roots[slider] for slider in each])
+    of = cache(lambda slider: rightmost_root(replace(natural, slider=slider)))  # modes come in pairs of one stiffness
+    root = np.array([of(slider) for slider in each])
 
     def column(values: Array, unit: str, title: str) -> tuple[str, Array, dict[str, str]]:
         return "mode", values * rig.unit(unit), {"long_name": title, "units": rig.unit_name(unit)}

@@ -62,9 +62,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     rig = FIG11.rig.replace(drive=ss.ramp(0.05, 1.8, _EACH_WAY))
     run = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=LEVEL)
     unstable = [edge.value for edge in ss.critical(FIG11.rig, "velocity", between=(0.25, 2.0)).edges[:2]]
-    slopes, smoothed = (
-        table(lambda v, way=way: _steepest(curves.sel(velocity=v), way), velocity=velocities) for way in (0.0, _WAY)
-    )
+    slopes = table(lambda v, way: _steepest(curves.sel(velocity=v), way), velocity=velocities, way=(0.0, _WAY))
     of_newborns = "force of newborn contacts, per contact [f_s]"
     return dataset(
         {
@@ -72,7 +70,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "friction_force": (curves, of_newborns),
             "F_contacts": (newborns, of_newborns),
             "K_eff": (slopes, "effective stiffness per contact [k]"),
-            "K_eff_smoothed": (smoothed, f"effective stiffness per contact, over {_WAY:g} x_s [k]"),
             "crossing": (crossing, "velocity at which K_eff = K [x_s/time]"),
             "unstable": ("end", unstable, "where smooth sliding is unstable (linear) [x_s/time]"),
         },
@@ -81,6 +78,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "displacement": (curves["displacement"], "displacement of the slider [x_s]"),
             "checked": (list(_CONVERGED), "velocity [x_s/time]"),
             "X_checked": (coarse, "displacement of the slider [x_s]"),
+            "way": ([0.0, _WAY], "displacement over which the slope is taken [x_s]"),
             "end": ["low", "high"],
         },
         count=count,
@@ -90,12 +88,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 def _crossing(data: xr.Dataset) -> Claim:
     crossing, v1, v2 = (float(data[name]) for name in ("crossing", "v1", "v2"))
     low, high = data["unstable"].to_numpy().tolist()
-    there = data.sel(velocity=list(_CONVERGED))
-    falls = float(data["K_eff"].diff("velocity").max())
-    exact, smoothed, over = there["K_eff"], there["K_eff_smoothed"], f"K_eff over {_WAY:g} x_s at v ="
+    exact, smoothed = data["K_eff"].transpose("way", ...)
+    falls, over = float(exact.diff("velocity").max()), f"K_eff over {_WAY:g} x_s at v ="
     slopes = [near(f"K_eff at v = {v:g}", exact.sel(velocity=v), k, 0.005 * k, "k") for v, k in _CONVERGED.items()]
     slopes += [near(f"{over} {v:g}", smoothed.sel(velocity=v), k, 0.01, "k") for v, k in _SMOOTHED.items()]
-    renewal = there["friction_force"].interp(displacement=data["X_checked"]).to_numpy()
+    renewal = data["friction_force"].sel(velocity=list(_CONVERGED)).interp(displacement=data["X_checked"]).to_numpy()
     # A contact's stretching scatters by less than .5; the solvers differ by .002.
     of_newborns = "force of newborn contacts, largest difference of N contacts from the renewal equation"
     noise = 4.0 * 0.5 / float(np.sqrt(data.attrs["count"])) + 0.002
@@ -138,7 +135,7 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     panel(curves, "(b) newborn contacts, pulled", data["displacement"], data["friction_force"], ylim=(0.0, 1.0))
     curves.legend(loc="upper right", ncols=2)
 
-    stiffness.plot(data["velocity"], data["K_eff"], "o-", color=plot.BLUE, markersize=3)
+    stiffness.plot(data["velocity"], data["K_eff"].sel(way=0.0), "o-", color=plot.BLUE, markersize=3)
     stiffness.axhline(K, color=plot.GREY, linewidth=0.8)
     stiffness.axvline(crossing, color=plot.VERMILLION, linewidth=0.9, linestyle="--")
     stiffness.text(0.02, K + 0.06, "$K$", color=plot.GREY)

@@ -73,11 +73,7 @@ def unit_text(units: str) -> str:
     if units == "time":
         return "time units"
     text = re.sub(r"/time\b", " per time unit", re.sub(r"^u(?=[A-Z]|[msg]\b)", "µ", printable(units)))
-    return re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b|\b(k)\b", _as_symbol, text)
-
-
-def _as_symbol(found: re.Match[str]) -> str:
-    return f"${found[1]}_{{\\mathrm{{{found[2]}}}}}$" if found[1] else f"${found[3]}$"
+    return re.sub(r"\bk\b", "$k$", re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b", r"$\1_{\\mathrm{\2}}$", text))
 
 
 def _drawable(text: str) -> str:
