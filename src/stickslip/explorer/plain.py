@@ -25,27 +25,25 @@ _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 
 
 def force_trace(data: xr.Dataset, width: int) -> Plain:
-    """Force against time, thinned to the width of the screen, with regime in words, and slips if it has any."""
-    seen, words = measure.regime(data), ramps.in_words(data)
-    slips = measure.drops(data) if seen.kind == "stick-slip" or words else None
+    """Force against time, thinned to the width of the screen, with regime in words, drops, and slips if it has any."""
+    (seen, drops), words = measure.regime_and_drops(data), ramps.in_words(data)
+    slips = drops if seen.kind == "stick-slip" or words else drops.isel(event=slice(0))
     times, force = axis(data["time"]), axis(data["spring_force"])
     t, f = in_unit(data["time"], times), in_unit(data["spring_force"], force)
     t, f = envelope(t, f, 2 * width)
-    start, end, before = (
-        np.empty(0) if slips is None else slips[name].to_numpy()[:_MOST_MARKED]
-        for name in ("start", "end", "force_before")
-    )
+    start, end, before = (slips[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
         "span": span(data, times),
         "slips": {
-            "count": 0 if slips is None else int(slips.sizes["event"]),
-            "counted": "no slips" if slips is None else measure.counted(slips),
+            "count": int(slips.sizes["event"]),
+            "counted": measure.counted(slips) if slips.sizes["event"] else "no slips",
             "start": floats(start / times["factor"]),
             "end": floats(end / times["factor"]),
             "before": floats(before / force["factor"]),
         },
+        "statistics": [("found", measure.counted(drops)), *measure.statistics(drops)],
         "regime": {
             "kind": seen.kind if not words else "speed sweep",
             "reason": words or seen.reason,

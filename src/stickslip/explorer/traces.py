@@ -51,14 +51,8 @@ def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Analyse a measured trace, as it was sent."""
     watch(0.0)
     data = _read(request)
-    found = measure.drops(data)
-    yield {
-        **force_trace(data, width_of(request)),
-        "name": _name(request),
-        "rows": int(data.attrs["rows"]),
-        "note": str(data.attrs.get("note", "")),
-        "statistics": [["found", measure.counted(found)], *(list(line) for line in measure.statistics(found))],
-    }
+    about = {"name": _name(request), "rows": int(data.attrs["rows"]), "note": data.attrs["note"]}
+    yield force_trace(data, width_of(request)) | about
 
 
 def _name(request: Plain) -> str:
