@@ -85,11 +85,10 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
             "force cannot rise faster than stiffness times speed; check both"
         )
 
-    def likelihood(values: Array) -> Array:
-        away = np.log(product / (loading * (1.0 + values[..., 3]))) / error
-        return np.asarray(np.exp(-0.5 * away**2))
+    def away(values: Array) -> Array:
+        return np.asarray(np.log(product / (loading * (1.0 + values[..., 3]))) / error)
 
-    return likelihood
+    return lambda values: np.exp(-0.5 * away(values) ** 2)
 
 
 QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {

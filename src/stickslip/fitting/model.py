@@ -71,11 +71,9 @@ class Prior:
 
     def __post_init__(self) -> None:
         for one in UNKNOWNS:
-            place, given = f"Prior.{one.key}", getattr(self, one.key)
-            hint = "two numbers, the first below the second"
-            ends = sequence(place, given, hint)
-            values = [number(place, end, at_least=one.least, at_most=one.most) for end in ends]
-            if len(values) != 2 or values[0] >= values[1]:
+            place, given, hint = f"Prior.{one.key}", getattr(self, one.key), "two numbers, the first below the second"
+            ends = [number(place, end, at_least=one.least, at_most=one.most) for end in sequence(place, given, hint)]
+            if len(ends) != 2 or ends[0] >= ends[1]:
                 raise InputError(f"{place} = {given!r}: must be {hint}", place)
 
     def _ends(self) -> Array:

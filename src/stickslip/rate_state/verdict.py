@@ -186,8 +186,9 @@ def rate_and_state(
         low, high = (_small(interface, v).value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
         drift = ((high - low) / small.value).tolist()
         for (name, most), now in zip(DRIFTS.items(), drift, strict=True):
-            told = f"{name} changes by {100 * now:.3g} % over a decade of velocity; must be below {100 * most:g} %"
-            failing = failing or (told if abs(now) >= most else "")
+            if not failing and abs(now) >= most:
+                limit = f"must be below {100 * most:g} %"
+                failing = f"{name} changes by {100 * now:.3g} % over a decade of velocity; {limit}"
     chosen, asymmetry = laws[0], None
     if not failing:
         chosen, fit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
