@@ -25,10 +25,6 @@ def aged(rate, newborn=0.0, **changes):
     return replace(FIG8.interface, ageing=ss.Langevin(rate=rate, newborn=newborn), **changes)
 
 
-def simulated(interface, method):
-    return ss.simulate(ss.Rig(interface, FIG8.slider, ss.constant(1.0, 1.0)), method=method)
-
-
 def rigidly(interface, method, drive, times, start=ss.FromSliding()):
     """Forces of contacts under a slider that is moved with the drive, from its first velocity on."""
     beginning = Beginning(interface, None, float(drive.velocity(0.0)), start)
@@ -179,7 +175,7 @@ def test_the_friction_of_the_closure_is_not_that_of_its_contacts():
     assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0889], rel=1e-3)
 
 
-# ---------------------------------------------------------------- what carries nothing, and what is refused
+# ---------------------------------------------------------------- what carries nothing
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.2])
@@ -188,17 +184,3 @@ def test_growth_too_slow_for_the_slider_carries_nothing(delay):
     assert ss.kinetic_friction(interface, 3.0) == 0.0
     rig = ss.Rig(interface, HEAVY, ss.constant(3.0, 0.5), method=ss.Contacts(200, seed=1))
     assert float(abs(ss.simulate(rig, start=ss.FromSliding())["friction_force"]).max()) < 0.05
-
-
-@pytest.mark.parametrize(
-    ("ask", "message"),
-    [
-        (lambda: simulated(aged(1.0, thresholds=ss.Uniform(low=0.5, high=1.5)), ss.Contacts(10)), "Gaussian"),
-        (lambda: simulated(aged(1.0), ss.MasterEquation(memoryless=True)), "memoryless"),
-        (lambda: simulated(aged(1.0, delay=ss.Delay(0.3)), ss.Contacts(500)), "newborn = 0"),
-        (lambda: closure_friction(aged(1.0, newborn=0.3, delay=ss.Delay(0.3)), 1.0), "knows no delay"),
-    ],
-)
-def test_what_is_refused(ask, message):
-    with pytest.raises(ss.InputError, match=message):
-        ask()

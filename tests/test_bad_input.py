@@ -6,6 +6,7 @@ Any other argument of any public function is drawn at random by tests/test_fuzz.
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 
@@ -14,6 +15,7 @@ import pytest
 import xarray as xr
 
 import stickslip as ss
+from stickslip import rigid
 from stickslip.errors import (
     LARGEST,
     LONGEST_MESSAGE,
@@ -26,7 +28,9 @@ from stickslip.errors import (
     together,
     whole,
 )
+from stickslip.io import datasets as store
 from stickslip.model import Scales, SteadyState
+from stickslip.theory import closure_friction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 INTERFACE = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
@@ -36,6 +40,15 @@ RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, duration=1.0))
 
 def interface(**parts):
     return ss.Interface(**({"thresholds": TENTH} | parts))
+
+
+NEVER, EQUAL = interface(delay=ss.Delay(math.inf)), interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
+AGEING, LASTING = (interface(ageing=ss.Langevin(rate=1.0, newborn=newborn)) for newborn in (0.0, 0.3))
+WARM = interface(temperature=ss.Bell(width=0.01, attempts=1e6))
+
+
+def run_of(**changes):
+    return lambda: ss.simulate(RIG.replace(**({"method": ss.MasterEquation()} | changes)), long=True)
 
 
 def number_with(value, **bounds):
@@ -117,6 +130,47 @@ REFUSED = [
     (lambda: ss.cycles.is_sustained(RIG, patience=True), "patience = True"),
     (lambda: ss.velocity_step(RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
     (lambda: ss.stability_map(RIG, over=("velocity", "load"), values=([1], [1])), "use one of stiffness"),
+    # rigs and runs
+    (lambda: RIG.replace(interface=TENTH), r"^Rig\.interface = .*: must be an Interface"),
+    (lambda: RIG.replace(slider=None), r"^Rig\.slider = None: must be a Slider"),
+    (lambda: RIG.replace(drive=1.0), r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
+    (lambda: RIG.replace(method="contacts"), r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or Master"),
+    (lambda: RIG.replace(output=0.1), r"^Rig\.output = 0\.1: must be an Output"),
+    (lambda: RIG.replace(start="sliding"), r"^Rig\.start = 'sliding': must be FromRest\(\), FromSliding\(\) or P"),
+    (run_of(mass=0.0), r"^Slider\.mass = 0: a simulation needs a mass above 0"),
+    (run_of(output=ss.Output(snapshots=(2.0,))), r"^Output\.snapshots: 2 lies beyond the end of the"),
+    (run_of(start=ss.FromSliding(), drive=ss.constant(0.0, 1.0)), r"^FromSliding: .* at velocity 0: .* above 0"),
+    (run_of(start=ss.FromSliding(), interface=NEVER), r"^FromSliding: contacts that never re-attach"),
+    (run_of(interface=EQUAL), r"^Gaussian\.std = 0: .* or use the method Contacts"),
+    (run_of(output=ss.Output(interval=1e-9)), r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
+    (run_of(interface=replace(AGEING, thresholds=ss.Uniform(0.5, 1.5))), "Gaussian"),
+    (run_of(interface=AGEING, method=ss.MasterEquation(memoryless=True)), "memoryless"),
+    (run_of(interface=replace(AGEING, delay=ss.Delay(0.3)), method=ss.Contacts(500)), "newborn = 0"),
+    (lambda: ss.rerun(xr.Dataset()), "no provenance"),
+    (lambda: ss.rerun(xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})), "made by 'sweep', not by"),
+    # rigid motion
+    (lambda: ss.rigid_slide(INTERFACE, -1), r"^slide: distance = -1: must be .* above 0 \(in x_s\)"),
+    (lambda: ss.rigid_slide(INTERFACE, 1, velocity=0), r"^slide: velocity = 0: .* above 0 \(in x_s per time\)"),
+    (lambda: ss.rigid_slide(INTERFACE, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),
+    (lambda: ss.rigid_slide(TENTH, 1), r"^slide: interface = .*: must be an Interface"),
+    (lambda: rigid.Renewal(2), r"^Renewal\.points = 2: must be .* at least 8"),
+    (lambda: ss.rigid_slide(AGEING, 1), r"^Interface\.ageing = .*: not available with"),
+    (lambda: ss.critical_stiffness(AGEING), r"^Interface\.ageing = .*: not available"),
+    (lambda: ss.static_friction(AGEING), r"Interface\.ageing = .* depends on the speed"),
+    (lambda: rigid.effective_stiffness(INTERFACE, [1.0, math.nan]), "^effective_stiffness: X must be finite displa"),
+    (lambda: ss.critical_stiffness(EQUAL), r"^Gaussian\.std = 0: a distri"),
+    (lambda: closure_friction(replace(LASTING, delay=ss.Delay(0.3)), 1.0), "knows no delay"),
+    # velocity steps and holds
+    (lambda: ss.velocity_step(WARM, before=0.0, after=1.0, distance=1.0), r"^velocity_step: before = 0"),
+    (lambda: ss.velocity_step(WARM, before=1.0, after="3 mm/s", distance=1.0), "must be a plain number"),
+    (lambda: ss.velocity_step(WARM, before=1.0, after=2.0, distance=1.0, stiffness=-1.0), "stiffness = -1"),
+    (lambda: ss.velocity_step("rig", before=1.0, after=2.0, distance=1.0), "a Rig or an Interface"),
+    (lambda: ss.slide_hold_slide(WARM, velocity=1.0, holds=()), "at least one time"),
+    (lambda: ss.slide_hold_slide(WARM, velocity=1.0, holds=(1.0, -2.0)), r"holds\[1\] = -2"),
+    (
+        lambda: ss.velocity_step(INTERFACE, before=1.0, after=2.0, distance=1.0, stiffness=1.0),
+        "temperature = None: not available with a spring",
+    ),
 ]
 
 

@@ -5,11 +5,9 @@ import math
 
 import numpy as np
 import pytest
-import xarray as xr
 from benches import imbalance
 
 import stickslip as ss
-from stickslip.io import datasets as store
 from stickslip.model.distributions import SteadyState
 from stickslip.simulation import LABELS
 
@@ -147,47 +145,3 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
 
 
 # ------------------------------------------------------------------------------------------------ again, and elsewhere
-
-
-# ------------------------------------------------------------------------------------------------ bad input
-
-GOOD = FEW.replace(drive=ss.constant(1.0, 1.0))
-
-
-@pytest.mark.parametrize(
-    ("ask", "message"),
-    [
-        (lambda: GOOD.replace(interface=TENTH), r"^Rig\.interface = .*: must be an Interface"),
-        (lambda: GOOD.replace(slider=None), r"^Rig\.slider = None: must be a Slider"),
-        (lambda: GOOD.replace(drive=1.0), r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
-        (lambda: GOOD.replace(method="contacts"), r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or Master"),
-        (lambda: GOOD.replace(output=0.1), r"^Rig\.output = 0\.1: must be an Output"),
-        (lambda: GOOD.replace(start="sliding"), r"^Rig\.start = 'sliding': must be FromRest\(\), FromSliding\(\) or P"),
-        (lambda: ss.simulate(GOOD.replace(mass=0.0)), r"^Slider\.mass = 0: a simulation needs a mass above 0"),
-        (
-            lambda: ss.simulate(GOOD, output=ss.Output(snapshots=(2.0,))),
-            r"^Output\.snapshots: 2 lies beyond the end of the",
-        ),
-        (
-            lambda: ss.simulate(GOOD.replace(drive=ss.constant(0.0, 1.0)), start=ss.FromSliding()),
-            r"^FromSliding: the drive starts at velocity 0: .* above 0",
-        ),
-        (
-            lambda: ss.simulate(GOOD.replace(interface=interface(math.inf)), start=ss.FromSliding()),
-            r"^FromSliding: contacts that never re-attach",
-        ),
-        (
-            lambda: ss.simulate(GOOD.replace(interface=interface(thresholds=ONE)), method=ss.MasterEquation()),
-            r"^Gaussian\.std = 0: .* or use the method Contacts",
-        ),
-        (
-            lambda: ss.simulate(GOOD, output=ss.Output(interval=1e-9), long=True),
-            r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08",
-        ),
-        (lambda: ss.rerun(xr.Dataset()), "no provenance"),
-        (lambda: ss.rerun(xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})), "made by 'sweep', not by"),
-    ],
-)
-def test_bad_arguments(ask, message):
-    with pytest.raises(ss.InputError, match=message):
-        ask()

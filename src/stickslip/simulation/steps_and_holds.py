@@ -214,7 +214,7 @@ def _natural(rig: Rig, place: str, value: float | str, unit: str) -> float:
 def _sliding(rig: Rig, velocity: float, who: str, stiffness: float | str) -> tuple[Engine, float, float]:
     """Return an engine in steady sliding, where the drive is, and the stiffness of its spring."""
     slider, spring, interface = None, math.inf, rig.interface
-    if stiffness != math.inf:
+    if not (isinstance(stiffness, float) and stiffness == math.inf):
         spring = _natural(rig, f"{who}: stiffness", stiffness, "k")
         slider = Slider(stiffness=spring, mass=0.0, damping=0.0)
         growing = isinstance(rig.method, MasterEquation) and isinstance(interface.ageing, FixedGrowth)
