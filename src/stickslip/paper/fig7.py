@@ -25,7 +25,7 @@ from stickslip import plot
 from stickslip.paper.cases import FIG7, V1
 from stickslip.paper.figure import Claim, Figure, at_least, at_most, between, extremes, near, weighed
 from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, shade
-from stickslip.paper.ramps import draw_around, draw_mark, draw_oscillation, draw_ramp, ramped, time_of
+from stickslip.paper.ramps import draw_around, draw_mark, draw_oscillation, draw_ramp, ramped
 
 _SLOW, _FAST = 0.1, 3.0  # of the ramp of (a)
 _TOP = 8.0  # of (b): far enough for stick-slip to end
@@ -162,11 +162,10 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     ax, fixed = axes["a"], data.sel(sweep="fixed").drop_vars("sweep")
     low = -0.35  # the inertia of the slider pulls the force below 0 after a slip
     draw_ramp(ax, fixed, rf"(a) $\tau_\mathrm{{d}}$ = {FIG7.interface.delay.moment(1):g}", low, 1.75)
-    for name, symbol in (("v1_linear", "v_1"), ("v1_down_fold", "v_1'")):
-        v = float(data[name])
-        draw_mark(ax, time_of(fixed, v, down=name == "v1_down_fold"), f"${symbol}$ = {v:.3f}", 0.88, 0.58)
+    for name in ("v1_linear", "v1_down_fold"):
+        draw_mark(ax, fixed, name, 0.88, 0.58)
     inset = ax.inset_axes((0.04, 0.74, 0.36, 0.26))
-    draw_around(inset, fixed, time_of(fixed, float(data["v1"][0])), 0.55 * _SHOWN, 0.45 * _SHOWN)
+    draw_around(inset, fixed, "v1", 0.55 * _SHOWN, 0.45 * _SHOWN)
     inset.set_yticks([])
     inset.tick_params(labelsize=7)
     for name, case in zip("bc", _SWEPT, strict=True):

@@ -19,7 +19,7 @@ from stickslip import plot
 from stickslip.paper.cases import FIG9
 from stickslip.paper.figure import Claim, Figure, at_least, between, extremes, weighed
 from stickslip.paper.kit import Picture, Progress, dataset, panel, portions
-from stickslip.paper.ramps import draw_around, draw_mark, draw_oscillation, draw_ramp, ramped, time_of
+from stickslip.paper.ramps import draw_around, draw_mark, draw_oscillation, draw_ramp, ramped
 
 _LEVEL = 0.4
 """Peak to peak of the spring force that counts as stick-slip, in f_s."""
@@ -27,10 +27,6 @@ _ENDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down":
 # Up through v1 and v2, and down through both; slowly where the transitions are.
 _UP = ss.ramp(0.3, 1.3, 400.0).then(ss.ramp(1.3, 4.0, 150.0))
 _DOWN = ss.ramp(4.0, 0.3, 200.0).then(ss.ramp(0.3, 0.1, 100.0)).then(ss.ramp(0.1, 0.012, 1500.0))
-
-
-def _symbol(name: str) -> str:
-    return name.replace("_down", "'")
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -43,7 +39,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _four_transitions(data: xr.Dataset) -> Claim:
-    ends = [extremes(_symbol(name), data[name], *band, "x_s/time") for name, band in _ENDS.items()]
+    ends = [extremes(name.replace("_down", "'"), data[name], *band, "x_s/time") for name, band in _ENDS.items()]
     return weighed(
         15,
         "two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
@@ -64,13 +60,10 @@ def _drawing(picture: Picture, data: xr.Dataset) -> None:
     # The transitions may be close together: two lines of text, v2 and v2' to either side.
     places = {"v2": (1.14, "right"), "v2_down": (1.14, "left")}
     for name in _ENDS:
-        v = float(data[name][0])
-        if np.isfinite(v):
-            height, side = places.get(name, (1.0, "center"))
-            at, symbol = time_of(data, v, down=name.endswith("down")), _symbol(name).replace("v", "v_")
-            draw_mark(sweep, at, f"${symbol}$ = {v:.3g}", height, 0.82, side)
+        height, side = places.get(name, (1.0, "center"))
+        draw_mark(sweep, data, name, height, 0.82, side)
     for ax, name, title, span in ((onset, "v1", "(b) at $v_1$", 24.0), (end, "v2", "(c) at $v_2$", 10.0)):
-        draw_around(ax, data, time_of(data, float(data[name][0])), 0.6 * span, 0.4 * span)
+        draw_around(ax, data, name, 0.6 * span, 0.4 * span)
         ax.xaxis.set_major_locator(MaxNLocator(3, integer=True))
         panel(ax, title, data["time"], data["spring_force"])
     draw_oscillation(oscillation, data, "(d) hysteresis")

@@ -62,23 +62,27 @@ def draw_oscillation(ax: Axes, run: xr.Dataset, title: str) -> None:
     ax.set_ylim(0.0)
 
 
-def time_of(run: xr.Dataset, velocity: float, *, down: bool = False) -> float:
-    """Return when a ramp passes a velocity, on the way up or down."""
+def _passed(run: xr.Dataset, name: str) -> tuple[float, float]:
+    """A velocity that is known by name, of several ramps the first's, and when the ramp passes it, up or down."""
     t, v = run["time"].to_numpy(), run["drive_velocity"].to_numpy()
-    if down:
+    if "down" in name:
         t, v = t[::-1], v[::-1]
-    rising = slice(int(np.argmax(v)) + 1)
-    return float(np.interp(velocity, v[rising], t[rising]))
+    velocity, rising = run[name].to_numpy().flat[0], slice(int(np.argmax(v)) + 1)
+    return float(velocity), float(np.interp(velocity, v[rising], t[rising]))
 
 
-def draw_mark(ax: Axes, time: float, text: str, height: float, line: float, side: str = "center") -> None:
-    """Mark a time by a dashed line, up to a fraction of the panel, and words above it."""
-    ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=DASHED)
-    ax.text(time, height, text, ha=side, fontsize=8)
+def draw_mark(ax: Axes, run: xr.Dataset, name: str, height: float, line: float, side: str = "center") -> None:
+    """Mark where a ramp passes a velocity by a dashed line, up to a fraction of the panel, and words above it."""
+    velocity, time = _passed(run, name)
+    if math.isfinite(time):
+        ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=DASHED)
+        words = f"$v_{name[1]}{chr(39) * ('down' in name)}$ = {velocity:.3g}"
+        ax.text(time, height, words, ha=side, fontsize=8)
 
 
-def draw_around(ax: Axes, run: xr.Dataset, time: float, before: float, after: float) -> None:
-    """Draw the force around a time; nothing where there is no such time."""
+def draw_around(ax: Axes, run: xr.Dataset, name: str, before: float, after: float) -> None:
+    """Draw the force around the time at which a ramp passes a velocity; nothing where there is none."""
+    _, time = _passed(run, name)
     if math.isfinite(time):
         force = run["spring_force"].sel(time=slice(time - before, time + after))
         ax.plot(force["time"], force, color=plot.BLUE, linewidth=0.8)
