@@ -175,7 +175,7 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
         (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
-        ("t,F_d\n" + PAIRS, {"force": "F_c"}, "did you mean 'F_d'"),
+        ("t,F_d\n" + PAIRS, {"force": "f_c"}, "did you mean 'F_d'"),
         ("t,F_d\n" + PAIRS, {"force": 0}, "counted from 1"),
         ("t,F_d\n" + PAIRS, {"force": 1, "time": 1}, "both force and time"),
         ("t,F_d\n" + PAIRS, {"step": 0.1, "time": "time"}, "leave one out"),

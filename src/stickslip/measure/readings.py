@@ -231,10 +231,11 @@ def _column(table: Table, name: str, wanted: str | int) -> int:
     if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         found = [int(text) - 1]
     if len(found) != 1 or found[0] not in table.numeric:
-        near = difflib.get_close_matches(text, {*titles} - {text}, n=1, cutoff=0.5)
+        others = {simple(title): title for title in titles if simple(title) not in names}
+        near = difflib.get_close_matches(simple(text), others, n=1, cutoff=0.5)
         raise InputError(
             f"{name} = {shown(wanted)}: no such column of numbers, or several of this name; "
-            f"{f'did you mean {near[0]!r}? ' if near else ''}counted from 1, there are {table.listed()}"
+            f"{f'did you mean {others[near[0]]!r}? ' if near else ''}counted from 1, there are {table.listed()}"
         )
     return found[0]
 
