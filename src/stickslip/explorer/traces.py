@@ -129,8 +129,11 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
         damping_ratio=given["damping"],
         **{key: given[key] for key in _NEEDED},
     )
-    if "half" not in given:
-        rig = _with_delay(rig, events)
+    if "half" not in given:  # as long as a slip: shorter, and contacts hold again within it; longer, and they are late
+        delay = float(f"{events.slip_samples * events.step * seconds_in(events):.3g}")
+        how = "as long as a slip was recorded to last; the speed at which friction has halved tells it"
+        assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
+        rig = replace(rig.replace(delay=delay), assumed=assumed)
     standard_deviation = rig.interface.thresholds.standard_deviation()
     overlay, words = _overlay(rig, events, seconds, watch)
     return {
@@ -145,14 +148,6 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
         "assumed": [f"{key}: {item}" for key, item in rig.assumed.items()],
         "overlay": overlay,
     }
-
-
-def _with_delay(rig: Rig, events: fitting.Events) -> Rig:
-    """The rig with a delay as long as a slip: shorter, and contacts hold again within it; longer, and they are late."""
-    delay = float(f"{events.slip_samples * events.step * seconds_in(events):.3g}")
-    how = "as long as a slip was recorded to last; the speed at which friction has halved tells it"
-    assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
-    return replace(rig.replace(delay=delay), assumed=assumed)
 
 
 def _rig(rig: Rig) -> Plain:
@@ -253,7 +248,16 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
         rig = {"no_rig": str(error)}
     yield {
         **rig,
-        "parameters": _parameters(found),
+        "parameters": [
+            {
+                "title": one.title,
+                "text": str(one),
+                "says": _SAYS[str(one.verdict)],
+                "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
+                "part": list(one.parts or ()),  # where its interval lies within what was held possible, 0 to 1
+            }
+            for one in found.parameters
+        ],
         "quantities": [[one.title, str(one)] for one in found.quantities],
         "notes": list(found.notes),
         "overlay": _predicted(found, events),
@@ -268,20 +272,6 @@ _SAYS = {
     "not identified": "not identified: the interval is hardly narrower than what was held possible",
     "at a bound": "at a bound of what was held possible",
 }
-
-
-def _parameters(found: fitting.Fit) -> list[Plain]:
-    """Each parameter: in words, and where its interval lies within what was held possible, 0 to 1."""
-    return [
-        {
-            "title": one.title,
-            "text": str(one),
-            "says": _SAYS[str(one.verdict)],
-            "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
-            "part": list(one.parts or ()),
-        }
-        for one in found.parameters
-    ]
 
 
 def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
