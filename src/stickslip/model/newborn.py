@@ -14,7 +14,7 @@ from stickslip.errors import InputError
 from stickslip.model.distribution import Positive
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.interface import Interface
-from stickslip.model.quadrature import panels
+from stickslip.model.quadrature import nodes_between
 
 Array = NDArray[np.float64]
 
@@ -28,14 +28,13 @@ def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer
     std = distribution.standard_deviation()
     if std == 0:
         return np.array([distribution.moment(1)]), np.ones(1)
-    low, high = (
-        max(distribution.support[0], -thresholds.support[1]),
-        min(distribution.support[1], thresholds.support[1]),
-    )
-    edges = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
+    largest = thresholds.support[1]
+    low, high = max(distribution.support[0], -largest), min(distribution.support[1], largest)
+    ends = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
     width = 4.0 * min(std, max(thresholds.standard_deviation(), 1e-3 * std))
-    parts = [panels(left, right, math.ceil(finer * (right - left) / width)) for left, right in pairwise(edges)]
-    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    parts = [np.linspace(a, b, math.ceil(finer * (b - a) / width), endpoint=False) for a, b in pairwise(ends)]
+    edges = np.append(np.concatenate(parts), high)
+    x, weight = (part.ravel() for part in nodes_between(edges[:-1], edges[1:]))
     weight = weight * distribution.density(x)
     kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
     return x[kept], weight[kept] / weight[kept].sum()

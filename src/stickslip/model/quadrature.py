@@ -27,19 +27,11 @@ def hashable(record: object) -> Any:
     return record
 
 
-@lru_cache(maxsize=64)
-def panels(low: float, high: float, count: int) -> tuple[Array, Array]:
-    """Nodes and weights of composite Gauss-Legendre quadrature with `count` panels of 16 nodes."""
-    edges = np.linspace(low, high, count + 1)
-    x, weight = _between(edges[:-1], edges[1:])
-    return x.ravel(), weight.ravel()
-
-
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(16)
 
 
-def _between(left: Array, right: Array) -> tuple[Array, Array]:
-    """Nodes and weights between pairs of edges, shapes (n, 16)."""
+def nodes_between(left: Array, right: Array) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss-Legendre quadrature between pairs of edges, shapes (n, 16)."""
     half = 0.5 * (right - left)[:, None]
     return left[:, None] + half * (1 + _NODE), half * _WEIGHT
 
@@ -75,7 +67,7 @@ def table_of(distribution: Distribution) -> Table:
     """
 
     def integral(left: Array, right: Array) -> Array:
-        x, weight = _between(left, right)
+        x, weight = nodes_between(left, right)
         return np.asarray(np.sum(weight * _density(distribution, x), axis=1))
 
     knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
@@ -93,7 +85,7 @@ def table_of(distribution: Distribution) -> Table:
         if not left.size:
             break
     edges = np.append(np.sort(np.concatenate([*kept, left])), edges[-1])
-    x, weight = _between(edges[:-1], edges[1:])
+    x, weight = nodes_between(edges[:-1], edges[1:])
     weight = weight * _density(distribution, x)
     held = np.flatnonzero(weight.sum(axis=1))
     total = float(weight.sum())
@@ -199,7 +191,7 @@ def _fine_nodes(distribution: Distribution, power: float, least: float) -> tuple
     count = pieces.astype(int)
     step = np.repeat((right - left) / pieces, count)
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    x, weight = _between(np.repeat(left, count) + number * step, np.repeat(left, count) + (number + 1) * step)
+    x, weight = nodes_between(np.repeat(left, count) + number * step, np.repeat(left, count) + (number + 1) * step)
     return x.ravel(), (weight * _density(distribution, x) / table.total).ravel()
 
 
