@@ -66,7 +66,7 @@ def test_what_is_well_written_is_read(text, unit, value):
         ("4,0 MN/m", "write '4.0 MN/m': decimal point, not comma"),
         ("1.000,5 N/m", "write '1000.5 N/m'"),
         ("1,000.5 N/m", "write '1000.5 N/m'"),
-        ("1,200 N/m", "one number, with a decimal point, and its unit"),
+        ("1,200 N/m", "one number with a decimal point and its unit"),
         ("1 200 N/m", "write '1200 N/m'"),
         ("\u22122 N/m", "write '-2 N/m'"),
         ("200 s-1", "write '200 s^-1'"),

@@ -92,7 +92,9 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
         raise InputError(f"is longer than {LONGEST_QUANTITY} characters; write it as in {example!r}")
     found = _QUANTITY.fullmatch(text)
     if found is None:
-        general = f"cannot be read as one number, with a decimal point, and its unit; write it as in {example!r}"
+        general = (
+            f"cannot be read as a quantity, one number with a decimal point and its unit; write it as in {example!r}"
+        )
         raise InputError(_remedy(text, _QUANTITY) or general)
     if found[2] is None:
         if bare:
