@@ -88,24 +88,23 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
     Traceback (most recent call last):
     stickslip.errors.InputError: write '1.2 kg': decimal point, not comma
     """
+    as_in = f"write it as in {example!r}"
     if len(text) > LONGEST_QUANTITY:
-        raise InputError(f"is longer than {LONGEST_QUANTITY} characters; write it as in {example!r}")
+        raise InputError(f"is longer than {LONGEST_QUANTITY} characters; {as_in}")
     found = _QUANTITY.fullmatch(text)
     if found is None:
-        general = (
-            f"cannot be read as a quantity, one number with a decimal point and its unit; write it as in {example!r}"
-        )
+        general = f"cannot be read as a quantity, one number with a decimal point and its unit; {as_in}"
         raise InputError(_remedy(text, _QUANTITY) or general)
     if found[2] is None:
         if bare:
             return _nearest(Fraction(found[1]))
-        raise InputError(f"has no unit; write it as in {example!r}")
+        raise InputError(f"has no unit; {as_in}")
     size, dimensions = _size_of(found[2])
     wanted, kind = _size_of(unit)
     if dimensions == _size_of(f"kg {unit}")[1]:
-        raise InputError(f"is {unit!r} times a mass; divide it by the mass, and write it as in {example!r}")
+        raise InputError(f"is {unit!r} times a mass; divide it by the mass, and {as_in}")
     if dimensions != kind:
-        raise InputError(f"is not in a unit of {unit!r}; write it as in {example!r}")
+        raise InputError(f"is not in a unit of {unit!r}; {as_in}")
     return _nearest(Fraction(found[1]) * size / wanted)
 
 
