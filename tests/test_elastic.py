@@ -374,11 +374,17 @@ def test_runs_of_elastic_sliders_in_si_units() -> None:
         (BAR, "density =", 'mass = "1 g"\ndensity =', "give density or mass, not both"),
         (BAR, "[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain, not both"),
         (PLATE, "along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
-        (PLATE, "blocks = 16", "blocks = 15", r"start.stretching = .*: is of 23 blocks, but there are 24"),
+        (PLATE, "blocks = 16", "blocks = 15", r"start.stretching = .*: is of 23 blocks, but there are 24; give one"),
         (PLATE, "blocks = 16", "blocks = 9e9", r"start.stretching\[1\].blocks = 9000000000.0: must be a whole number"),
         (PLATE, "= 0.4", '= "0.4"', r"start.stretching\[1\].stretching = '0.4': must be a number"),
         (PLATE, 'push = "20 N"', "push = 20", r"simulation.start.push = 20: has no unit"),
         (PLATE, "[sheet]", "[sheets]", r"sheets: unknown key; did you mean 'sheet'?"),
+        (
+            rig_files.to_toml(ss.example("brake_pad")),
+            'start = "from rest"',
+            "start = { stretching = 0.5 }",
+            r"simulation.start = {'stretching': 0.5}: must be 'from rest' or 'sliding'; a table is for chain or sheet",
+        ),
     ],
 )
 def test_mistakes_in_a_file_are_told(text: str, line: str, instead: str, message: str) -> None:

@@ -243,12 +243,14 @@ class _Reader:
     def _start(self, content: Any, blocks: int) -> Start:
         if not isinstance(content, Mapping):
             return FromSliding() if content == "sliding" else FromRest()
+        if self.body == "slider":
+            self.file.refuse(_START, content, f"must be 'from rest' or 'sliding'; a table is for {' or '.join(BODIES)}")
         values, place = self._whole(content, rig_keys.START, _START), f"{_START}.stretching"
         if isinstance(profile := values["stretching"], list):
             runs = [item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item} for item in profile]
             runs = [self._whole(run, rig_keys.RUN, f"{place}[{i}]") for i, run in enumerate(runs)]
             if (total := sum(run["blocks"] for run in runs)) != blocks:
-                self.file.refuse(place, profile, f"is of {total} blocks, but there are {blocks}")
+                self.file.refuse(place, profile, f"is of {total} blocks, but there are {blocks}; give one for each")
             values["stretching"] = tuple(run["stretching"] for run in runs for _ in range(run["blocks"]))
         return self.file.make(_START, lambda: Prestressed(**values))
 
