@@ -124,7 +124,7 @@ def velocity_step_in(
         raise InputError(f"at = {at:g}: {later} samples after the step; there must be at least 30")
     count = min(whole("bins", bins, at_least=30, at_most=100_000), len(rows))
     held = rows.groupby(pd.cut(rows.x, count, right=False, labels=False)).mean()
-    units = {one: str(data[one].attrs.get("units", "")) for one in (name, "time", along) if one is not None}
+    length, clock, unit = (str(data[one].attrs.get("units", "")) if one else "" for one in (along, "time", name))
     return Step(
         displacement=held.x.to_numpy(),
         friction=held.friction.to_numpy(),
@@ -132,9 +132,9 @@ def velocity_step_in(
         after=after,
         at=at,
         measured=along is not None,
-        length_unit=units.get(along or "", ""),
-        time_unit=units["time"],
-        friction_unit=units[name].removeprefix("1"),
+        length_unit=length,
+        time_unit=clock,
+        friction_unit=unit.removeprefix("1"),
     )
 
 
