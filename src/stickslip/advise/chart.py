@@ -43,10 +43,9 @@ def chart(
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
     report = progress or (lambda _share: None)
-    natural, here = rig.natural, dict[str, float]()
-    for parameter in map(parameter_named, over):
-        here[parameter.name] = number(f"map: {parameter.name} of the rig", parameter.get(natural), above=0)
-    one, other = (parameter_named(name).name for name in over)
+    natural, (first, second) = rig.natural, map(parameter_named, over)
+    one, other = first.name, second.name
+    here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in (first, second)}
     widest = {"std": WIDEST_STD}
     ends = [(value / around, min(value * around, widest.get(name, math.inf))) for name, value in here.items()]
     grids = [np.geomspace(low, high, max(points // 2, 4)) for low, high in ends]

@@ -150,11 +150,7 @@ def watch(
         reason = "an oscillation, or noise of its contacts: longer runs would tell"
         return run, replace(seen, kind="undecided", reason=reason), "stays"
     if state == "noise":
-        count, rms = getattr(run.rig.method, "count", 0), 100 * rms_over_mean(run, seen)
-        reason = (
-            f"the force fluctuates by {rms:.2g} % rms, noise of {count} contacts: as much from sliding as from rest, "
-            "and more with a quarter as many"
-        )
+        reason = "noise of the contacts: as much from sliding as from rest, and more with a quarter as many"
         seen = replace(seen, kind="smooth sliding", reason=reason)
     return run, seen, state
 

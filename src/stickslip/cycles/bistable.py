@@ -214,12 +214,8 @@ def bistable_region(
             fold = next((end.value for end in (band.low, band.high) if end.kind == "fold"), math.nan)
             rows.append((value, band.low.value, band.high.value, fold))
     table = np.array(rows).reshape(-1, 4)
-    titles = {f"band_{across.name}": (across.name, across.unit)}
-    for end, what in (("low", "lower end"), ("high", "upper end"), ("fold", "fold")):
-        titles[f"band_{up.name}_{end}"] = f"{up.name}, {what}", up.unit
-    return xr.Dataset(
-        {
-            name: labelled(title, "band", table[:, i], rig.unit_name(unit))
-            for i, (name, (title, unit)) in enumerate(titles.items())
-        }
-    )
+    found = {f"band_{across.name}": labelled(across.name, "band", table[:, 0], rig.unit_name(across.unit))}
+    for i, (end, what) in enumerate((("low", "lower end"), ("high", "upper end"), ("fold", "fold")), start=1):
+        title = f"{up.name}, {what}"
+        found[f"band_{up.name}_{end}"] = labelled(title, "band", table[:, i], rig.unit_name(up.unit))
+    return xr.Dataset(found)
