@@ -262,10 +262,7 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
 
 
-@pytest.mark.parametrize(
-    "head",
-    ["t,COF", "time,Friction coefficient", "t,µ", "Zeit,Reibwert", "Time(s),Friction (-)"],
-)
+@pytest.mark.parametrize("head", ["t,COF", "time,Friction coefficient", "t,µ", "Zeit,Reibwert", "Time(s),Friction (-)"])
 def test_a_coefficient_of_friction_is_no_force(tmp_path, head):
     data = read_trace(written(tmp_path, head + "\n" + rows(lambda t, f: f"{t},{f / 10:.4f}")))
     assert data["spring_force"].attrs == {"units": "1", "long_name": "coefficient of friction"}
@@ -295,10 +292,8 @@ def test_a_spreadsheet_is_read(tmp_path):
     book.active.append(["see the second sheet"])
     sheet = book.create_sheet("data")
     head = [["Bench", "7"], ["Date", dt.date(2024, 2, 1)], [], ["Time", "Force", "Remark"], ["ms", "kN", None]]
-    for row in head:
+    for row in (*head, *zip((1e3 * TIMES).tolist(), FORCES.tolist(), strict=True)):
         sheet.append(row)
-    for t, f in zip(TIMES, FORCES, strict=True):
-        sheet.append([1e3 * float(t), float(f), None])
     book.save(tmp_path / "bench.xlsx")
     data = read_trace(tmp_path / "bench.xlsx")
     np.testing.assert_array_equal(data["spring_force"], FORCES)

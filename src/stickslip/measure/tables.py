@@ -66,7 +66,7 @@ class Table(NamedTuple):
         """The columns, for a message."""
         named = [f"{i} '{heading}'" if heading.name else str(i) for i, heading in enumerate(self.headings, start=1)]
         shown = [each if i in self.numeric else f"{each} (no numbers such as 1234.5)" for i, each in enumerate(named)]
-        return ", ".join(shown[:12]) + (" ..." if len(shown) > 12 else "")
+        return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
 
 
 def read_table(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
