@@ -94,19 +94,19 @@ def spectral_line(t: Array, force: Array, chance: float) -> tuple[float, float]:
     A line is held against the `_BESIDE_A_LINE` frequencies beside it, two next to it left out: of noise of any colour
     that is even there, ``(1 + x/n)^-n`` of all ordinates exceed `x` times the mean of `n` others by chance.
     """
-    power = np.abs(fft.rfft(_evenly(t, force)))[1:] ** 2 / t.size**2
+    size = fft.prev_fast_len(t.size, real=True)
+    power = np.abs(fft.rfft(_evenly(t[:size], force[:size])))[1:] ** 2 / size**2
     first, others = _BESIDE_A_LINE // 2 + _NEXT, float(_BESIDE_A_LINE)
     if power.size <= 2 * first:
         return math.nan, 0.0
     total = np.concatenate([[0.0], np.cumsum(power)])
     at = np.arange(first, power.size - first)
     near = total[at + _NEXT + 1] - total[at - _NEXT]
-    beside = total[at + first + 1] - total[at - first] - near
-    best = int(np.argmax(power[at] / np.maximum(beside, 1e-300)))
-    exceeds = power[at[best]] / max(float(beside[best]), 1e-300)
-    if power.size * (1.0 + exceeds) ** -others > chance:
+    beside = np.maximum(total[at + first + 1] - total[at - first] - near, 1e-12 * total[-1] + 1e-300)  # of rounding
+    best = int(np.argmax(power[at] / beside))
+    if power.size * (1.0 + power[at[best]] / beside[best]) ** -others > chance:
         return math.nan, 0.0
-    period = float((t[-1] - t[0]) / (at[best] + 1))
+    period = float(np.ptp(t[:size])) * size / (size - 1) / (at[best] + 1)
     return period, 4.0 * math.sqrt(max(float(near[best] - beside[best] * (2 * _NEXT + 1) / others), 0.0))
 
 
