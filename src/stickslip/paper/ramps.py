@@ -76,8 +76,8 @@ def draw_mark(ax: Axes, run: xr.Dataset, name: str, height: float, line: float, 
     velocity, time = _passed(run, name)
     if math.isfinite(time):
         ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=DASHED)
-        words = f"$v_{name[1]}{chr(39) * ('down' in name)}$ = {velocity:.3g}"
-        ax.text(time, height, words, ha=side, fontsize=8)
+        symbol = f"v_{name[1]}'" if "down" in name else f"v_{name[1]}"
+        ax.text(time, height, f"${symbol}$ = {velocity:.3g}", ha=side, fontsize=8)
 
 
 def draw_around(ax: Axes, run: xr.Dataset, name: str, before: float, after: float) -> None:
