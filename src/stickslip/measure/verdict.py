@@ -418,7 +418,7 @@ def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, ob
             f"the slider sticks for {100 * stuck:.0f} % of the time" if stuck >= STICKS else "the slider never sticks"
         )
     drift, each = slope(trace.force, trace.t) * span, span / max(count, 1)
-    swing = part(float(np.ptp(trace.force)) / abs(trace.largest))
+    swing = part(float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0))
     # So long that there are enough cycles, and a trend shows, or the rest of the oscillation that was begun.
     more = trace.time_in_words(max(ENOUGH / max(count, 1), 2.0) * span)
     motion = "oscillation" if facts & {"slips", "periodic"} or "normal" not in facts else "fluctuation"
