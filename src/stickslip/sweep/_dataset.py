@@ -286,11 +286,9 @@ def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
     low, high = (found.reset_coords().isel(run=xr.DataArray(side, dims="crossing")) for side in sides)
     more = {}
     for name in search["box"]:
-        for part, value, words in (
-            ("at", (low[name] + high[name]) / 2, "on the boundary"),
-            ("error", abs(high[name] - low[name]) / 2, "uncertainty"),
-        ):
-            more[f"{name}_{part}"] = _titled(value.assign_attrs(found[name].attrs), words)
+        at, error = (low[name] + high[name]) / 2, abs(high[name] - low[name]) / 2
+        more[f"{name}_at"] = _titled(at.assign_attrs(low[name].attrs), "on the boundary")
+        more[f"{name}_error"] = _titled(error.assign_attrs(low[name].attrs), "uncertainty")
     more |= {f"{name}_at": low[name] for name in search["each"]}
     if (label := search["label"]) in found:
         more[f"from_{label}"] = _titled(low[label], "on one side")
