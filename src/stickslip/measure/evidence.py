@@ -118,10 +118,7 @@ def gather(trace: Trace, found: Slips) -> Evidence:
     force, friction, mean = trace.force, abs(trace.largest) or 1.0, abs(float(trace.force.mean())) or 1e-300
     cycles, rest = _cycles(trace, found), without_line(force, trace.t)
     scatter, range_, drift = float(rest.std()), float(np.ptp(force)), slope(force, trace.t) * float(np.ptp(trace.t))
-    facts, limits = (
-        {"alone"} if trace.velocity is None else set(),
-        {name: limit for name, (_, limit, _) in TESTS.items()},
-    )
+    facts, limits = set[str](), {name: limit for name, (_, limit, _) in TESTS.items()}
     swing, trend, line = range_, math.nan, math.nan
     if cycles and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
         swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - found.noise**2, 0.0)))
