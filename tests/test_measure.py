@@ -291,6 +291,13 @@ def test_samples_that_step_over_slips_do_not_make_them_smooth():
     assert regime(data.isel(time=slice(None, None, 60))).kind == "undecided"
 
 
+@pytest.mark.parametrize("samples", [4.5, 5.5, 6.5])
+def test_a_cycle_that_is_no_whole_number_of_samples_is_one_cycle(samples):
+    seen = regime(at(400.0, 1.0, lambda t: 2.0 + t / samples % 1))
+    assert seen == "stick-slip"
+    assert seen.period == pytest.approx(samples, rel=1.0 / seen.cycles)
+
+
 def test_the_evidence_of_a_sine():
     seen = regime(wave())
     assert [seen.period, seen.peak_to_peak, seen.trend] == pytest.approx([0.4 * math.pi, 0.4, 1.0], rel=0.01)

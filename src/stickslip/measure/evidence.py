@@ -186,12 +186,18 @@ def gather(trace: Trace, found: Slips) -> Evidence:
 
 
 def _cycles(trace: Trace, found: Slips) -> Cycles | None:
-    """The cycles of a periodic force; of one that wanders, less the line through the middles of its drops and rises."""
+    """The cycles of a periodic force; of one that wanders, less the line through the middles of its drops and rises.
+
+    Drops that are even to within a sample are cycles, though only some of them make a whole number of samples.
+    """
+    waits = np.diff(found.times)
+    period, _, variation = mean_and_std(waits)
+    even = found.size >= FEWEST_CYCLES and variation < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER
+    sampled = float(np.ptp(waits)) < 1.5 * (trace.t[-1] - trace.t[0]) / (trace.t.size - 1) if even else False
+    if even and (not found.cycles.periodic or (sampled and found.size > found.cycles.count + FEWEST_CYCLES)):
+        return replace(found.cycles, times=found.times, period=period)
     if found.cycles.periodic:
         return found.cycles
-    period, _, variation = mean_and_std(np.diff(found.times))
-    if found.size >= FEWEST_CYCLES and variation < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER:
-        return replace(found.cycles, times=found.times, period=period)
     if found.size < FEWEST_CYCLES or trace.velocity is not None:
         return None
     turning = np.sort(np.concatenate([found.peak, found.trough]))
