@@ -126,7 +126,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     for mitigation in found.mitigations:
         trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
         outcomes = (
-            (mitigation.stops, f"smooth: {trouble} decays even from a start at rest"),
+            (mitigation.stops, f"{trouble} decays even from a start at rest"),
             (mitigation.keeps, f"smooth sliding, once reached, stays; from rest {trouble} may persist"),
         )
         steps = [
