@@ -44,7 +44,7 @@ _START = "import sys; from stickslip.cli import main; sys.exit(main(sys.argv[1:]
 
 # Sets an input as a person does, and waits until the trace is on the screen: the page's own clock, in ms.
 MOVE = """
-([selector, value]) => new Promise((resolve) => {
+([selector, value]) => new Promise((resolve, reject) => {
   const input = document.querySelector(selector);
   const begun = performance.now();
   let asked = Infinity;
@@ -55,6 +55,7 @@ MOVE = """
       took: performance.now() - begun, kind: document.querySelector("#regime").textContent }), 0));
   };
   document.addEventListener("drawn", drawn);
+  document.addEventListener("complained", () => reject(new Error("the page refuses the value")), { once: true });
   input.value = value;
   input.dispatchEvent(new Event("input", { bubbles: true }));
   input.dispatchEvent(new Event("change", { bubbles: true }));

@@ -83,6 +83,7 @@ const SPECIAL = {
     .map((path) => [path, has(path)])),
   "interface.contact_strength": { when: SI },
   "interface.breaking_displacement": { when: SI },
+  "simulation.method": solver,
   "simulation.contacts": { when: contacts },
   "simulation.seed": { when: contacts },
   "simulation.rtol": { when: (doc) => !contacts(doc) },
