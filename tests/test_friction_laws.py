@@ -22,8 +22,7 @@ from scipy.signal import lfilter
 import stickslip as ss
 from stickslip.cli import main
 from stickslip.errors import InputError, UndecidedError
-from stickslip.rate_state import RateAndState, fit_rate_and_state, small_step, velocity_step_in
-from stickslip.rate_state.contacts import finite_step
+from stickslip.rate_state import RateAndState, finite_step, fit_rate_and_state, small_step, velocity_step_in
 from stickslip.stability import dynamic_stiffness, friction_slope
 
 

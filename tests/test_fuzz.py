@@ -162,6 +162,7 @@ ROOMS = (
     ss.stability.critical_spring,
     ss.stability.friction_slope,
     ss.stability.turning_velocities,
+    ss.rate_state.finite_step,
     ss.rate_state.fit_rate_and_state,
     ss.rate_state.healing,
     ss.rate_state.velocity_step_in,

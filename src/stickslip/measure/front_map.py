@@ -65,13 +65,11 @@ def in_words(run: xr.Dataset) -> list[str]:
     """Say the fronts and events of an elastic slider in a line each; nothing of other data."""
     if "first_break" not in run:
         return []
-    rig, unit = rig_of(run), str(run["time"].attrs.get("units", ""))
-    body, last = rig.natural.slider, run.sizes["block"] - 1
-    told = rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []
-    said = []
-    for row in told:
+    rig, unit, last, said = rig_of(run), str(run["time"].attrs.get("units", "")), run.sizes["block"] - 1, []
+    body = rig.natural.slider
+    for row in rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []:
         natural = row["front_speed"] / rig.unit("1/time")
-        if isinstance(body, Chain) and np.isfinite(natural):
+        if np.isfinite(natural):
             stop = "arrested there" if 0 < row["last_block"] < last else "the end"
             speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
             if body.spacing is not None:

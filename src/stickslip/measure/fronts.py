@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.errors import InputError, instance, number
+from stickslip.errors import InputError, instance
 from stickslip.measure.arrays import Array, slope
 from stickslip.simulation import labelled
 
@@ -22,6 +22,18 @@ _FAST = 10.0  # blocks in an event are so many times faster than the drive ...
 _SLOWEST = 0.01  # ... or, where it stands still, faster than this part of the fastest block of the run
 _BREAKING = 0.01  # a block that holds takes part if it breaks more than this part of its contacts while it is fast
 _IN_TIME = np.array([[0, 1, 0]] * 3)  # neighbours in time, for tables of samples and blocks
+_COLUMNS = {
+    "first_block": ("1", "block that breaks, or slips, first"),
+    "last_block": ("1", "last block that it reaches"),
+    "start": ("{time}", "time at which it starts"),
+    "end": ("{time}", "time at which it ends"),
+    "blocks": ("1", "blocks that it passes"),
+    "moment": ("{displacement}", "slip, summed over blocks"),
+    "drop": ("{spring_force}", "drop of the spring force"),
+    "peak_velocity": ("{velocity}", "largest velocity of a block"),
+    "front_speed": ("1/{time}", "speed of the front, in blocks"),
+}
+"""What is told of fronts and events: unit, by the variables of the run, and title."""
 
 Row = tuple[float, ...]
 
@@ -63,23 +75,16 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
     """
     units = _checked(run, "fronts", "first_break")
     time = np.asarray(run["first_break"].values, dtype=float)
-    speed, unit, rows = np.full(time.size, np.nan), units["first_break"], list[Row]()
+    speed, rows = np.full(time.size, np.nan), list[Row]()
     for block in range(_WINDOW, time.size - _WINDOW):
         speed[block] = _speed(time[block - _WINDOW : block + _WINDOW + 1])
     if np.isfinite(time).any():
         origin = int(np.nanargmin(time))
-        rows = sorted([*_pieces(time, origin, 1), *_pieces(time, origin, -1)], key=lambda row: row[3])
-    columns = (
-        ("first_block", "1", "block on which the front starts"),
-        ("last_block", "1", "last block that it reaches"),
-        ("blocks", "1", "blocks that it passes"),
-        ("start", unit, "time of its first break"),
-        ("end", unit, "time at which it reaches its last block"),
-        ("front_speed", f"1/{unit}", "speed of the front, in blocks"),
-    )
-    along = {"speed": labelled("speed of the front, in blocks", "block", speed, f"1/{unit}")}
+        rows = [*_pieces(time, origin, 1), *_pieces(time, origin, -1)]
+    found = _table("front", "first_block last_block blocks start end front_speed", rows, units)
+    along = labelled("speed of the front, in blocks", "block", speed, f"1/{units['time']}")
     kept = run[["first_break", "half_detached"]].reset_coords(drop=True).drop_attrs(deep=False)
-    return kept.assign(along | _table("front", columns, rows))
+    return kept.assign(found | {"speed": along})
 
 
 def _speed(times: Array) -> float:
@@ -89,7 +94,7 @@ def _speed(times: Array) -> float:
 
 
 def _pieces(time: Array, origin: int, way: int) -> list[Row]:
-    """Fronts that run one way from a block: first and last block, their count, start, end and speed."""
+    """Fronts that run one way from a block."""
     line = time[origin::way]
     line = line[: int(np.append(np.isnan(line), True).argmax())]
     waits, starts, rows = np.diff(line), [0], list[Row]()
@@ -98,30 +103,26 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
         if before.size >= _FEWEST and waits[i] > _WAIT * float(np.median(before)):
             starts.append(i + 1)
     for start, beyond in itertools.pairwise([*starts, line.size]):
-        end = beyond - 1
+        end, count = beyond - 1, beyond - start
         if way > 0 or end > 0:  # else the front that runs the other way holds this block
-            under_way = line[start + (end - start) // 5 : beyond]  # the first fifth is still getting under way
-            speed = np.nan
-            if beyond - start >= _FEWEST:
-                speed = abs(slope(np.arange(float(under_way.size)), under_way))
-            rows.append((origin + way * start, origin + way * end, beyond - start, line[start], line[end], speed))
+            # The first fifth is still getting under way.
+            speed = _speed(line[start + count // 5 : beyond]) if count >= _FEWEST else np.nan
+            rows.append((origin + way * start, origin + way * end, count, line[start], line[end], speed))
     return rows
 
 
-def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
+def events(run: xr.Dataset) -> xr.Dataset:
     """Return one row per event of an elastic slider: a slip of neighbouring blocks, together or one after the other.
 
-    A block slips while it moves faster than `velocity` and its contacts break, or most of them are detached. It takes
-    part if it then breaks at least half of its contacts, or had been detached before; an event has at least one block
-    that breaks. Times are those of the samples of the run: record it often enough to see an event grow.
+    A block slips while it moves ten times as fast as the drive at its fastest, or, if that stands still, faster than a
+    hundredth of the fastest block, and its contacts break, or most of them are detached. It takes part if it then
+    breaks at least half of its contacts, or had been detached before; an event has at least one block that breaks.
+    Times are those of the samples of the run: record it often enough to see an event grow.
 
     Parameters
     ----------
     run : Dataset
         Of a `Chain` or a `Sheet`, as `simulate` returns it.
-    velocity : float, optional
-        In the unit of the run, from sample to sample; by default ten times the largest velocity of the drive, or a
-        hundredth of that of the fastest block if the drive stands still.
 
     Returns
     -------
@@ -156,11 +157,8 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
         for name in ("broken", "displacement", "velocity", "spring_force", "attached")
     )
     speed = np.abs(np.diff(X, axis=0)) / np.diff(time)[:, None]
-    if velocity is None:
-        drive = float(np.abs(run["drive_velocity"].values).max())
-        velocity = _FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
-    else:
-        velocity = number("events: velocity", velocity, above=0)
+    drive = float(np.abs(run["drive_velocity"].values).max())
+    velocity = _FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
     # Whether a block takes part is asked of the whole time that it is fast, however finely that is sampled.
     spells, many = ndimage.label(speed > velocity, _IN_TIME)
     breaks = np.bincount(spells.ravel(), np.diff(broken, axis=0).ravel()) > _BREAKING
@@ -183,35 +181,23 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
         origin = int(np.argmin(arrival))
         side = max((arrival[origin:], arrival[origin::-1]), key=len)  # on which more blocks follow
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
-        moment = float((X[last] - X[first])[part].sum())
-        fastest = float(np.abs(V[first : last + 1][:, part]).max())
+        moment = (X[last] - X[first])[part].sum()
+        fastest = np.abs(V[first : last + 1][:, part]).max()
         front = _speed(side) if runs else np.nan
-        drop = force[first] - force[last]
-        rows.append((time[first], time[last], part[origin], part.size, moment, drop, fastest, front))
-    columns = (
-        ("start", units["time"], "time at which the event starts"),
-        ("end", units["time"], "time at which it ends"),
-        ("first_block", "1", "block that slips first"),
-        ("blocks", "1", "blocks that take part"),
-        ("moment", units["displacement"], "slip, summed over blocks"),
-        ("drop", units["spring_force"], "drop of the spring force"),
-        ("peak_velocity", units["velocity"], "largest velocity of a block"),
-        ("front_speed", f"1/{units['time']}", "speed of the front, in blocks"),
-    )
-    return xr.Dataset(
-        _table("event", columns, sorted(rows)),
-        {"event": np.arange(len(rows))},
-        {"count": len(rows), "velocity": float(velocity)},
-    )
+        rows.append(
+            (time[first], time[last], part[origin], part.size, moment, force[first] - force[last], fastest, front)
+        )
+    found = _table("event", "start end first_block blocks moment drop peak_velocity front_speed", rows, units)
+    return xr.Dataset(found, {"event": np.arange(len(rows))}, {"count": len(rows), "velocity": velocity})
 
 
-def _table(along: str, columns: Sequence[tuple[str, str, str]], rows: Sequence[Row]) -> dict[str, Any]:
-    """The variables of a table: name, unit and long name of each column, with its values; blocks are counted."""
-    values = np.array(rows, dtype=float).reshape(len(rows), len(columns)).T
-    return {
-        name: labelled(text, along, column.astype(int) if "block" in name else column, unit)
-        for (name, unit, text), column in zip(columns, values, strict=True)
-    }
+def _table(along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Any]:
+    """The variables of a table, in order of time; blocks are counted."""
+    import pandas as pd
+
+    frame = pd.DataFrame(rows, columns=names.split()).sort_values("start")
+    of = {name: values.to_numpy(dtype=int if "block" in name else float) for name, values in frame.items()}
+    return {name: labelled(_COLUMNS[name][1], along, of[name], _COLUMNS[name][0].format_map(units)) for name in of}
 
 
 def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:

@@ -111,15 +111,17 @@ def _quantity(name: str) -> Quantity:
     return _NAMED.get(simple(name), "")
 
 
-def units_in(cells: Sequence[str], *, below_names: bool) -> list[str]:
-    """The units in the cells of a line, if it is one of units: all known, or, below a line of names, most of them."""
-    units = [cell.strip().strip('"').strip("[]() ") for cell in cells]
-    filled = [unit for unit in units if unit]
-    known = [found[0] for unit in filled if (found := unit_named(unit))]
-    if not {"force", "time", "length", "stress", "signal"} & set(known):
-        return []
-    most = below_names and len(known) >= 0.5 * len(filled) and max(map(len, filled)) <= 12
-    return units if most or len(known) == len(filled) else []
+def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
+    """Names and units of so many columns, from lines above them; the last may hold the units of the names before."""
+    names, units = rows[-1] if rows else [""] * width, [""] * width
+    cells = [cell.strip(' "[]()') for cell in names]
+    filled = [cell for cell in cells if cell]
+    known = [found[0] for cell in filled if (found := unit_named(cell))]
+    least = 0.5 * len(filled) if len(rows) > 1 else len(filled)
+    if {"force", "time", "length", "stress", "signal"} & {*known} and len(known) >= least:
+        names, units = rows[-2] if len(rows) > 1 else [""] * width, cells
+    read = map(Heading.read, names)
+    return [Heading(each.name, unit or each.unit) for each, unit in zip(read, units, strict=True)]
 
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:

@@ -26,18 +26,19 @@ _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles
 _WAYS = (("up", "speeding up", "v1", "v2"), ("down", "slowing down", "v2_down", "v1_down"))
 """Each way: the velocities at which stick-slip sets in, and at which it ends."""
-_USUAL = {"level": (0.4, "f_s", "spring_force"), "window": (4.0, "x_s", "displacement")}
-"""Values that are usual, the unit that they are in, and the variable of a run that has this unit."""
+_LEVEL, _WINDOW = 0.4, 4.0  # f_s, and x_s where a cycle is not known
 
 
-def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
+def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
 
     Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a window of two
     cycles; it starts at the end of the first such window and ends at the start of the last one. A state
     shorter than half a window is passed over. An oscillation that is there from the very start may be the
     transient from the state the run was started in: its end counts if it has grown by `level`, or has lasted for
-    25 windows.
+    25 windows. A cycle is the time in which the drive loads spring and contacts by the largest change of the force in
+    the run, and one free oscillation of the slider; where the run does not say what rig it was made of, or the slider
+    is elastic, a window is 4 ``x_s`` of travel.
 
     A ramp passes the boundary before the oscillation has grown (delayed bifurcation) and noise may set it off
     early, so the answers depend on the rate of the ramp; they are not the velocities of linear stability.
@@ -49,12 +50,6 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         keep its velocity for a while.
     level : float, optional
         In the unit of `spring_force`; by default .4 ``f_s``.
-    window : float, optional
-        Travel of the drive, in the unit of `displacement`, that holds two cycles or more at every velocity. By
-        default a window holds two cycles: each the time in which the drive loads spring and contacts by the largest
-        change of the force in the run, and one free oscillation of the slider. Where the run does not say what rig
-        it was made of, or the slider is elastic, the default is 4 ``x_s``. Both must be given for a run in SI units
-        that does not say what rig it was made of.
 
     Returns
     -------
@@ -70,8 +65,8 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     Raises
     ------
     InputError
-        If the run has no drive velocity, or the drive turns back, or the run is in SI units and `level` or
-        `window` is not given.
+        If the run has no drive velocity, or the drive turns back, or the run is in SI units and does not say what rig
+        it was made of.
     UndecidedError
         If the drive does not change, goes up and down more than once, or travels less than two windows, or
         there are too few samples in a window.
@@ -87,10 +82,11 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     rig = None  # not every run says what it was made of
     with suppress(InputError):
         rig = rig_of(run)
-    level = number(
-        "level", _usual(run, rig, "level") if level is None else level, above=0, hint="in the unit of spring_force"
-    )
-    seen = _oscillation(run, trace, rig, level, window)
+    if rig is None and unit_named(force_unit := str(run["spring_force"].attrs.get("units", ""))):
+        raise InputError(f"transitions: spring_force is in {force_unit}: the run does not say what f_s and x_s are")
+    usual = _LEVEL * (rig.unit("f_s") if rig else 1.0)
+    level = usual if level is None else number("level", level, above=0, hint="in the unit of spring_force")
+    seen = _oscillation(run, trace, rig, level)
     height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", "begin", "middle", "end"))
     top = _turning_time(trace.t, trace.drive)
     on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
@@ -100,29 +96,19 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
     transient = middle[min([*grown[:1], _LONGEST_TRANSIENT * _PARTS, middle.size - 1])]
     counted = (stops > min([*starts[:1], transient])) | (trace.t[0] >= top)
-    notes = []
-    if on[0]:
-        notes.append("the force oscillates above the level from the start")
-        if stops.size and not counted[0]:
-            until = trace.sign * np.interp(stops[0], trace.t, trace.drive)
-            notes[-1] += f" until v = {until:.3g}: the state the run was started in"
+    notes = ["the force oscillates above the level from the start"] if on[0] else []
     velocities = {}
     for (way, _, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
         here = starts[(starts > first) & (starts <= last)]
         there = stops[(stops > first) & (stops <= last) & counted]
-        missing = []
         for name, what, at in ((onset, "sets in", here[:1]), (ending, "ends", there[-1:])):
             value = trace.sign * float(np.interp(at[0], trace.t, trace.drive)) if at.size else np.nan
             velocities[name] = (f"stick-slip {what} on the way {way}", value)
-            missing += [] if at.size else [name.replace("_down", "'")]
+        missing = [name.replace("_down", "'") for name in (onset, ending) if np.isnan(velocities[name][1])]
         inside = on[(middle > first) & (middle <= last)]
         if missing:
-            why = f"{'' if inside.any() else 'no '}stick-slip all the way {way}"
-            if not inside.size:
-                why = f"less than a window of travel on the way {way}"
-            elif inside.any() and not inside.all():
-                why = f"it does not {'end' if here.size else 'set in'} on the way {way}"
-            notes.append(f"{' and '.join(missing)} not seen: {why}")
+            seen_in = f"{np.count_nonzero(inside)} of {inside.size} windows on the way {way}"
+            notes.append(f"{' and '.join(missing)} not seen: stick-slip in {seen_in}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
     unit = seen["drive_velocity"].attrs["units"]
@@ -133,34 +119,18 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     )
 
 
-def _usual(run: xr.Dataset, rig: Rig | None, name: str) -> float:
-    """The usual level or window in the unit of the run, from what it was made of."""
-    value, scale, of = _USUAL[name]
-    if rig is not None:
-        return value * rig.unit(scale)
-    unit = str(run[of].attrs.get("units", "")) if of in run else ""
-    if (known := unit_named(unit)) and known[0] in ("force", "length"):
-        raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
-    return value
-
-
-def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float, window: float | None) -> xr.Dataset:
-    """Peak to peak of the spring force over a moving window: of two cycles, or of a drive travel that is given.
-
-    A cycle lasts at most as long as the drive takes to load spring and contacts by the largest change of the force in
-    the run, and one free oscillation of the slider.
-    """
+def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float) -> xr.Dataset:
+    """Peak to peak of the spring force over a moving window of two cycles, or of 4 x_s where they are not known."""
     import xarray as xr
 
     assert trace.drive is not None
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
-    if window is None and rig is not None and isinstance(rig.slider, Slider):
+    width = _WINDOW * (rig.unit("x_s") if rig else 1.0) * np.ones_like(travel)
+    if rig and isinstance(rig.slider, Slider):
         swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
         loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
         period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
         width = 2.0 * (loading + trace.drive * period)
-    else:
-        width = number("window", window or _usual(run, rig, "window"), above=0, hint="in the unit of X") + 0.0 * travel
     gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
     said = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
@@ -212,22 +182,19 @@ def _turning_time(t: Array, drive: Array) -> float:
 
 def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
     """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
+    import pandas as pd
     import xarray as xr
 
-    speed, force = np.abs(seen["drive_velocity"].values), seen["peak_to_peak"].values
-    ways = [seen["middle"].values <= top, seen["middle"].values > top]
-    if min(np.count_nonzero(way) for way in ways) < 2:
-        return xr.Dataset()
-    low, high = max(speed[way].min() for way in ways), min(speed[way].max() for way in ways)
+    speed, force, up = np.abs(seen["drive_velocity"].values), seen["peak_to_peak"], seen["middle"].values <= top
+    curves = [pd.Series(force.values[way], speed[way]).sort_index(kind="stable") for way in (up, ~up)]
+    low, high = np.max([each.index.min() for each in curves]), np.min([each.index.max() for each in curves])
     if not low < high:
         return xr.Dataset()
-    grid = np.linspace(low, high, 201)
-    found = {}
-    for (name, how, *_), way in zip(_WAYS, ways, strict=True):
-        order = np.argsort(speed[way], kind="stable")
-        values = np.interp(grid, speed[way][order], force[way][order])
-        text, unit = f"peak to peak of the force, drive {how}", seen["peak_to_peak"].attrs["units"]
-        found[name] = labelled(text, "velocity", values, unit)
+    grid, unit = np.linspace(low, high, 201), force.attrs["units"]
+    found = {
+        name: labelled(f"peak to peak of the force, drive {how}", "velocity", np.interp(grid, each.index, each), unit)
+        for (name, how, *_), each in zip(_WAYS, curves, strict=True)
+    }
     return xr.Dataset(found, {"velocity": ("velocity", grid, dict(seen["drive_velocity"].attrs))})
 
 

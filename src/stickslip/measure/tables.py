@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import Array
-from stickslip.measure.headings import Heading, ratio, simple, unit_named, units_in, with_coefficients
+from stickslip.measure.headings import Heading, headings_of, ratio, unit_named, with_coefficients
 from stickslip.model.quantities import unit_size
 
 if TYPE_CHECKING:
@@ -43,8 +43,6 @@ _BLANKS, _BEFORE_NUMBERS = " ", "  "
 """What separates columns besides one character: blanks, or only those before a number, where units stand behind it."""
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _COMMAS = str.maketrans(".,", ",.")
-_REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"}
-"""Names of a last column that the rows leave out: LabVIEW's are ``X_Value``, ``Force`` and ``Comment``."""
 _NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", "---", ""}
 
 Columns = tuple[dict[int, Array], NDArray[np.int64]]
@@ -69,7 +67,7 @@ class Table(NamedTuple):
         return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
 
 
-def read_table(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
+def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = None) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
     for start, (kind, package, reader) in _NO_TEXT.items():
         if raw.startswith(start):
@@ -84,9 +82,7 @@ def read_table(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Cells and lines
-# ---------------------------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------------------- cells and lines
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
@@ -139,9 +135,7 @@ class _Lines:
         return self.raw[line].decode(errors="replace")
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Text
-# ---------------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------------------------- text
 
 
 def _as_utf8(raw: bytes) -> bytes:
@@ -173,15 +167,14 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     sample = [line for i in np.unique(places.astype(int)).tolist() if _holds(line := lines[i])]
     if not sample:
         raise InputError("is empty, or holds blanks and comments only; it should hold a column of forces")
-    content = [(i, line) for i, line in head if _holds(line)]
-    mark, comma = _layout(sample, [line for _, line in content], delimiter, decimal)
+    mark, comma = _layout(sample, delimiter, decimal)
     cells = [_split(line, mark) for line in sample]
     width = mode(len(row) for row in cells)
     if width > MOST_COLUMNS:
         raise InputError(f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
     columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
     numeric = [i for i, column in enumerate(columns) if _share(column, comma) >= 0.5]
-    rows = ((i, _split(line, mark)) for i, line in content if numeric)
+    rows = ((i, _split(line, mark)) for i, line in head if numeric and _holds(line))
     full = ((i, [row[k] for k in numeric]) for i, row in rows if len(row) > numeric[-1])
     start = next((i for i, row in full if _share(row, comma) == 1.0), None)
     if start is None:
@@ -189,9 +182,15 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
             f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found no column of numbers that begins by line "
             f"{head[-1][0] + 1}; it should hold a column of forces, without more text above it"
         )
-    above = [line.lstrip().lstrip("#%/! ") for i, line in head if i < start]
-    headings = _headings(filter(None, (_as_wide(line, mark, width) for line in above)), width)
-    headings, step = _labview([line for _, line in labview], headings, numeric, mark, comma)
+    above = (_as_wide(line.lstrip().lstrip("#%/! "), mark, width) for i, line in head if i < start)
+    named = [row for row in above if False in map(_is_number, row)]
+    if mark == "," and not (comma or named or delimiter or decimal or "." in "".join(sample)):
+        raise InputError(
+            f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns, or fewer with decimal "
+            "commas; export with ';' or with decimal points, or say decimal=',' or delimiter=','"
+        )
+    headings = headings_of(named, width)
+    step = _labview([line for _, line in labview], headings, numeric, mark, comma)
     units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}
     for i, unit in units.items():
         if unit and not (ratio(unit, headings[i].unit) if headings[i].unit else unit_named(unit)):
@@ -200,12 +199,13 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         headings[i] = headings[i]._replace(unit=unit or headings[i].unit)
 
     def read(asked: Iterable[int]) -> Columns:
-        found = _cells(lines, start, set(asked), width, mark, comma, quoted='"' in "".join(sample))
-        beyond = found[width]
-        surplus = [text for text in beyond.cat.categories if unit_named(str(text)) or _is_number(str(text), comma)]
-        values = {i: _numbers(found.pop(i), units[i], comma) for i in set(asked)}
+        cells = _cells(lines, start, {*asked, width}, mark, comma, quoted='"' in "".join(sample))
+        surplus = [
+            text for text in cells[width].cat.categories if unit_named(str(text)) or _is_number(str(text), comma)
+        ]
+        values = {i: _numbers(cells.pop(i), units[i], comma) for i in {*asked}}
         for numbers in values.values():
-            numbers[beyond.isin(surplus)] = math.nan
+            numbers[cells[width].isin(surplus)] = math.nan
         keep = np.logical_or.reduce([np.isfinite(numbers) for numbers in values.values()])
         keep &= ~np.isin(np.frombuffer(lines.raw, dtype=np.uint8)[lines.begins[start:-1]], list(b"#%/!"))
         keep[[row for row in np.flatnonzero(~keep).tolist() if _holds(lines[start + row])]] = True
@@ -216,85 +216,53 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     return Table(with_coefficients(headings), numeric, read, lambda number: lines[number - 1].strip(), step)
 
 
-def _layout(sample: list[str], head: list[str], delimiter: str | None, decimal: str | None) -> tuple[str, bool]:
+def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> tuple[str, bool]:
     """What separates the columns, and whether the decimal sign is a comma: that by which most cells are numbers."""
     if decimal not in (None, ".", ","):
         raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
     if delimiter is not None and (len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal):
         raise InputError(f"delimiter = {delimiter!r}: must be one character, such as ';', and no decimal sign")
-
-    def numbers(way: tuple[str, bool]) -> float:
-        some = sample[:: len(sample) // _LOOKED_AT + 1]
-        return _share((cell for line in some for cell in _split(line, way[0])[:_LOOKED_AT]), way[1])
-
     marks = [delimiter] if delimiter else ["\t", ";", "|", *(() if decimal == "," else ","), _BLANKS, _BEFORE_NUMBERS]
     ways = [(mark, comma) for comma in (False, True) for mark in marks if decimal in (None, ".,"[comma])]
-    mark, comma = max(ways, key=numbers)
-    if mark == "," and not (comma or delimiter or decimal or "." in "".join(sample)):  # 0,25,5,1 may be two numbers
-        width, rows = mode(len(_split(line, mark)) for line in sample), (_split(line, mark) for line in head)
-        names = {len(cells) for cells in rows if not _share(cells)} - {1}
-        if width not in names and (names or ", " not in "".join(sample)):
-            raise InputError(
-                f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns, or fewer with decimal "
-                "commas; export with ';' or with decimal points, or say decimal=',' or delimiter=','"
-            )
-    return mark, comma
+    some = sample[:: len(sample) // _LOOKED_AT + 1]
+    return max(ways, key=lambda way: _share((c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Headings
-# ---------------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------------- headings
 
 
-def _as_wide(line: str, mark: str, width: int) -> list[str] | None:
-    """The cells of a line above the table, one to a column; None if they are not as many."""
-    found = [_split(line, mark)]
-    if mark in (_BLANKS, _BEFORE_NUMBERS):  # names may hold blanks: look for other marks first
+def _as_wide(line: str, mark: str, width: int) -> list[str]:
+    """The cells of a line above the table, one to a column; none if they are too few."""
+    if mark not in (_BLANKS, _BEFORE_NUMBERS):
+        found = [_split(line, mark)[:width]]  # rows may leave out a last one for remarks, as LabVIEW's do
+    else:  # names may hold blanks: look for other marks first
         found = [_split(line, other) for other in ",;\t" if other in line]
         found += [re.split(blanks, line.strip()) for blanks in (r"\s{2,}", r"\s+(?![\[(])", r"\s+")]
-    found += [cells[:-1] for cells in found if cells and simple(cells[-1]) in _REMARKS]
-    return next((cells for cells in found if len(cells) == width), None)
+    return next((cells for cells in found if len(cells) == width), [])
 
 
-def _headings(rows: Iterable[list[str]], width: int) -> list[Heading]:
-    """Names and units of the columns, from the lines just above the table that have as many cells."""
-    told = [cells for cells in rows if False in map(_is_number, cells)]
-    units = units_in(told[-1], below_names=len(told) > 1) if told else []
-    if units:
-        told.pop()
-    found = map(Heading.read, told[-1] if told else [""] * width)
-    return [Heading(each.name, unit or each.unit) for each, unit in zip(found, units or [""] * width, strict=True)]
-
-
-def _labview(
-    head: list[str], headings: list[Heading], numeric: list[int], mark: str, comma: bool
-) -> tuple[list[Heading], float | None]:
-    """Units and time step from the head of a LabVIEW measurement file."""
+def _labview(head: list[str], headings: list[Heading], numeric: list[int], mark: str, comma: bool) -> float | None:
+    """Time step from the head of a LabVIEW measurement file, which completes the headings, too."""
     told = {cells[0]: cells[1:] for line in head if (cells := _split(line, "\t" if mark.isspace() else mark))}
-    found = list(headings)
-    if told.get("X_Columns", [])[:1] == ["One"] and not found[numeric[0]].name:
-        found[numeric[0]] = Heading("X_Value")
-    forces = [i for i in numeric if found[i].quantity != "time"]
+    if told.get("X_Columns", [])[:1] == ["One"] and not headings[numeric[0]].name:
+        headings[numeric[0]] = Heading("X_Value")
+    forces = [i for i in numeric if headings[i].quantity != "time"]
     for i, unit in zip(forces, told.get("Y_Unit_Label", []), strict=False):
-        found[i] = Heading(found[i].name, found[i].unit or unit.strip())
-    return found, read_cell("".join(told.get("Delta_X", [])[:1]), comma)[0] or None
+        headings[i] = Heading(headings[i].name, headings[i].unit or unit.strip())
+    return read_cell("".join(told.get("Delta_X", [])[:1]), comma)[0] or None
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Columns
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------------------------------------------------- columns
 
 
-def _cells(
-    lines: _Lines, start: int, columns: set[int], width: int, mark: str, comma: bool, *, quoted: bool
-) -> pd.DataFrame:
-    """The cells of columns from a line on, a row to a line; a column beyond the last takes what is too much."""
+def _cells(lines: _Lines, start: int, columns: set[int], mark: str, comma: bool, *, quoted: bool) -> pd.DataFrame:
+    """The cells of columns from a line on, a row to a line; the last of them takes what is too much in a row."""
     import pandas as pd
 
     rows: Any = memoryview(lines.raw)[lines.begins[start] :]
     if mark == _BEFORE_NUMBERS:
         rows, mark = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows), "\t"
-    full, count = mark.join("0" * (width + 1)) + "\n", len(lines) - start  # a row that has them all
+    full, count = mark.join("0" * (max(columns) + 1)) + "\n", len(lines) - start  # a row that has them all
     with warnings.catch_warnings(), suppress(pd.errors.ParserError):
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are told of later
         cells = pd.read_csv(
@@ -302,9 +270,9 @@ def _cells(
             sep=r"\s+" if mark == _BLANKS else mark,
             decimal="," if comma else ".",
             header=None,
-            names=range(width + 1),
-            usecols=sorted({width, *columns}),
-            dtype={width: "category"},
+            names=range(max(columns) + 1),
+            usecols=sorted(columns),
+            dtype={max(columns): "category"},
             skip_blank_lines=False,
             skipinitialspace=True,
             quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
@@ -313,34 +281,23 @@ def _cells(
         if len(cells) == count:
             return cells
     raise InputError(
-        f"{count} lines from line {start + 1} on are not as many rows of {width} columns: a quotation mark is not "
-        "closed, or a row is cut off"
+        f"{count} lines from line {start + 1} on are not as many rows of {max(columns)} columns: a quotation mark is "
+        "not closed, or a row is cut off"
     )
 
 
 def _numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
     """The numbers of a column, NaN where a cell holds none, or one in another unit than usual."""
-    import pandas as pd
-
-    def number(cell: str) -> float:
-        value, unit = read_cell(cell, comma)
-        return math.nan if value is None or unit not in ("", usual) else value
-
-    if cells.dtype.kind in "fiu":
-        values: Array = cells.to_numpy(dtype=float, copy=True)
-    else:  # of some parts pandas makes numbers
-        text = np.array([isinstance(cell, str) for cell in cells])
-        values = np.full(text.size, math.nan)
-        values[~text] = cells[~text].to_numpy(dtype=float)
-        which, texts = pd.factorize(cells[text])
-        values[text] = np.array([number(cell) for cell in texts])[which]
-    values[np.isinf(values)] = math.nan
-    return values
+    if cells.dtype.kind not in "fiu":  # of some parts pandas makes numbers
+        known = {cell: read_cell(cell, comma) for cell in cells.unique() if isinstance(cell, str)}
+        of_texts = {cell: value if unit in ("", usual) else math.nan for cell, (value, unit) in known.items()}
+        cells = cells.map(lambda cell: of_texts.get(cell, cell))
+    numbers: Array = cells.to_numpy(dtype=float, copy=True)
+    numbers[np.isinf(numbers)] = math.nan
+    return numbers
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Files that are no text
-# ---------------------------------------------------------------------------------------------------------------------
+# ------------------------------------------------------------------------------------------- files that are no text
 
 
 def _of_spreadsheet(raw: bytes) -> Table:

@@ -4,6 +4,7 @@ Geophysicists describe friction by a direct effect ``a``, an evolution effect ``
 temperature and ageing come near to it, others do not; `rate_and_state` says which, and what the parameters get wrong.
 """
 
+from stickslip.rate_state.contacts import finite_step as finite_step
 from stickslip.rate_state.contacts import small_step as small_step
 from stickslip.rate_state.experiments import Healing as Healing
 from stickslip.rate_state.experiments import Step as Step

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import interpolate, special
 
+from stickslip.errors import instance
 from stickslip.measure.arrays import Array
 from stickslip.model import Barrier, Delay, Interface, Langevin, MasterEquation, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
@@ -87,10 +88,31 @@ def finite_step(
     stiffness: float = math.inf,
     method: MasterEquation = MasterEquation(),
 ) -> tuple[Array, Array]:
-    """Displacement of the load point after a step of its velocity, and the force per contact above that before it.
+    """Force over the displacement of the load point after a step of its velocity, from steady sliding.
 
-    From steady sliding over `slip`, behind a spring per contact, in natural units.
+    Parameters
+    ----------
+    interface : Interface
+    before, after : float
+        Velocities, in ``x_s`` per time.
+    slip : float
+        How far the load point goes after the step.
+    stiffness : float
+        Of a spring between load point and slider, per contact; infinite for a rigid slider.
+    method : MasterEquation
+        How accurately.
+
+    Returns
+    -------
+    (ndarray, ndarray)
+        Displacement of the load point from the step on, and force per contact minus that before the step.
+
+    Raises
+    ------
+    InputError
+        If the master equation cannot take the interface.
     """
+    instance("finite_step: interface", interface, Interface, "an Interface")
     run = velocity_step(interface, before=before, after=after, distance=slip, stiffness=stiffness, method=method)
     since = run["time"].to_numpy()
     force = run["friction_force"].to_numpy()[since >= 0.0]
