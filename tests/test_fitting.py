@@ -205,8 +205,7 @@ def test_the_observation_biases_simulations_as_it_does_traces():
     assert bare.max() > away.max()
 
 
-@pytest.mark.parametrize("rounds", [0, 1])
-def test_what_is_known_holds_for_the_draws_of_every_round(rounds):
+def test_what_is_known_holds_for_the_draws():
     made, error = table(prior=NARROW, draws=1500, slips=60), 0.02
     ideal = Observation(slips=25, sampling=Sampling(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01))
     peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
@@ -216,7 +215,7 @@ def test_what_is_known_holds_for_the_draws_of_every_round(rounds):
         """The sliding friction is known to be a half."""
         return np.exp(-0.5 * ((values[..., 2] - 0.5) / error) ** 2)
 
-    sample = infer(made, ideal, observed, likelihood=likelihood, rounds=rounds, nearest=40)
+    sample = infer(made, ideal, observed, likelihood=likelihood, nearest=40)
     values = made.prior.values(sample.parts)[:, 2]
     assert sample.weights.sum() == pytest.approx(1.0)
     # Twice its error: the regression moves them by what their statistics say.
@@ -390,13 +389,23 @@ def test_holds_without_ageing_seldom_seem_to_age():
     assert sum(strengthening_of(holds).words.endswith("age") for holds in drawn) == pytest.approx(25, abs=15)
 
 
-def test_speeds_in_a_file(tmp_path):
-    path = tmp_path / "speeds.txt"
-    path.write_text("speed [m/s], force [N]\n0.002,11\n0.003; 10\n")
-    assert read_pairs(path) == ((0.002, 11.0), (0.003, 10.0))
-    path.write_text("0,5 12,3\n0.002 11\n")
-    with pytest.raises(InputError, match=r"line 1: .* must be two numbers"):
-        read_pairs(path)
+@pytest.mark.parametrize(
+    ("text", "pairs"),
+    [
+        ("speed [m/s], force [N]\n0.002,11\n0.003, 10\n", ((0.002, 11.0), (0.003, 10.0))),
+        ("v (mm/s);F (mN)\n2,0;11000\n3,0;10000\n", ((0.002, 11.0), (0.003, 10.0))),
+        ("0.002 11\n0.003 10\n", ((0.002, 11.0), (0.003, 10.0))),
+        ("speed (s)  force (N)\n0.002 11\n0.003 10\n", None),
+        ("0.002\n0.003\n", None),
+    ],
+)
+def test_speeds_in_a_file(tmp_path, text, pairs):
+    (path := tmp_path / "speeds.txt").write_text(text)
+    if pairs:
+        np.testing.assert_allclose(read_pairs(path, "m/s"), pairs)
+    else:
+        with pytest.raises(InputError, match=r"speeds\.txt: needs two columns of numbers, in m/s and N; there are"):
+            read_pairs(path, "m/s")
 
 
 def test_the_command_refuses_in_one_line(tmp_path, capsys):

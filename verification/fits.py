@@ -145,7 +145,7 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
             refused["fewer slips"] += 1
             continue
         try:
-            sample = infer(made, IDEAL, statistics, rounds=0, seen=seen)
+            sample = infer(made, IDEAL, statistics, seen=seen)
         except InputError as error:
             refused[_reason(error)] += 1
             continue

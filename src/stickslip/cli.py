@@ -378,7 +378,8 @@ def fit(
         )
     given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
     known = {name: value for name, value in given.items() if value is not None}
-    means, peaks, data = read_pairs(speeds), read_pairs(holds), _read_data(trace, columns, flip=flip)
+    means, peaks = read_pairs(speeds, "m/s"), read_pairs(holds, "s")
+    data = _read_data(trace, columns, flip=flip)
     with console.working("simulating") as progress:
         found = ss.fit(data, known=known, smallest=smallest, after=after, speeds=means, holds=peaks, progress=progress)
         if output is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +16,7 @@ from stickslip.fitting.events import Events
 from stickslip.io import files
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
+from stickslip.measure.tables import read_table
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
 from stickslip.rate_state.fitting import Estimate, least_squares
@@ -215,24 +215,17 @@ def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, A
     return found[:, 0], found[:, 1]
 
 
-def read_pairs(path: Path | None) -> Pairs:
-    """Two columns of a text file: a speed in m/s or a time in s, and a force in N; names may stand above them."""
+def read_pairs(path: Path | None, unit: str) -> Pairs:
+    """Two columns of a table: speeds or times, and forces, in the units of their headings, or in SI units."""
     if path is None:
         return ()
-    rows: list[tuple[object, object]] = []
-    text = files.read(path, "table of two columns", largest=1_000_000).decode("utf-8", "replace")
-    for at, line in enumerate(text.splitlines(), start=1):
-        cells = re.findall(r"[^\s,;]+", line.partition("#")[0])
-        if not cells or not (rows or any(re.match(r"[-+]?[.]?\d", cell) for cell in cells)):
-            continue
-        try:
-            first, second = map(float, cells)
-        except ValueError:
-            raise InputError(
-                f"{path}: line {at}: {line.strip()[:60]!r}: must be two numbers without units, with decimal points, "
-                "such as '0.001 12.5'"
-            ) from None
-        rows.append((first, second))
-    if not rows:
-        raise InputError(f"{path}: holds no rows of two numbers, such as '0.001 12.5'")
-    return tuple(rows)
+    try:
+        table = read_table(files.read(path, "table of two columns", largest=1_000_000))
+        units = [table.headings[i].unit or si for i, si in zip(table.numeric, (unit, "N"), strict=False)]
+        sizes = [ratio(one, si) or math.nan for one, si in zip(units, (unit, "N"), strict=False)]
+        if len(table.numeric) != 2 or not np.isfinite(sizes).all():
+            raise InputError(f"needs two columns of numbers, in {unit} and N; there are {table.listed()}")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    x, F = (size * column for size, column in zip(sizes, table.read(table.numeric)[0].values(), strict=True))
+    return tuple(zip(x.tolist(), F.tolist(), strict=True))

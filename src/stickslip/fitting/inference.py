@@ -3,7 +3,7 @@
 Approximate Bayesian computation: of all simulated series those nearest to the trace are kept, and their parameters are
 moved by a local linear regression on what still parts their statistics from those of the trace. Of the ways that were
 tried, this one had intervals that hold the truth as often as they say. Where the trace lies at the edge of what the
-model makes, a regression would extrapolate: then simulations are added near it, and nothing is moved.
+model makes, a regression would extrapolate, and nothing is moved.
 """
 
 from __future__ import annotations
@@ -12,11 +12,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from stickslip.errors import InputError
-from stickslip.fitting.model import KEYS, Prior
 from stickslip.fitting.summary import comparable
 from stickslip.fitting.tables import Observation, Table
 from stickslip.measure.arrays import Array
@@ -25,9 +23,6 @@ NEAREST = 300
 EDGE, BEYOND = 95.0, 99.9
 """Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
 _NEIGHBOUR, _COMPARED = 10, 1000
-_ROUND, _FEWEST_IN_A_ROUND = 4_000, 1_000
-_ROUND_COST, _PER_CONTACT = 15.0, 4e-7
-"""Seconds that a round may take on one core, by estimate, and what a slip costs per contact."""
 _SMALL = 1e-4
 _LITTLE = 1e-3
 """Of the largest weight, which is 1 of a likelihood: draws with less do not count."""
@@ -55,19 +50,18 @@ def infer(
     observed: Array,
     *,
     likelihood: Callable[[Array], Array] = lambda values: np.ones(len(values)),
-    rounds: int | None = None,
     nearest: int = NEAREST,
     seen: Array | None = None,
     seed: int = 0,
 ) -> Sample:
     """Draw parameters that make the statistics that were observed; `InputError` if no draw is anywhere near.
 
-    A likelihood of parameters, along the last axis, is at most 1. Unless `rounds` says so there are two rounds of more
-    simulations where the trace lies at the edge, else none. `seen` are the statistics of the table by this observation.
+    A likelihood of parameters, along the last axis, is at most 1. `seen` are the statistics of the table by this
+    observation.
     """
     if seen is None:
         seen = observation.see(table, seed=seed)[0]
-    prior, valid = table.prior, np.isfinite(seen[:, 0])
+    valid = np.isfinite(seen[:, 0])
     if valid.sum() < nearest:
         raise InputError(
             f"fit: {valid.sum()} of {len(table)} draws from the prior stick-slip as the trace does, with "
@@ -85,34 +79,24 @@ def infer(
             "the slider stops: drive slower if the force falls between its slips or their size varies widely; else "
             "something else made the trace"
         )
-    weights = likelihood(prior.values(parts))
+    weights = likelihood(table.prior.values(parts))
     if (agree := int((weights > _LITTLE).sum())) < nearest:
         raise InputError(
             f"fit: {agree} of {len(parts)} draws agree with what is known, at least {nearest} are needed; check the "
             "known values, give their errors as (value, error), or take more draws"
         )
-    parts, weights, away = _kept(parts, weights, found - target, scale, nearest)
-    simulations, far = len(table), edge > EDGE
-    for number in range((2 if far else 0) if rounds is None else rounds):
-        rng = np.random.default_rng([seed, 2, number])
-        more, density = _proposals(parts, weights, prior, observation, rng)
-        near = observation.see_at(prior, more, seed=seed + number + 1)[0]
-        good = np.isfinite(near[:, 0])
-        fresh = likelihood(prior.values(more[good])) / density[good]
-        simulations += len(more)
-        # At most a few per cent of the weight to one draw: the rest would count for nothing.
-        if fresh.size:
-            fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
-        if _counting(fresh).sum() < nearest:
-            break
-        parts, weights, away = _kept(more[good], fresh, comparable(near[good]) - target, scale, nearest)
+    away = found - target
+    distance = np.sqrt(((away / scale) ** 2).sum(axis=1))
+    distance[weights <= _LITTLE * weights.max()] = np.inf
+    kept = np.argsort(distance)[:nearest]
+    weights = weights[kept] * (1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2)
     return Sample(
-        parts=parts if far else _adjusted(parts, weights, away),
+        parts=parts[kept] if edge > EDGE else _adjusted(parts[kept], weights, away[kept]),
         weights=weights / weights.sum(),
         edge=edge,
-        adjusted=not far,
+        adjusted=edge <= EDGE,
         invalid=1.0 - float(valid.mean()),
-        simulations=simulations,
+        simulations=len(table),
     )
 
 
@@ -127,48 +111,11 @@ def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:
     return float(100.0 * (usual < here).mean())
 
 
-def _counting(weights: Array) -> NDArray[np.bool_]:
-    """Which draws have a weight that counts."""
-    return np.asarray(weights > _LITTLE * weights.max(initial=0.0))
-
-
-def _kept(parts: Array, weights: Array, away: Array, scale: Array, nearest: int) -> tuple[Array, Array, Array]:
-    """The draws nearest to the target, from which they are so far away, weighted by how near they are."""
-    distance = np.sqrt(((away / scale) ** 2).sum(axis=1))
-    distance[~_counting(weights)] = np.inf
-    kept = np.argsort(distance)[:nearest]
-    kernel = 1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2
-    return parts[kept], weights[kept] * kernel, away[kept]
-
-
-def _logit(parts: Array) -> Array:
-    return np.asarray(logit(np.clip(parts, _SMALL, 1.0 - _SMALL)))
-
-
 def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
     """Parameters moved by a weighted linear regression, in logits, so that they stay within their ranges."""
     away = away / np.maximum(away.std(axis=0), 1e-9)
-    design = np.column_stack([np.ones(len(away)), away])
+    design, at = np.column_stack([np.ones(len(away)), away]), logit(np.clip(parts, _SMALL, 1.0 - _SMALL))
     ridge = np.diag([0.0, *[1e-3 * float(weights.sum())] * away.shape[1]])
     weighted = design.T * weights
-    slope = np.linalg.solve(weighted @ design + ridge, weighted @ _logit(parts))
-    return np.asarray(expit(_logit(parts) - away @ slope[1:]))
-
-
-def _proposals(
-    parts: Array, weights: Array, prior: Prior, observation: Observation, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Draws around those kept, and their density over that of the prior."""
-    from scipy.spatial.distance import cdist
-
-    weights, centres = weights / weights.sum(), _logit(parts)
-    covariance = 1.5 * np.cov(centres, rowvar=False, aweights=weights, bias=True) + 1e-4 * np.eye(len(KEYS))
-    contacts = float(np.mean(prior.values(parts)[:, 0]))
-    each = _PER_CONTACT * contacts * observation.slips_needed * (1.0 + contacts / 50.0)
-    count = int(np.clip(_ROUND_COST / each, _FEWEST_IN_A_ROUND, _ROUND))
-    chosen = centres[rng.choice(len(centres), size=count, p=weights)]
-    drawn = chosen + rng.multivariate_normal(np.zeros(len(KEYS)), covariance, count, method="cholesky")
-    away = cdist(drawn, centres, "mahalanobis", VI=np.linalg.inv(covariance))
-    new = expit(drawn)
-    inside = np.prod(np.maximum(new * (1.0 - new), 1e-12), axis=1)  # density of the prior in logits
-    return np.asarray(new), np.asarray(np.exp(-0.5 * away**2) @ weights / inside)
+    slope = np.linalg.solve(weighted @ design + ridge, weighted @ at)
+    return np.asarray(expit(at - away @ slope[1:]))

@@ -203,7 +203,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         surplus = [
             text for text in cells[width].cat.categories if unit_named(str(text)) or _is_number(str(text), comma)
         ]
-        values = {i: _numbers(cells.pop(i), units[i], comma) for i in {*asked}}
+        values = {i: _numbers(cells.pop(i), units[i], comma) for i in dict.fromkeys(asked)}
         for numbers in values.values():
             numbers[cells[width].isin(surplus)] = math.nan
         keep = np.logical_or.reduce([np.isfinite(numbers) for numbers in values.values()])
