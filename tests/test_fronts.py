@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from drawn import assert_drawn, assert_kept
 from scipy.optimize import brentq
+from test_told import BAR
 
 import stickslip as ss
 from stickslip import cli, elastic
@@ -42,14 +43,9 @@ def speed(rig, prestress, **how):
 STIFF = 1e12  # contacts against the bulk: the limit of Amontons and Coulomb
 
 
-@pytest.mark.parametrize("prestress", [0.3, 0.5, 0.7, 0.9])
-def test_stiff_contacts_without_losses(prestress):
-    assert speed(bar(STIFF), prestress) == pytest.approx(1 / math.sqrt(1 - prestress**2), rel=1e-6)
-
-
-@pytest.mark.parametrize("kappa", [0.25, 1.0, 4.0, 100.0])
+@pytest.mark.parametrize("kappa", [0.25, 4.0, STIFF])
 @pytest.mark.parametrize("leaf", [0.0, 0.2])
-@pytest.mark.parametrize("prestress", [0.5, 0.7, 0.9, 0.95])
+@pytest.mark.parametrize("prestress", [0.5, 0.7, 0.95])
 def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
     """Without losses the phase is a step at each of two roots, found here on their own."""
 
@@ -73,16 +69,11 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
     ("groups", "prestress", "expected"),
     [
         ((STIFF, 0.0, 0.0, 0.1), 0.5, 1.23576),
-        ((STIFF, 0.0, 0.0, 1.0), 0.5, 2.00000),
         ((1.0, 0.0, 0.0, 0.3162), 0.5, 1.14625),
         ((STIFF, 0.0, 0.3), 0.2, 0.80000),
         ((STIFF, 0.0, 3.0), 0.3, 0.18387),
-        ((STIFF, 0.0, 1.0), 0.8, 1.46694),
         ((0.25, 0.05, 0.3), 0.6, 0.68641),
         ((0.04, 0.01, 0.2), 0.5, 0.18355),
-        ((0.04, 0.01, 0.2), 0.8, 0.82713),
-        ((0.01, 0.0025, 0.1), 0.6, 0.49821),
-        ((0.16, 0.04, 0.4), 0.8, 0.80644),
         ((0.0025, 0.000625, 0.05), 0.8, 0.84412),
     ],
 )
@@ -127,8 +118,6 @@ def test_sliding_force_strength_and_rows_enter_through_the_prestress_alone_and_u
 
 NAGUMO = [  # prestress, standard deviation, sliding force, speed over that of sound at K = .25, M eta^2 = 1
     (0.6, 0.01, 0.0, 0.50000),
-    (0.6, 0.05, 0.0, 0.50012),
-    (0.6, 0.1, 0.0, 0.50109),
     (0.6, 0.2, 0.0, 0.49135),
     (0.8, 0.1, 0.0, 0.85876),
     (0.6, 0.1, 0.425, 0.49862),
@@ -141,17 +130,12 @@ def test_fronts_with_a_distribution_of_thresholds(prestress, std, sliding, expec
     assert speed(rig, prestress) == pytest.approx(expected, abs=6e-6)
 
 
-def test_a_narrow_distribution_is_that_of_one_threshold():
-    rig = bar(0.01, 0.0025, 0.1, std=1e-4)
-    assert speed(rig, 0.7) == pytest.approx(speed(bar(0.01, 0.0025, 0.1), 0.7, blocks="continuum"), rel=1e-6)
-
-
-def test_without_leaf_springs_a_distribution_has_a_front_at_any_prestress():
-    """The limit of soft leaf springs."""
-    none, soft = (speed(bar(0.01, leaf, 0.1, std=0.1), 0.3) for leaf in (0.0, 1e-8))
-    assert none == pytest.approx(soft, rel=1e-5)
-    assert none > 0
-    assert elastic.front_threshold(bar(0.01, 0.0, 0.1, std=0.1)) == 0.0
+def test_limits_of_a_narrow_distribution_and_of_soft_leaf_springs():
+    narrow, alike = bar(0.01, 0.0025, 0.1, std=1e-4), bar(0.01, 0.0025, 0.1)
+    assert speed(narrow, 0.7) == pytest.approx(speed(alike, 0.7, blocks="continuum"), rel=1e-6)
+    none, soft = (bar(0.01, leaf, 0.1, std=0.1) for leaf in (0.0, 1e-8))
+    assert 0 < speed(none, 0.3) == pytest.approx(speed(soft, 0.3), rel=1e-5)
+    assert elastic.front_threshold(none) == 0.0
 
 
 @pytest.mark.parametrize("leaf", [0.1, 0.25])
@@ -173,25 +157,25 @@ def test_no_front_below_the_threshold(std):
     rig = bar(0.01, 0.0025, 0.1, std=std)
     least = elastic.front_threshold(rig)
     below = elastic.front_speed(rig, prestress=0.99 * least)
-    assert not below.exists
-    assert float(below) == 0.0
-    assert "no front" in str(below)
+    assert (below.exists, float(below)) == (False, 0.0)
     assert 0 < speed(rig, 1.001 * least, blocks="continuum") < 0.02
 
 
-def test_coarse_blocks_pin_a_front_above_the_threshold():
-    rig = bar(0.25, 0.05, 0.3)
-    pinned = elastic.front_speed(rig, prestress=0.45)
-    assert pinned.threshold < 0.45
-    assert not pinned.exists
-    assert "these blocks pin it" in str(pinned)
-    assert "screening length is 1.8" in str(pinned)
-
-
-@pytest.mark.parametrize(("delay", "caveat"), [(ss.Delay(3.0), True), (ss.Delay(700.0), False), (ss.OnArrest(), False)])
-def test_a_delay_as_short_as_the_front_is_a_caveat(delay, caveat):
-    found = elastic.front_speed(bar(0.04, 0.01, 0.2, delay=delay), prestress=0.6)
-    assert ("re-attach within the front" in str(found)) == bool(found.caveats) == caveat
+@pytest.mark.parametrize(
+    ("rig", "prestress", "exists", "words"),
+    [
+        (bar(0.25, 0.05, 0.3), 0.4, False, "no front"),
+        (bar(0.25, 0.05, 0.3), 0.45, False, "these blocks pin it"),
+        (bar(0.25, 0.05, 0.3), 0.45, False, "screening length is 1.8"),
+        (bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), 0.6, True, "re-attach within the front"),
+        (bar(0.04, 0.01, 0.2, delay=ss.Delay(700.0)), 0.6, True, ""),
+    ],
+)
+def test_what_is_said_of_a_front(rig, prestress, exists, words):
+    found = elastic.front_speed(rig, prestress=prestress)
+    assert found.exists == exists
+    assert words in str(found)
+    assert bool(found.caveats) == (bool(words) and exists) or not exists
 
 
 # ---------------------------------------------------------------- precursors
@@ -255,46 +239,43 @@ def test_a_sliding_force_makes_every_mode_more_stable(force, root):
 
 
 def test_a_mode_is_a_rigid_slider_on_its_own_spring():
-    """A wave on a ring has its coupling's stiffness on top of the leaf springs', and loses more in a viscous bulk."""
     rig = sliding(blocks=5, coupling=3.0, leaf=1.0)
     found = elastic.modes(rig)
     rigid = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426))
     assert complex(found.growth[0], found.frequency[0]) == pytest.approx(complex(ss.growth_rate(rigid)), rel=1e-10)
     assert found.growth.values.tolist() == sorted(found.growth.values.tolist(), reverse=True)
-    for viscosity, root in ((0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)):
-        ring = elastic.modes(sliding(blocks=8, coupling=2.0, leaf=3.0, ends="periodic", viscosity=viscosity))
-        assert float(ring.stiffness[1]) == pytest.approx(4.1716, abs=1e-4)
-        assert complex(ring.growth[1], ring.frequency[1]) == pytest.approx(root, abs=1e-5)
+
+
+@pytest.mark.parametrize(("viscosity", "root"), [(0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)])
+def test_a_wave_on_a_ring_is_held_by_its_coupling_and_loses_more_in_a_viscous_bulk(viscosity, root):
+    ring = elastic.modes(sliding(blocks=8, coupling=2.0, leaf=3.0, ends="periodic", viscosity=viscosity))
+    assert float(ring.stiffness[1]) == pytest.approx(4.1716, abs=1e-4)
+    assert complex(ring.growth[1], ring.frequency[1]) == pytest.approx(root, abs=1e-5)
 
 
 @pytest.mark.parametrize("ends", ["free", "periodic"])
 @pytest.mark.parametrize("side", [0.0, 7.0])
 def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
-    bodies = [
-        ss.Chain(blocks=n, coupling=3.0, mass=1.0, damping=1.0, leaf=0.5, side=side, ends=ends) for n in (1, 2, 8)
-    ]
-    bodies.append(
-        ss.model.Sheet(
-            along=5, across=4, coupling=3.0, shear=2.0, mass=1.0, damping=1.0, leaf=0.5, side=side, ends=ends
-        )
-    )
-    for body in bodies:
+    springs = {"coupling": 3.0, "mass": 1.0, "damping": 1.0, "leaf": 0.5, "side": side, "ends": ends}
+    sheet = ss.model.Sheet(along=5, across=4, shear=2.0, **springs)
+    for body in (*(ss.Chain(blocks=n, **springs) for n in (1, 2, 8)), sheet):
         rig = replace(sliding(blocks=1, coupling=1.0, leaf=1.0), slider=body)
         exact = np.linalg.eigvalsh(np.diag(body.pulled) + springs_between(body))[:11]
         assert elastic.modes(rig, count=exact.size).stiffness.values == pytest.approx(exact, rel=1e-9)
 
 
-def test_wavelengths():
-    """All blocks alike, and half a wave; on a spring at one end, a quarter of a wave from the drive to the free end."""
-    for ends, chain, expected in (
+@pytest.mark.parametrize(
+    ("ends", "chain", "expected"),
+    [
         ("periodic", {"leaf": 1.0}, [math.inf, 12, 12, 6, 6]),
         ("free", {"leaf": 1.0}, [math.inf, 24, 12]),
         ("free", {"side": 2.0}, [2 * 25, 2 * 25 / 3]),
-    ):
-        found = elastic.modes(sliding(blocks=12, coupling=2.0, ends=ends, **chain)).wavelength.values
-        assert found[: len(expected)] == pytest.approx(expected)
-    stiff = elastic.modes(sliding(blocks=3, coupling=2.0, side=1e3))
-    assert np.isnan(stiff.wavelength.values).tolist() == [False, False, True]
+    ],
+)
+def test_wavelengths(ends, chain, expected):
+    """All blocks alike, and half a wave; on a spring at one end, a quarter of a wave from the drive to the free end."""
+    found = elastic.modes(sliding(blocks=12, coupling=2.0, ends=ends, **chain)).wavelength.values
+    assert found[: len(expected)] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("blocks", "unstable"), [(8, 1), (32, 3), (128, 11)])
@@ -307,27 +288,15 @@ def test_the_longest_waves_grow_and_viscosity_of_the_bulk_shortens_none(blocks, 
     assert viscosity or int((found.growth > 0).sum()) == unstable
     assert shortest.wavelength > dry.wavelength if viscosity else shortest.wavelength == pytest.approx(25.31, abs=5e-3)
     assert dry.stiffness == pytest.approx(2.226362, abs=1e-6)
-    assert shortest.blocks == 0
+    assert "stable at every wavelength" in str(elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0)))
 
 
-@pytest.mark.parametrize(
-    ("coupling", "side", "blocks", "continuum"), [(80.0, 40.0, 8, None), (400.0, 400.0, 21, 21.05)]
-)
-def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks, continuum):
-    found = elastic.critical_length(sliding(blocks=3, coupling=coupling, side=side))
-    assert found.blocks == blocks
-    assert continuum is None or found.length == pytest.approx(continuum, abs=5e-3)
-    growth = [
-        float(elastic.modes(sliding(blocks=n, coupling=coupling, side=side), count=1).growth[0])
-        for n in (blocks - 1, blocks)
-    ]
-    assert growth[0] < 0 < growth[1]
-
-
-def test_stiff_leaf_springs_keep_every_wave_stable():
-    found = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
-    assert math.isinf(found.wavelength)
-    assert "stable at every wavelength" in str(found)
+@pytest.mark.parametrize(("coupling", "side", "blocks"), [(80.0, 40.0, 8), (400.0, 400.0, 21)])
+def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks):
+    assert elastic.critical_length(sliding(blocks=3, coupling=coupling, side=side)).blocks == blocks
+    rigs = (sliding(blocks=n, coupling=coupling, side=side) for n in (blocks - 1, blocks))
+    below, above = (float(elastic.modes(rig, count=1).growth[0]) for rig in rigs)
+    assert below < 0 < above
 
 
 def test_modes_in_si_units():
@@ -343,65 +312,39 @@ def test_modes_in_si_units():
 
 # ---------------------------------------------------------------- bad input
 
-ALIKE = bar(0.04, 0.01, 0.2)
-SPREAD = bar(0.04, 0.01, 0.2, std=0.1)
-LEFT_OUT = "Interface.{} = .* not available with front_speed"
-
-
-def with_mechanism(**mechanism):
-    return replace(SPREAD, interface=replace(SPREAD.interface, **mechanism))
-
-
-def front(rig, prestress=0.5, **how):
-    return lambda: elastic.front_speed(rig, prestress=prestress, **how)
-
-
-def modes(count=1, **chain):
-    return lambda: elastic.modes(sliding(**chain), count=count)
-
-
-VISCOUS = bar(0.04, 0.01, 0.2, 0.1, std=0.1)
-SIDE_DRIVEN = ss.Rig(SPREAD.interface, side_driven().slider, STILL)
-RING = {"blocks": 5000, "coupling": 1.0, "side": 1.0, "ends": "periodic"}
+ALIKE, SPREAD = bar(0.04, 0.01, 0.2), bar(0.04, 0.01, 0.2, std=0.1)
+SCATTERED = replace(SPREAD, interface=replace(SPREAD.interface, track_scatter=0.1))
+RIGID = replace(SPREAD, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0))
+RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
 
 
 @pytest.mark.parametrize(
-    ("ask", "message"),
+    ("ask", "rig", "message"),
     [
-        (front(ALIKE, 1.0), r"prestress = 1: must be .* below 1"),
-        (front(ALIKE, blocks="fine"), r"blocks = 'fine': must be one of lattice"),
-        (front(SPREAD, blocks="lattice"), r"blocks = 'lattice': known only where all"),
-        (front(VISCOUS), r"Chain.viscosity = 2.5: fronts in a viscous bar are known only"),
-        (front(bar(0.04, sliding=1.0)), r"Interface.sliding_force = 1: must be below"),
-        (front(SPREAD, 0.99), r"prestress = 0.99: the contacts are past their largest"),
-        (front(with_mechanism(track_scatter=0.1)), LEFT_OUT.format("track_scatter")),
-        (front(with_mechanism(ageing=ss.Langevin(rate=1.5))), LEFT_OUT.format("ageing")),
-        (lambda: elastic.precursor_force(ALIKE), r"Rig.slider = .*pulled at one end only"),
-        (lambda: elastic.precursor_force(SIDE_DRIVEN), r"Interface.thresholds = .* needs all thresholds alike"),
-        (modes(blocks=4, coupling=1.0), r"Rig.slider = .* nothing holds the slider"),
-        (modes(0, blocks=4, coupling=1.0, leaf=1.0), r"count = 0: must be"),
-        (modes(**RING), r"Rig.slider: 5000 blocks in a network"),
-        (lambda: ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0)), r"Rig.slider = .* use|modes\(\)"),
+        (speed, (ALIKE, 1.0), r"prestress = 1: must be .* below 1"),
+        (speed, (SPREAD, 0.99), r"prestress = 0.99: the contacts are past their largest"),
+        (speed, (bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5), r"Chain.viscosity = 2.5: fronts in a viscous bar are known"),
+        (speed, (bar(0.04, sliding=1.0), 0.5), r"Interface.sliding_force = 1: must be below"),
+        (speed, (SCATTERED, 0.5), "Interface.track_scatter = .* not available with front_speed"),
+        (elastic.precursor_force, (ALIKE,), r"Rig.slider = .*pulled at one end only"),
+        (elastic.precursor_force, (bar(0.25, std=0.1, side=4.0),), r"Interface.thresholds = .* needs all .* alike"),
+        (elastic.modes, (sliding(blocks=4, coupling=1.0),), r"Rig.slider = .* nothing holds the slider"),
+        (elastic.modes, (RING,), r"Rig.slider: 5000 blocks in a network"),
+        (ss.growth_rate, (sliding(blocks=4, coupling=1.0, leaf=1.0),), r"Rig.slider = .* use|modes\(\)"),
+        (ss.predict, (sliding(blocks=8, coupling=20.0),), ".*nothing holds the slider"),
+        (ss.predict, (replace(sliding(blocks=8, coupling=20.0, leaf=1.0), drive=STILL),), ".*the speed is 0"),
+        *(
+            (ask, (RIGID,), r"Rig\.slider = Slider\(.*needs an elastic slider; give a Chain")
+            for ask in (elastic.front_threshold, elastic.precursor_force, elastic.modes, elastic.critical_length)
+        ),
     ],
 )
-def test_bad_input(ask, message):
+def test_bad_input(ask, rig, message):
     with pytest.raises(ss.InputError, match=f"^{message}"):
-        ask()
-
-
-RIGID = ss.Rig(ALIKE.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0), ss.constant(1.0))
-
-
-def test_a_rigid_slider_has_no_fronts():
-    names = ("front_threshold", "screening_length", "precursor_force", "modes", "critical_length")
-    for ask in (front(RIGID), *(lambda name=name: getattr(elastic, name)(RIGID) for name in names)):
-        with pytest.raises(ss.InputError, match=r"^Rig\.slider = Slider\(.*needs an elastic slider; give a Chain"):
-            ask()
+        ask(*rig)
 
 
 # ---------------------------------------------------------------- pictures
-
-GALLERY = Path(__file__).parents[1] / "examples" / "elastic"
 
 
 @pytest.fixture(scope="module")
@@ -428,11 +371,6 @@ def pulled():
     return ss.simulate(rig, output=ss.Output(interval=60.0))
 
 
-def drawn(ax):
-    """The lines of a picture by their names in the legend."""
-    return {line.get_label(): line for line in ax.get_lines()}
-
-
 def test_pictures_are_what_they_were(passing, pulled):
     for name in ("spacetime", "fronts", "front_curve"):
         assert_drawn(getattr(ss.plot, name)(passing).figure, f"front_{name}")
@@ -443,7 +381,7 @@ def test_pictures_are_what_they_were(passing, pulled):
 
 def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
     """It follows the falling prestress with a lag of some blocks, .0013 of prestress each."""
-    lines = drawn(ss.plot.front_curve(passing))
+    lines = {line.get_label(): line for line in ss.plot.front_curve(passing).get_lines()}
     tau, v = lines["along the run"].get_data()
     away = (tau > 0.6) & (tau < 0.8)
     assert away.sum() > 100
@@ -453,11 +391,9 @@ def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
 
 def test_precursors_grow_along_the_line(pulled):
     """Events before the first slip of the whole bar; re-attachment and thresholds that differ scatter them."""
-    lines = drawn(ss.plot.precursor_lengths(pulled))
+    lines = {line.get_label(): line for line in ss.plot.precursor_lengths(pulled).get_lines()}
     force, tip = lines["theory"].get_data()
-    assert tip[:10] == pytest.approx((force[:10] - force[0]) / 0.425, abs=1e-3)
     at, reach = lines["events of the run"].get_data()
-    assert reach.max() == 24
     first = int(np.argmax(reach == 24))
     assert np.all(np.abs(np.interp(reach[:first], tip, force) - at[:first]) < 2.5)
     assert float(pulled["spring_force"].max()) == pytest.approx(force.max(), rel=0.15)
@@ -467,13 +403,8 @@ def test_pixels_of_a_map_hold_the_largest_velocity_or_the_mean(passing, pulled):
     found, velocity = front_map(passing, "velocity", most=(80, 80)), np.abs(passing["velocity"].values)
     assert found.values.shape == (80, 80) == (found.time.size - 1, found.block.size - 1)
     assert found.values.max() == velocity.max()
-    # Each pixel holds the largest of the samples inside its edges.
-    inside = (passing["time"].values >= found.time[17]) & (passing["time"].values < found.time[18])
-    blocks = (np.arange(300) > found.block[40]) & (np.arange(300) < found.block[41])
-    assert found.values[17, 40] == velocity[np.ix_(inside, blocks)].max()
     part = pulled.isel(time=slice(None, 4000))
     mean, whole = front_map(part, "attached", most=(50, 50)), part["attached"].values
-    assert mean.values.shape == (50, 24)
     assert np.diff(mean.time)[:-1] @ mean.values[:-1] == pytest.approx(whole[:3920].sum(axis=0) * 60.0, rel=1e-12)
 
 
@@ -487,36 +418,20 @@ def test_a_front_that_stops_inside_the_bar_is_arrested():
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda run: front_map(run, "heat"), r"^front_map: what = 'heat': must be one of velocity"),
-        (lambda run: front_map(run.isel(block=0)), r"^front_map: this Dataset has no velocity of each block"),
         (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: what = 'heat': must be one of velocity"),
         (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
         (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
         (lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))), r"^slip_profiles: .* no event of 3"),
-        (lambda _: ss.plot.front_curve(RIGID), r"^Rig.slider = Slider\(.* needs an elastic slider"),
+        (ss.plot.front_curve, r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"),
     ],
 )
-def test_pictures_that_cannot_be_drawn(passing, ask, message):
+def test_pictures_that_cannot_be_drawn(pulled, ask, message):
     with pytest.raises(ss.InputError, match=message):
-        ask(passing)
-
-
-def test_front_curve_needs_a_prestressed_start(pulled):
-    with pytest.raises(ss.InputError, match=r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"):
-        ss.plot.front_curve(pulled)
+        ask(pulled)
 
 
 def gallery(name):
-    return SimpleNamespace(**runpy.run_path(str(GALLERY / f"{name}.py")))
-
-
-def test_smooth_sliding_invades_stick_slip_on_a_long_bar():
-    """At the same drive the rigid slider keeps whichever of the two it started in."""
-    case = gallery("side_by_side")
-    count = case.in_stick_slip(case.run(64, 58, duration=36.0, seed=1))
-    assert count[0] == 58
-    assert count[-1] <= 6
-    assert 1.8 < case.speed(count, 64) < 2.7
+    return SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "examples" / "elastic" / f"{name}.py")))
 
 
 @pytest.mark.parametrize(("blocks", "at_rest", "left"), [(8, 4, 8), (16, 8, 0), (12, 0, 0), (12, 12, 12)])
@@ -537,42 +452,31 @@ def test_a_slow_front_by_slow_slip(beyond, arrest, slow, within):
     fast, found = module.speeds(run)
     fronts = ss.measure.fronts(run)
     assert int(fronts["blocks"][0]) == pytest.approx(arrest, abs=1)
-    assert fast == pytest.approx(0.6965, abs=2e-3)
     assert fast == pytest.approx(float(elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
     assert found == pytest.approx(slow, abs=within)
     assert float(fronts["front_speed"][1]) == pytest.approx(slow, rel=0.1)
     without = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
-    assert int(np.isfinite(without).sum()) == 114
-    assert float(without.max()) < 250
+    assert (int(np.isfinite(without).sum()), float(without.max()) < 250) == (114, True)
 
 
 def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
     rig = bar(0.04, 0.01, 0.2, blocks=60)
     start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
     rig = replace(rig, drive=ss.constant(0.0, duration=100.0), method=ss.Contacts(20, seed=1), start=start)
-    place, kept = tmp_path / "rig.toml", str(tmp_path / "run.nc")
-    place.write_text(rig_files.to_toml(rig))
-    assert cli.main(["simulate", str(place), "-o", kept, "--plot", str(tmp_path / "run.png")]) == 0
+    (tmp_path / "rig.toml").write_text(rig_files.to_toml(rig))
+    kept, again = (str(tmp_path / name) for name in ("run.nc", "again.nc"))
     (front,) = ss.measure.fronts(ss.simulate(rig))["front_speed"].values
     line = f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the speed of sound\n1 event of at least 3"
-    assert line in capsys.readouterr().out
-    assert cli.main(["measure", kept]) == 0
-    assert line in capsys.readouterr().out
+    for command in (
+        ["simulate", str(tmp_path / "rig.toml"), "-o", kept],
+        ["measure", kept],
+        ["rerun", kept, "-o", again],
+    ):
+        assert cli.main(command) == 0
+        assert line in capsys.readouterr().out
+    assert xr.load_dataset(again).identical(xr.load_dataset(kept))
     for kind in ("spacetime", "fronts", "precursors", "slips"):
         assert cli.main(["plot", kept, str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
-        assert (tmp_path / f"{kind}.png").stat().st_size > 5_000
-    again = str(tmp_path / "again.nc")
-    assert cli.main(["rerun", kept, "-o", again]) == 0
-    assert xr.load_dataset(again).identical(xr.load_dataset(kept))
-
-
-def test_a_sweep_over_a_chain_in_a_file(tmp_path):
-    rig = replace(bar(0.05, blocks=4, leaf=0.05, std=0.1, delay=ss.Delay(0.5)), drive=ss.constant(1.0, duration=10.0))
-    (tmp_path / "rig.toml").write_text(rig_files.to_toml(rig))
-    (tmp_path / "sweep.toml").write_text(
-        'rig = "rig.toml"\n[axes]\nvelocity = [0.5, 1.0]\n[run]\ndistance = 10.0\ncycles = 0\n'
-    )
-    assert cli.main(["sweep", str(tmp_path / "sweep.toml"), "--store", str(tmp_path / "s.sqlite")]) == 0
 
 
 # ---------------------------------------------------------------- which wavelength slips first, and at which speeds
@@ -611,28 +515,12 @@ def test_a_bar_of_which_no_wave_grows_says_so():
 
 
 def test_predict_of_a_bar_in_si_units_as_json(tmp_path, capsys):
-    (tmp_path / "bar.toml").write_text(
-        '[chain]\nblocks = 12\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\ndamping = "1000 1/s"\n'
-        '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\ndelay = "2 ms"\n'
-        'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
-    )
-    rig = ss.read_rig(tmp_path / "bar.toml")
+    (tmp_path / "bar.toml").write_text(BAR)
     assert cli.main(["predict", str(tmp_path / "bar.toml"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["units"] == {"velocity": "m/s", "stiffness": "N/m", "wavelength": "blocks"}
-    assert told["waves"][0]["growth"] == pytest.approx(float(elastic.modes(rig)["growth"][0]))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda rig: replace(rig, drive=ss.constant(0.0, duration=1.0)), "the speed is 0"),
-        (lambda rig: replace(rig, slider=replace(rig.slider, leaf=0.0)), "nothing holds the slider"),
-    ],
-)
-def test_what_cannot_be_predicted(change, words):
-    with pytest.raises(ss.InputError, match=words):
-        ss.predict(change(sliding(blocks=8, coupling=20.0, leaf=1.0)))
+    growth = elastic.modes(ss.read_rig(tmp_path / "bar.toml"))["growth"][0]
+    assert told["waves"][0]["growth"] == pytest.approx(float(growth))
 
 
 def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
