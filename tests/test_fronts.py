@@ -4,13 +4,11 @@ import json
 import math
 import runpy
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray as xr
 from drawn import assert_drawn, assert_kept
 from scipy.optimize import brentq
 from test_told import BAR
@@ -18,7 +16,6 @@ from test_told import BAR
 import stickslip as ss
 from stickslip import cli, elastic
 from stickslip.io import rig_files
-from stickslip.measure.front_map import front_map
 from stickslip.model.units import Scales
 
 NEVER = ss.Delay(math.inf)
@@ -80,13 +77,6 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
 def test_published_numbers_of_the_lattice(groups, prestress, expected):
     """Speeds known to five digits or more, each met by a chain of blocks integrated in time as well."""
     assert speed(bar(*groups), prestress) == pytest.approx(expected, rel=1e-5, abs=6e-6)
-
-
-def test_fine_blocks_converge_to_the_continuum_in_second_order():
-    """At constant K and M eta^2 = 1 the lattice tends to v = 1/2, its error as the square of the block."""
-    errors = [0.5 - speed(bar(k, k / 4, math.sqrt(k)), 0.6) for k in (0.16, 0.04, 0.01, 0.0025)]
-    ratios = [a / b for a, b in pairwise(errors)]
-    assert ratios == pytest.approx([3.66, 3.90, 3.97], abs=0.02)
 
 
 @pytest.mark.parametrize(("prestress", "expected"), [(0.5, 1 / 5), (0.6, 1 / 2), (0.8, 11 / 13)])
@@ -221,21 +211,9 @@ def test_screening_length_is_how_stuck_blocks_follow():
 # ---------------------------------------------------------------- modes of smooth sliding
 
 
-def sliding(sliding_force=0.0, **chain):
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1), sliding_force=sliding_force
-    )
+def sliding(**chain):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     return ss.Rig(interface, ss.Chain(**{"mass": 1e-4, "damping": 42.426} | chain), ss.constant(velocity=1.5))
-
-
-@pytest.mark.parametrize(
-    ("force", "root"), [(0.0, 0.02417 + 7.75412j), (0.1, -0.01831 + 7.74431j), (0.3, -0.10401 + 7.72947j)]
-)
-def test_a_sliding_force_makes_every_mode_more_stable(force, root):
-    rig = sliding(force, blocks=4, coupling=3.0, leaf=2.0)
-    found = elastic.modes(rig, count=1)
-    assert complex(found.growth[0], found.frequency[0]) == pytest.approx(root, abs=1e-5)
-    assert math.isfinite(elastic.critical_length(rig).wavelength) == (root.real > 0)
 
 
 def test_a_mode_is_a_rigid_slider_on_its_own_spring():
@@ -305,9 +283,7 @@ def test_modes_in_si_units():
     natural, si = (elastic.modes(each, count=2) for each in (rig, scaled))
     assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
     assert si.stiffness.values == pytest.approx(1e8 * natural.stiffness.values, rel=1e-12)
-    assert (si.growth.units, si.stiffness.units) == ("1/s", "N/m")
-    stiffness = (elastic.critical_length(each).stiffness for each in (scaled, rig))
-    assert next(stiffness) == pytest.approx(next(stiffness) * scaled.unit("k"))
+    assert elastic.critical_length(scaled).stiffness == pytest.approx(1e8 * elastic.critical_length(rig).stiffness)
 
 
 # ---------------------------------------------------------------- bad input
@@ -347,28 +323,25 @@ def test_bad_input(ask, rig, message):
 # ---------------------------------------------------------------- pictures
 
 
+def pushed(rig, profile, duration):
+    """A bar at rest under a prestress that is pushed at one end."""
+    start, drive = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3), ss.constant(0.0, duration=duration)
+    return replace(rig, drive=drive, method=ss.Contacts(20), start=start)
+
+
 @pytest.fixture(scope="module")
 def passing():
     """A front that slows down as the prestress falls along a bar."""
-    rig = bar(0.04, 0.01, 0.2, blocks=300)
-    profile = tuple(0.9 - 0.4 * np.arange(300) / 300)
-    start = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3)
-    drive = ss.constant(0.0, duration=900)
-    return ss.simulate(
-        ss.Rig(rig.interface, rig.slider, drive, method=ss.Contacts(20), start=start), output=ss.Output(interval=3.0)
-    )
+    rig = pushed(bar(0.04, 0.01, 0.2, blocks=300), tuple(0.9 - 0.4 * np.arange(300) / 300), 900)
+    return ss.simulate(rig, output=ss.Output(interval=3.0))
 
 
 @pytest.fixture(scope="module")
 def pulled():
     """Precursors in a short bar, up to some slips of all its blocks."""
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.RandomDelay(mean=100.0, std=30.0), sliding_force=0.425
-    )
-    chain = ss.Chain(blocks=24, coupling=4.0, mass=4.0, damping=0.1, side=4.0)
-    drive = ss.constant(2.5e-4, duration=2.5e5)
-    rig = ss.Rig(interface, chain, drive, method=ss.QuasiStatic(50, seed=1))
-    return ss.simulate(rig, output=ss.Output(interval=60.0))
+    delay, chain = ss.RandomDelay(mean=100.0, std=30.0), {"blocks": 24, "mass": 4.0, "damping": 0.1, "side": 4.0}
+    rig = replace(bar(0.25, std=0.05, sliding=0.425, delay=delay, **chain), drive=ss.constant(2.5e-4, duration=2.5e5))
+    return ss.simulate(rig, method=ss.QuasiStatic(50, seed=1), output=ss.Output(interval=60.0))
 
 
 def test_pictures_are_what_they_were(passing, pulled):
@@ -399,28 +372,11 @@ def test_precursors_grow_along_the_line(pulled):
     assert float(pulled["spring_force"].max()) == pytest.approx(force.max(), rel=0.15)
 
 
-def test_pixels_of_a_map_hold_the_largest_velocity_or_the_mean(passing, pulled):
-    found, velocity = front_map(passing, "velocity", most=(80, 80)), np.abs(passing["velocity"].values)
-    assert found.values.shape == (80, 80) == (found.time.size - 1, found.block.size - 1)
-    assert found.values.max() == velocity.max()
-    part = pulled.isel(time=slice(None, 4000))
-    mean, whole = front_map(part, "attached", most=(50, 50)), part["attached"].values
-    assert np.diff(mean.time)[:-1] @ mean.values[:-1] == pytest.approx(whole[:3920].sum(axis=0) * 60.0, rel=1e-12)
-
-
-def test_a_front_that_stops_inside_the_bar_is_arrested():
-    rig = bar(0.04, 0.01, 0.2, blocks=120)
-    start = ss.Prestressed(stretching=(0.8,) * 60 + (0.1,) * 60, push=3.0, pushed_blocks=3)
-    run = ss.simulate(replace(rig, drive=ss.constant(0.0, duration=400.0), method=ss.Contacts(20), start=start))
-    assert 55 <= int(ss.measure.fronts(run)["last_block"][0]) < 70
-
-
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
         (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: what = 'heat': must be one of velocity"),
         (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
-        (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
         (lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))), r"^slip_profiles: .* no event of 3"),
         (ss.plot.front_curve, r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"),
     ],
@@ -441,42 +397,31 @@ def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_eith
     assert (count[0], count[-1]) == (at_rest, left)
 
 
-@pytest.mark.parametrize(
-    ("beyond", "arrest", "slow", "within"),
-    [(0.44, 114, 0.0260, 0.0010), pytest.param(0.40, 108, 0.0142, 0.0006, marks=pytest.mark.slow)],
-)
-def test_a_slow_front_by_slow_slip(beyond, arrest, slow, within):
+def test_a_slow_front_by_slow_slip():
     """The fast front as theory has it, which stops where the prestress falls; a slow one goes on."""
     module = gallery("slow_front")
-    run = ss.simulate(module.rig(beyond=beyond))
-    fast, found = module.speeds(run)
+    run = ss.simulate(module.rig(beyond=0.44))
+    fast, slow = module.speeds(run)
     fronts = ss.measure.fronts(run)
-    assert int(fronts["blocks"][0]) == pytest.approx(arrest, abs=1)
+    assert int(fronts["blocks"][0]) == pytest.approx(114, abs=1)
     assert fast == pytest.approx(float(elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
-    assert found == pytest.approx(slow, abs=within)
+    assert slow == pytest.approx(0.026, abs=0.001)
     assert float(fronts["front_speed"][1]) == pytest.approx(slow, rel=0.1)
     without = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
     assert (int(np.isfinite(without).sum()), float(without.max()) < 250) == (114, True)
 
 
 def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
-    rig = bar(0.04, 0.01, 0.2, blocks=60)
-    start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
-    rig = replace(rig, drive=ss.constant(0.0, duration=100.0), method=ss.Contacts(20, seed=1), start=start)
-    (tmp_path / "rig.toml").write_text(rig_files.to_toml(rig))
-    kept, again = (str(tmp_path / name) for name in ("run.nc", "again.nc"))
+    rig, file, kept = pushed(bar(0.04, 0.01, 0.2, blocks=60), 0.8, 100.0), tmp_path / "rig.toml", tmp_path / "run.nc"
+    file.write_text(rig_files.to_toml(rig))
     (front,) = ss.measure.fronts(ss.simulate(rig))["front_speed"].values
     line = f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the speed of sound\n1 event of at least 3"
-    for command in (
-        ["simulate", str(tmp_path / "rig.toml"), "-o", kept],
-        ["measure", kept],
-        ["rerun", kept, "-o", again],
-    ):
-        assert cli.main(command) == 0
+    for command in (("simulate", file, "-o", kept), ("measure", kept), ("rerun", kept, "-o", tmp_path / "again.nc")):
+        assert cli.main([str(word) for word in command]) == 0
         assert line in capsys.readouterr().out
-    assert xr.load_dataset(again).identical(xr.load_dataset(kept))
+    assert ss.load(tmp_path / "again.nc").identical(ss.load(kept))
     for kind in ("spacetime", "fronts", "precursors", "slips"):
-        assert cli.main(["plot", kept, str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
+        assert cli.main(["plot", str(kept), str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
 
 
 # ---------------------------------------------------------------- which wavelength slips first, and at which speeds
@@ -495,13 +440,10 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
             at = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), drive=ss.constant(edge))
             assert ss.stability.critical_spring(at) == pytest.approx(wave.stiffness, rel=1e-5)
     longest, *others = found.waves
-    assert "the uniform mode" in str(found)
     assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
     assert found.speeds == longest.speeds
-    assert found.to_dict()["waves"][0]["wavelength"] is None  # infinite
     assert_drawn(found.plot(), "waves")
     assert_kept(str(found), "waves_told")
-    assert [tick.get_text() for tick in found.plot().axes[0].get_yticklabels()] == [wave.name for wave in found.waves]
 
 
 def test_a_bar_of_which_no_wave_grows_says_so():
@@ -534,5 +476,4 @@ def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
     assert cli.main(["measure", str(tmp_path / "short.nc")]) == 0
     assert f"0 events of at least 3 blocks; {said} {distance:.3g} x_s" in capsys.readouterr().out
     run = ss.simulate(replace(short, drive=ss.constant(0.01, duration=1.01 * distance / 0.01)))
-    assert 0.01 * float(run["first_break"][0]) == pytest.approx(distance, rel=0.01)
-    assert np.isnan(run["first_break"][1:]).all()
+    assert np.flatnonzero(np.isfinite(run["first_break"])).tolist() == [0]

@@ -7,6 +7,7 @@ scatters. It is run before it is written, and read as the trace was: its drops a
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -69,24 +70,23 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
 
 def rig_of(found: Fit, name: str) -> Rig:
     """The rig behind a trace, at the draw nearest to the medians whose own run makes its drops and period."""
-    known = found.known
+    known, nearest = found.known, ""
     found.draws("breaking_displacement")  # refused without the stiffness of the spring: no length is known
     exact, draws = (_draws(found, one) for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known))
-    order, nearest = found.from_the_centre[:_TRIED], ""
     delays = [{"interface.delay": _rounded(found.draws("delay"))}] if found.delays else []
-    for delay in (*delays, {}):
+    for delay, i in itertools.product((*delays, {}), order := found.from_the_centre[:_TRIED]):
         fitted = {path: values for path, values in (draws | delay).items() if KEYS[path][0] not in known}
-        document = _document(found, name, fitted)
-        for i in order:
-            document["simulation"] = {"contacts": max(round(float(found.values[i, 0])), 1)}
-            rig = _at(document, {path: float(values[i]) for path, values in (exact | delay).items()}, "fitted rig")
-            try:
-                words, agrees = compared(remade(rig, found.events, known), found.events)
-            except InputError:
-                words, agrees = f"its own run hardly slips, the trace {_said(found.events)}", False
-            if agrees:
-                return replace(rig, source=f"{rig.source}; {words}")
-            nearest = nearest or words
+        document = _document(found, name, fitted) | {
+            "simulation": {"contacts": max(round(float(found.values[i, 0])), 1)}
+        }
+        rig = _at(document, {path: float(values[i]) for path, values in (exact | delay).items()}, "fitted rig")
+        try:
+            words, agrees = compared(remade(rig, found.events, known), found.events)
+        except InputError:
+            words, agrees = f"its own run hardly slips, the trace {_said(found.events)}", False
+        if agrees:
+            return replace(rig, source=f"{rig.source}; {words}")
+        nearest = nearest or words
     raise InputError(
         f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the period of the trace by more "
         f"than their errors; of the most central one, {nearest}. Check the mass, stiffness and speed, or drive slower"
@@ -263,18 +263,15 @@ def quick_fit(
         ratio = K * v / rate - 1.0
         if ratio < _LEAST_RATIO:
             raise InputError(
-                f"loading_rate = {rate:.4g} N/s: stiffness times speed is {K * v:.4g} N/s, {100 * ratio:.2g} % more: "
-                f"must be at least {100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; give "
-                "breaking_displacement",
+                f"loading_rate = {rate:.4g} N/s: stiffness times speed, {K * v:.4g} N/s, must be at least "
+                f"{100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; give breaking_displacement",
                 "loading_rate",
             )
         x_s = strength * ratio / K
-    delay, assumed = 0.0, {"slider.damping_ratio": "let the slider ring on its spring"}
-    if half_speed is None:
-        assumed["interface.delay"] = _HALVED
-    else:
-        half = read_value("half_speed", half_speed, "m/s", "20 mm/s")
-        delay = thresholds.positive().moment(1) * x_s / half
+    delay, assumed = 0.0, {"slider.damping_ratio": "let the slider ring on its spring", "interface.delay": _HALVED}
+    if half_speed is not None:
+        delay = thresholds.positive().moment(1) * x_s / read_value("half_speed", half_speed, "m/s", "20 mm/s")
+        del assumed["interface.delay"]
     document = {
         "name": name,
         "source": f"readings: static friction {engineering(static, 'N')}, kinetic friction {engineering(kinetic, 'N')}",

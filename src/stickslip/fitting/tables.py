@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from io import BytesIO
@@ -94,26 +94,21 @@ def table(
     slips = whole("slips", slips, at_least=30, at_most=4_096, hint="of each draw")
     seed = whole("seed", seed, at_least=0)
     place = folder_of(prior, slips, seed)
-    try:
+    with suppress(OSError):  # what is written there is refused
         place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{place}: cannot be made ({error.strerror}); name another folder in STICKSLIP_CACHE"
-        ) from None
     paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
-    blocks = [_read(path, prior, slips) for path in paths]
-    missing = [i for i, block in enumerate(blocks) if block is None]
-    if missing:
+    blocks = {i: found for i, path in enumerate(paths) if (found := _read(path, prior, slips))}
+    if missing := [i for i in range(len(paths)) if i not in blocks]:
         simulate_block(0, prior, 0, 30, seed)  # compiles, before threads ask for it all at once
         one = partial(simulate_block, prior=prior, draws=_BLOCK, slips=slips, seed=seed)
         with nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count()) as pool:
-            for left, (i, block) in enumerate(zip(missing, pool.map(one, missing), strict=True), 1 - len(missing)):
+            for i, block in zip(missing, pool.map(one, missing), strict=True):
                 blocks[i], content = block, BytesIO()
                 np.savez(content, allow_pickle=False, **{name: getattr(block, name) for name in _FIELDS})
                 files.write(paths[i], content.getvalue())
                 if progress is not None:
-                    progress(1.0 + left / len(paths))
-    return joined([block for block in blocks if block is not None], draws)
+                    progress(len(blocks) / len(paths))
+    return joined([blocks[i] for i in range(len(paths))], draws)
 
 
 def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
@@ -182,9 +177,8 @@ class Observation(NamedTuple):
             P, T = np.stack([self._seen(*each, rng) for each in series], axis=1)
             return statistics(P, T), P.mean(axis=-1)
 
-        looked = _on_all_cores(look, range(0, len(table), _AT_A_TIME))
-        found, size = (np.concatenate(each) for each in zip(*looked, strict=True))
-        return found, size
+        statistics_of, sizes = zip(*_on_all_cores(look, range(0, len(table), _AT_A_TIME)), strict=True)
+        return np.concatenate(statistics_of), np.concatenate(sizes)
 
     def see_at(self, prior: Prior, parts: Array, *, seed: int = 0) -> tuple[Array, Array]:
         """Simulate at given parts of the ranges of a prior, on all cores, and see."""
@@ -201,10 +195,9 @@ class Observation(NamedTuple):
         if peaks.size > self.slips:  # the first begins the trace
             P, T = peaks.astype(float), troughs.astype(float)
             sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
-            doubled = PLATEAU * sampling.drop
-            rise = least_rise(doubled, sampling.noise)
-            found = observe(P, T, sampling, rng, seen)
-            if found == self.slips and larger(seen[0], seen[1], doubled, rise) >= (1.0 - LOST) * found:
+            found, doubled = observe(P, T, sampling, rng, seen), PLATEAU * sampling.drop
+            left = larger(*seen, doubled, least_rise(doubled, sampling.noise))
+            if found == self.slips and left >= (1.0 - LOST) * found:
                 return seen
         return np.full_like(seen, np.nan)
 
