@@ -196,7 +196,7 @@ class Observation(NamedTuple):
             P, T = peaks.astype(float), troughs.astype(float)
             sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
             found, doubled = observe(P, T, sampling, rng, seen), PLATEAU * sampling.drop
-            left = larger(*seen, doubled, least_rise(doubled, sampling.noise))
+            left = larger(seen[0], seen[1], doubled, least_rise(doubled, sampling.noise))
             if found == self.slips and left >= (1.0 - LOST) * found:
                 return seen
         return np.full_like(seen, np.nan)
