@@ -12,9 +12,8 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction, say
-from stickslip.advise.bands import stability_along
-from stickslip.advise.runs import Budget, judge, slides_smoothly
-from stickslip.advise.speeds import Survey
+from stickslip.advise.bands import Survey, stability_along
+from stickslip.advise.runs import Trials, trial
 from stickslip.io import rig_files as rigs
 from stickslip.paper.cases import FIG8
 
@@ -52,9 +51,9 @@ def test_the_paper_s_rig_is_bistable_with_its_margins(paper_s_rig):
     assert margins["velocity"].lower is None
 
 
-def changed(rig, mitigation, targets):
+def changed(rig, mitigation):
     """The rig after a mitigation."""
-    return rig.replace(**dict(zip(mitigation.parameters, targets, strict=True)))
+    return rig.replace(**dict(zip(mitigation.parameters, mitigation.stops, strict=True)))
 
 
 def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
@@ -66,7 +65,7 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert 0.8 * 0.0755 < stops["delay",][0] < 0.0755 + 0.003
     assert found.mitigations[0].parameters[0] != "delay"  # a machine has other handles
     for mitigation in found.mitigations:
-        there = changed(rig, mitigation, mitigation.stops)
+        there = changed(rig, mitigation)
         long = replace(there, drive=ss.constant(there.velocity, 300.0 / there.velocity))
         run = ss.simulate(long, method=replace(there.method, seed=5))
         assert ss.regime(run).kind == "smooth sliding", mitigation
@@ -76,7 +75,7 @@ def test_the_change_proposed_is_the_smallest_to_a_few_percent(paper_s_rig):
     """To 5 % of the search, and 5 % that it may be set beside: there, not all of eight runs slide smoothly."""
     speed = next(m.stops[0] for m in paper_s_rig.mitigations if m.parameters == ("velocity",))
     faster = paper_s_rig.rig.replace(velocity=1.12 * speed)
-    assert not slides_smoothly(faster, faster.method, Budget(60.0), ss.FromRest())
+    assert not Trials(60.0).slides_smoothly(faster)
 
 
 def test_the_speeds_of_the_paper_s_rig(paper_s_rig):
@@ -121,11 +120,11 @@ def test_where_nothing_helps_the_direction_and_the_best_reached_are_told():
     assert shares == sorted(shares)
     assert 0.0 <= shares[0] < 0.3
     assert shares[-1] == 1.0
-    assert not any(mitigation.stops for mitigation in found.mitigations)
+    assert not found.mitigations
     damping = next(attempt for attempt in found.attempts if attempt.parameter == "damping")
     assert damping.reached == pytest.approx(30 * damping.value)
     assert damping.amplitude < found.relative_amplitude
-    assert any("there it is better" in line for line in say.attempts(found))
+    assert any("no smooth sliding found up to" in line for line in say.attempts(found))
 
 
 @pytest.mark.parametrize("name", ["brake_pad", "precision_stage", "teaching_bench", "wiper", "pmma_slider"])
@@ -138,7 +137,7 @@ def test_a_slow_decay_is_waited_for():
     random = {"thresholds": ss.Gaussian(1.0, 0.1996), "delay": scattered(0.7828, 0.078629)}
     slow = {"stiffness": 0.45803, "mass": 1.6253e-6, "damping": 389.13, "drive": ss.constant(14.8, 120 / 14.8)}
     rig = make(**slow, **random, contacts=10_000, seed=20)
-    assert judge(rig, rig.method, Budget(10.0)).kind == "smooth sliding"
+    assert Trials(10.0).judge(trial(rig)).kind == "smooth sliding"
 
 
 @pytest.mark.slow
@@ -159,13 +158,10 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     assert margins["ageing"].lower == pytest.approx(1.63**-2, rel=0.04)
     assert margins["ageing"].upper == pytest.approx(0.80**-2, rel=0.06)
     assert margins["velocity"].lower == pytest.approx(0.8687, abs=0.002)
-    cures = [mitigation for mitigation in found.mitigations if mitigation.stops is not None]
-    assert "stiffness" in {mitigation.parameters[0] for mitigation in cures}
+    assert "stiffness" in {mitigation.parameters[0] for mitigation in found.mitigations}
     for mitigation in found.mitigations:
-        if mitigation.keeps is not None:
-            assert ss.stability.count_unstable(changed(rig, mitigation, mitigation.keeps)) == 0
-    for mitigation in cures:
-        here = changed(rig, mitigation, mitigation.stops)
+        here = changed(rig, mitigation)
+        assert ss.stability.count_unstable(here) == 0
         drive = ss.constant(here.velocity, 60.0 / here.velocity)
         run = ss.simulate(ss.Rig(here.interface, here.slider, drive), method=ss.Contacts(2_000, seed=77))
         late = run["spring_force"].to_numpy()[run["time"].to_numpy() > 36.0 / here.velocity]
@@ -210,16 +206,13 @@ def test_what_was_not_simulated_is_not_called_smooth():
     low, high = 0.01, 100.0
     linear = stability_along(setting, SPEED, low, high)
     assert [band.kind for band in linear] == ["stable", "unstable"]
-    here = judge(setting, ss.Contacts(2000, seed=1), Budget(10.0))
-    survey = Survey(setting, linear, here.kind)
-    survey.look(Budget(0.0), lambda _share: None)
-    # Only the rig's own run is known, which stick-slips beside stable smooth sliding.
-    assert {band.kind for band in survey.bands()} == {"stable", "unstable", "stick-slip"}
-    (seen,) = [band for band in survey.bands() if band.kind == "stick-slip"]
-    assert seen.low < setting.velocity < seen.high < 1.11 * seen.low
-    survey.look(Budget(0.4), lambda _share: None)
+    survey = Survey(setting, linear, ss.regime(ss.simulate(setting)).kind)
+    survey.look(Trials(0.0), lambda _share: None)
+    # Only the rig's own run is known, which stick-slips beside stable smooth sliding: of ranges, nothing is.
+    assert {band.kind for band in survey.bands()} == {"stable", "unstable"}
+    survey.look(Trials(0.4), lambda _share: None)
     some = survey.bands()
-    survey.look(Budget(5.0), lambda _share: None)
+    survey.look(Trials(5.0), lambda _share: None)
     more = survey.bands()
 
     def known(bands):
@@ -252,8 +245,8 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
     *_, stable, beyond = stability_along(rig, SPEED, 0.9, 2.0 * end)
     assert (stable.kind, beyond.kind) == ("stable", "unknown")
     assert stable.high == beyond.low == pytest.approx(end, rel=0.01)
-    (margin,) = prediction._margins(rig, {"velocity": (stable, beyond)})
-    assert (margin.upper, margin.searched[1]) == (None, pytest.approx(stable.high * rig.velocity))
+    (margin,) = (each for each in prediction._margins(rig) if each.parameter == "velocity")
+    assert (margin.upper, margin.searched[1]) == (None, pytest.approx(stable.high * rig.velocity, rel=1e-3))
     found = replace(ss.predict(rig, fast=True), bands=(stable, beyond), speeds_searched=(stable.low, beyond.high))
     assert "(or more) linear theory cannot tell" in found.verdict
     figure = found.plot()
@@ -275,8 +268,8 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
     )
     seen = ss.regime(ss.simulate(rig))
     assert (seen.kind, seen.largest_velocity < 3.0) == ("sustained oscillation", True)
-    assert not slides_smoothly(rig, rig.method, Budget(20.0), ss.FromRest())
-    assert slides_smoothly(stiff, rig.method, Budget(20.0), ss.FromRest())
+    assert not Trials(20.0).slides_smoothly(rig)
+    assert Trials(20.0).slides_smoothly(stiff)
 
 
 @pytest.mark.filterwarnings("error")
@@ -309,7 +302,7 @@ def test_noise_of_few_contacts_is_no_oscillation():
     run = ss.simulate(found.recording.rig, start=ss.FromSliding(), method=ss.Contacts(1000, seed=5))
     late = run["spring_force"].to_numpy()[-20_000:]
     assert found.noise == pytest.approx(late.std() / late.mean(), rel=0.3)
-    assert judge(found.rig, found.rig.method, Budget(20.0)).kind == "smooth sliding"
+    assert Trials(20.0).judge(trial(found.rig)).kind == "smooth sliding"
 
 
 @pytest.mark.slow
@@ -321,7 +314,6 @@ def test_contacts_that_attach_on_arrest_are_judged_by_runs():
     assert any(band.kind == "stick-slip" and band.high > 1.5 * band.low for band in found.bands)
     assert found.static_friction == ss.static_friction(make(stiffness=1.0, delay=ss.Delay(0.0)).interface)[0]
     assert "damping" not in {name for m in found.mitigations for name in m.parameters}
-    assert "damping was not varied" in str(found)
 
 
 @pytest.mark.parametrize(

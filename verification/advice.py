@@ -112,9 +112,6 @@ def _thresholds(kind: str, std: float) -> Distribution:
     return ss.Gaussian(mean=1.0, std=std)
 
 
-Start = ss.FromRest | ss.FromSliding
-
-
 class TooDear(Exception):  # noqa: N818 - not an error: what it would tell stays unknown
     """A run would take too long."""
 
@@ -131,17 +128,17 @@ class Look:
     fastest: float
 
 
-def _watch(rig: ss.Rig, count: int, seed: int, longer: float, start: Start) -> Look:
+def _watch(rig: ss.Rig, count: int, seed: int, longer: float) -> Look:
     """Look at the last 40 % of a run that is long enough for contacts that began together to have lost step."""
     slider, stretch = rig.slider, rig.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi * math.sqrt(slider.mass / slider.stiffness)
     detached = rig.velocity * rig.interface.delay.moment(1)
     cycle = max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, rig.velocity * period)
     ringing = 12.0 * rig.velocity / max(slider.damping, 1e-12)
-    in_step = _memory(rig) * (stretch + detached) if isinstance(start, ss.FromRest) else 0.0
+    in_step = _memory(rig) * (stretch + detached)
     distance = longer * max(100.0, 25.0 * cycle, min(ringing, 100.0 * cycle), in_step)
     drive = ss.constant(rig.velocity, distance / rig.velocity)
-    there = replace(rig, drive=drive, method=ss.Contacts(count, seed=seed), start=start, output=ss.Output())
+    there = replace(rig, drive=drive, method=ss.Contacts(count, seed=seed), start=ss.FromRest(), output=ss.Output())
     if estimate(there).seconds > _DEAREST:
         raise TooDear
     track = record(there, long=True).track
@@ -167,7 +164,7 @@ def _usual_maximum(force: Array, velocity: Array) -> float:
     return float(np.median(np.maximum.reduceat(velocity[: begins[-1]], begins[:-1])))
 
 
-def motion(rig: ss.Rig, start: Start = ss.FromRest(), *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
+def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
     """Return what may be said of a rig at its first speed: kinds of motion that runs do not contradict.
 
     The run is made longer until two lengths agree, and then with four times the contacts, of which noise halves.
@@ -175,14 +172,14 @@ def motion(rig: ss.Rig, start: Start = ss.FromRest(), *, seed: int = 1000, short
     assert isinstance(rig.method, Contacts)
     count = rig.method.count
     lengths = [shortest, 2.0 * shortest]
-    looks = [_watch(rig, count, seed + k, longer, start) for k, longer in enumerate(lengths)]
+    looks = [_watch(rig, count, seed + k, longer) for k, longer in enumerate(lengths)]
     while not _agree(looks[-2].std, looks[-1].std) and len(looks) < _LENGTHS:
         lengths.append(2.0 * lengths[-1])
-        looks.append(_watch(rig, count, seed + len(looks), lengths[-1], start))
+        looks.append(_watch(rig, count, seed + len(looks), lengths[-1]))
     if max(look.swing for look in looks[-2:]) < 0.8 * _TINY:
         return {"smooth sliding"}
     more = 4 * count if rig.interface.ageing is None else min(4 * count, 4 * _MOST_AGED)
-    many = [_watch(rig, more, seed + k, lengths[-1], start) for k in (7, 8)]
+    many = [_watch(rig, more, seed + k, lengths[-1]) for k in (7, 8)]
     fastest = float(np.median([look.fastest for look in (*looks[-2:], *many)]))
     kinds = {"stick-slip", "sustained oscillation"}
     if fastest > _FAST[0] * _FAST[1]:
@@ -257,9 +254,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         if attempt.kind == "undecided":
             yield "attempt, undecided", ""
             continue
-        smooth = attempt.kind in ("smooth sliding", "smooth in one run, not in all")
-        fits = "smooth sliding" in kinds if smooth else kinds != {"smooth sliding"}
-        yield "attempt", "" if fits else f"{attempt}: {kinds}"
+        yield "attempt", "" if kinds != {"smooth sliding"} else f"{attempt}: {kinds}"
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
@@ -306,26 +301,16 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
 
 def _about_a_mitigation(found: Prediction, mitigation: Mitigation) -> Iterator[tuple[str, str]]:
     rig, names = found.rig, mitigation.parameters
-    for kind, values, start in (
-        ("decays", mitigation.stops, ss.FromRest()),
-        ("stays", mitigation.keeps, ss.FromSliding()),
-    ):
-        if values is None:
-            continue
-        there = at(rig, names, values)
-        try:
-            kinds = [motion(there, start, seed=seed) for seed in (5000, 6000)]
-        except (TooDear, ss.InputError):
-            yield f"{kind}, too dear", ""
-            continue
+    there = at(rig, names, mitigation.stops)
+    try:
+        kinds = [motion(there, seed=seed) for seed in (5000, 6000)]
         bad = [each for each in kinds if "smooth sliding" not in each]
         if bad:  # what decays slowly looks sustained for a while
-            try:
-                bad = [each for each in (motion(there, start, shortest=_PATIENT),) if "smooth sliding" not in each]
-            except TooDear:
-                yield f"{kind}, too dear", ""
-                continue
-        yield kind, f"{names} from {mitigation.values} to {values}: {bad}" if bad else ""
+            bad = [each for each in (motion(there, shortest=_PATIENT),) if "smooth sliding" not in each]
+    except (TooDear, ss.InputError):
+        yield "decays, too dear", ""
+        return
+    yield "decays", f"{names} from {mitigation.values} to {mitigation.stops}: {bad}" if bad else ""
 
 
 _FIRST, _LAST = 0, 60
@@ -335,7 +320,7 @@ _FIRST, _LAST = 0, 60
 def advice() -> tuple[Claim, ...]:
     """No sentence about rigs drawn at random is contradicted by their runs, and no band or mitigation is noise."""
     found = [(number, *each) for number in range(_FIRST, _LAST) for each in disagreements(number)]
-    kinds = ("regime", "margin", "band", "band, linear", "decays", "stays", "attempt")
+    kinds = ("regime", "margin", "band", "band, linear", "decays", "attempt")
     claims = []
     for kind in kinds:
         tried = [(number, wrong) for number, each, wrong in found if each == kind]

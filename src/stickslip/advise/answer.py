@@ -9,8 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from stickslip.advise import say
-from stickslip.advise.bands import OSCILLATES, Band, joined
+from stickslip.advise.bands import Band, joined
 from stickslip.advise.mitigations import Attempt, Mitigation
+from stickslip.advise.runs import OSCILLATES
 from stickslip.answers import Answer, plain
 from stickslip.measure import Regime
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
@@ -29,6 +30,7 @@ class Foretold(Answer):
     """An answer about a rig: its verdict, and the sections beneath it."""
 
     _derived: ClassVar[tuple[str, ...]]  # what is told besides the fields
+    _picture: ClassVar[str]
     verdict: ClassVar[Any]
     sections: ClassVar[Any]
 
@@ -56,6 +58,13 @@ class Foretold(Answer):
         assumed = {key: str(item) for key, item in self.rig.assumed.items()}
         found: dict[str, Any] = plain({"rig": self.rig.name, "velocity": self.rig.velocity, **told, "assumed": assumed})
         return found
+
+    def plot(self) -> Figure:
+        """Draw the answer: the motion at each speed; of a rigid slider also the force at its own, and the margins."""
+        from stickslip import plot
+
+        figure: Figure = getattr(plot, self._picture)(self)
+        return figure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +133,7 @@ class Prediction(Foretold):
     """
 
     headline, verdict, sections = property(say.headline), property(say.verdict), property(say.sections)
+    _picture = "prediction"
     _derived = ("at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude", "relative_amplitude")
 
     recording: Recording
@@ -204,12 +214,11 @@ class Prediction(Foretold):
     def at_speeds(self) -> tuple[tuple[float, str], ...]:
         """Each speed at which the rig works, in its own units, and the motion there from a start at rest."""
         speeds = [speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds]
-        return tuple((speed, self._motion_at(speed)) for speed in speeds)
-
-    def _motion_at(self, speed: float) -> str:
-        if math.isclose(speed, self.rig.velocity):
-            return self.regime.kind
-        return next((band.motion for band in self.bands if band.low <= speed <= band.high), "undecided")
+        motions = [next((band.motion for band in self.bands if v in band), "undecided") for v in speeds]
+        own = [math.isclose(speed, self.rig.velocity) for speed in speeds]
+        return tuple(
+            (v, self.regime.kind if here else kind) for v, kind, here in zip(speeds, motions, own, strict=True)
+        )
 
     @property
     def between(self) -> tuple[float, float] | None:
@@ -224,12 +233,6 @@ class Prediction(Foretold):
         """Names of the units that numbers are in."""
         names = {p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
         return names | {"force": self.rig.unit_name("f_s"), "frequency": say.frequency_unit(self.rig)}
-
-    def plot(self) -> Figure:
-        """Draw the answer: the motion at each speed, the force at the rig's speed, and the margins."""
-        from stickslip import plot
-
-        return plot.prediction(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,7 +280,7 @@ class ElasticPrediction(Foretold):
     """
 
     verdict, sections = property(say.verdict_on_waves), property(say.sections_on_waves)
-    _derived = ("speeds",)
+    _picture, _derived = "waves", ("speeds",)
 
     growing: int = 0
     waves: tuple[WaveAnswer, ...] = ()
@@ -289,17 +292,10 @@ class ElasticPrediction(Foretold):
     def speeds(self) -> tuple[tuple[float, float], ...]:
         """Ranges of speed in which any mode grows."""
         pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
-        bands = joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
-        return tuple((band.low, band.high) for band in bands)
+        return tuple(band.ends for band in joined(Band(kind="unstable", low=low, high=high) for low, high in pairs))
 
     @property
     def units(self) -> dict[str, str]:
         """Names of the units that numbers are in."""
         named = {name: self.rig.unit_name(name) for name in ("velocity", "stiffness")}
         return named | {"wavelength": "blocks"}
-
-    def plot(self) -> Figure:
-        """Draw at which speeds each wave grows."""
-        from stickslip import plot
-
-        return plot.waves(self)

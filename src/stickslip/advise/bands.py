@@ -1,4 +1,4 @@
-"""Ranges with one kind of motion along a parameter; where smooth sliding is stable, as linear theory tells.
+"""Ranges with one kind of motion along a parameter: as linear theory tells, and as runs from rest show over speed.
 
 All along here are factors on what the rig has, so that no unit matters.
 """
@@ -10,10 +10,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+
+from stickslip.advise.runs import OSCILLATES, Spent, Trials, cost_of, trial
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model.parameters import Parameter
+from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
+from stickslip.progress import Progress
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
@@ -21,7 +25,6 @@ PRECISION = 0.05
 """Where motion changes is found to this part of the value; nor is one set more closely on a machine."""
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
 """What is said of contacts whose linear response is 0."""
-OSCILLATES = ("stick-slip", "sustained oscillation")
 MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
 """What kinds of motion are called in a sentence, where that is another word."""
 Change = tuple[tuple[Parameter, int], ...]
@@ -30,6 +33,10 @@ _PER_DECADE, _DEAR_PER_DECADE = 16, 6
 """Points at which growing modes are counted; the latter where `is_dear` says so."""
 _NARROW = 1e-3
 """Where the theory cannot tell of a whole range, the ends of what it can tell are found to this part of the value."""
+_APART = 3.0
+"""Speeds at which runs are made first lie within this factor of each other."""
+_DEAREST = 0.3
+"""Seconds that a first run may take: slow drives of light sliders are told by theory alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +63,12 @@ class Band:
     high_found: bool = True
 
     @property
-    def single(self) -> bool:
-        """Whether its motion was seen at one speed only, about which no end was looked for."""
-        return not (self.low_found or self.high_found) and self.high < (1.0 + 3.0 * PRECISION) * self.low
+    def ends(self) -> tuple[float, float]:
+        """Both ends."""
+        return self.low, self.high
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high
 
     @property
     def motion(self) -> str:
@@ -75,11 +85,8 @@ def within(bands: Sequence[Band], low: float, high: float, side: int = 1) -> lis
     """What lies of rising bands between two values; on side -1, of their inverses."""
     if side < 0:
         bands = [replace(band, low=1.0 / band.high, high=1.0 / band.low) for band in reversed(bands)]
-    return [
-        replace(band, low=max(band.low, low), high=min(band.high, high))
-        for band in bands
-        if max(band.low, low) < min(band.high, high)
-    ]
+    cut = [replace(band, low=max(band.low, low), high=min(band.high, high)) for band in bands]
+    return [band for band in cut if band.low < band.high]
 
 
 def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
@@ -87,13 +94,14 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     found: list[Band] = []
     for band in bands:
         last = found[-1] if found else None
-        if band.high <= band.low:
-            continue
         if last and (last.kind, last.bistable) == (band.kind, band.bistable) and band.low <= last.high:
             found[-1] = replace(last, high=max(last.high, band.high), high_found=band.high_found)
-        else:
+        elif band.low < band.high:
             found.append(band)
     return tuple(found)
+
+
+# By linear theory
 
 
 def is_dear(rig: Rig) -> bool:
@@ -143,3 +151,108 @@ def stability_along(rig: Rig, change: Change, low: float, high: float) -> tuple[
     growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
     kinds = ["unstable" if modes else "stable" for modes in growing]
     return tuple(Band(kind=kind, low=a, high=b) for kind, (a, b) in zip(kinds, pairwise(ends), strict=True))
+
+
+# By runs
+
+
+def works_at(rig: Rig) -> list[float]:
+    """The speeds at which a rig works, and the ends of a range of them."""
+    speeds = [*rig.operation.speeds, *(rig.operation.between or ())]
+    return [speed / rig.natural.velocity for speed in speeds]
+
+
+class Survey:
+    """Runs from rest at speeds over the whole range: a grid first, then by halving where two neighbours differ.
+
+    What was not simulated, or could not be judged, is called neither smooth nor stick-slip.
+    """
+
+    def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
+        self._setting, self._works_at, self._linear = trial(rig), works_at(rig), linear
+        self.known: dict[float, str] = {1.0: here}
+
+    def look(self, trials: Trials, report: Progress) -> None:
+        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
+        grid = [v for band in self._linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
+        places = [*self._works_at, *sorted(grid, key=lambda speed: abs(math.log(speed)))]
+        for i, speed in enumerate(places):
+            report(0.7 * i / len(places))
+            self.known.setdefault(speed, "")  # not known yet
+            self._try(speed, trials)
+        while (change := self._widest_change()) is not None and self._try(change, trials):
+            pass
+        report(1.0)
+
+    def _try(self, speed: float, trials: Trials) -> bool:
+        """Simulate at a speed, if that has not been done; whether it is not too dear."""
+        if not self.known.get(speed):
+            case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
+            try:
+                if cost_of(case) > _DEAREST:
+                    return False
+                self.known[speed] = trials.judge(case).kind
+            except Spent:
+                return False
+            except InputError:
+                self.known[speed] = "undecided"
+        return True
+
+    def _seen(self, band: Band) -> list[tuple[float, str]]:
+        """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.
+
+        A run that seems smooth where smooth sliding is unstable has not grown yet, or is hidden by noise.
+        """
+        told = OSCILLATES if band.kind == "unstable" else (*OSCILLATES, "smooth sliding")
+        inside = sorted(speed for speed in self.known if speed in band)
+        seen = [(v, kind if (kind := self.known[v]) in told else band.kind) for v in inside]
+        if band.kind == "stable":
+            return seen
+        # One speed left out between two with the same oscillation tells nothing against it.
+        sides = zip([(0.0, ""), *seen], seen, [*seen[1:], (0.0, "?")], strict=False)
+        return [each for one, each, two in sides if not (each[1] == band.kind and one[1] == two[1] != band.kind)]
+
+    def _widest_change(self) -> float | None:
+        """Middle of the neighbours with different motion that are furthest apart; None where all changes are found."""
+        changes = [
+            (right / left, math.sqrt(left * right))
+            for band in self._linear
+            for (left, one), (right, two) in pairwise(self._seen(band))
+            if one != two and band.kind not in (one, two) and math.log(right / left) > 2.0 * PRECISION
+        ]
+        return max(changes)[1] if changes else None
+
+    def bands(self) -> tuple[Band, ...]:
+        """Ranges of linear stability, cut where the motion changes.
+
+        Where the place of a change is not known, what was seen at a speed is told of no others than those next to it.
+        """
+        parts: list[Band] = []
+        for band in self._linear:
+            seen, begin, found = self._seen(band) or [(band.low, band.kind)], band.low, True
+            for (left, one), (right, two) in pairwise(seen):
+                if one != two:
+                    near = math.log(right / left) <= 2.0 * PRECISION
+                    first, last = left * (1.0 + PRECISION), right / (1.0 + PRECISION)
+                    first, last = [math.sqrt(left * right)] * 2 if near else (first, last)
+                    parts += [_part(band, one, begin, first, found, near), replace(band, low=first, high=last)]
+                    begin, found = last, near
+            parts.append(_part(band, seen[-1][1], begin, band.high, found, True))
+        return joined(parts)
+
+
+def _grid(band: Band) -> list[float]:
+    """Speeds in a range, evenly by their logarithm; next to a limit of stability, just on its stable side."""
+    count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
+    speeds: list[float] = np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
+    near = 1.0 + 2.0 * PRECISION
+    return speeds + [v for v in (band.low * near, band.high / near) if band.kind == "stable" and v in band]
+
+
+def _part(band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool) -> Band:
+    """A part of a linear range; what was seen at the rig's own speed only is no range."""
+    alone = low < 1.0 < high < (1.0 + 3.0 * PRECISION) * low and not (low_found or high_found)
+    if kind == band.kind or alone:
+        return replace(band, low=low, high=high)
+    bistable = band.kind == "stable" and kind in OSCILLATES
+    return Band(kind=kind, bistable=bistable, low=low, high=high, low_found=low_found, high_found=high_found)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import groupby
 
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
-from stickslip.advise.bands import CANNOT_GROW, Band, fastest_mode, is_dear, scaled, stability_along, within
-from stickslip.advise.mitigations import DEAR_RANGE, RANGE, WIDEST_STD, has, mitigated
-from stickslip.advise.runs import Budget, Steady, cost_of, cycle_of, length_of, rms_over_mean, watch
-from stickslip.advise.say import MOST_MODES
-from stickslip.advise.speeds import Survey, range_of_speeds
+from stickslip.advise.bands import CANNOT_GROW, Band, Survey, fastest_mode, is_dear, scaled, stability_along, works_at
+from stickslip.advise.mitigations import has, mitigated, reach
+from stickslip.advise.runs import Steady, Trials, cost_of, cycle_of, trial
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime
+from stickslip.measure.arrays import Trace
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest
 from stickslip.model.drive import constant
-from stickslip.model.parameters import DELAY, PARAMETERS, STD, VELOCITY, Parameter
+from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
@@ -31,14 +30,14 @@ _DEARER = 10.0
 """How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
-_LONGEST, _MOST_RUNS, _FOR_NOISE = 80.0, 30, 40.0
-"""For a run that is made twice as long, again and again; and for those that tell noise from oscillation."""
+_LONGEST, _MOST_RUNS = 100.0, 30
+"""For a run that is made twice as long, again and again, and for those that tell noise from oscillation."""
 NO_THEORY_OF_ARREST = (
     "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
-    "are judged by runs"
+    "are judged by runs, and where stick-slip decays, the slider slides with no contact attached"
 )
-_WAVES = 5
-"""Modes of an elastic slider that are told of, of different stiffness, the softest first."""
+_MODES, _WAVES = 64, 5
+"""Modes of an elastic slider that are counted, the softest; those that are told of, of different stiffness."""
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
@@ -82,7 +81,7 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
-    low, high = range_of_speeds(rig)
+    low, high = _speeds_searched(rig)
     modes, note = _linear(rig)
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
     if not note:
@@ -91,6 +90,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     recording, seen, state = _watch(rig, part(report, 0.2, 1.0))
     if modes:  # what grows is no transient
         seen = replace(seen, reason=seen.reason.split(" (seen for")[0])
+    late = Trace.of_recording(recording).part(seen.window[0]).force
     # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
     # slider that never stops attaches none that wait for its arrest.
     delay = rig.interface.delay
@@ -112,7 +112,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         speeds_searched=(low * rig.velocity, high * rig.velocity),
         bands=scaled(bands, rig.velocity),
         delays=_over_delays(rig) if note == CANNOT_GROW else (),
-        noise=rms_over_mean(recording, seen) if state == "noise" else None,
+        noise=float(late.std() / abs(late.mean())) if state == "noise" else None,
         stays=state != "leaves",
     )
 
@@ -124,20 +124,32 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
         report(1.0)
         return replace(found, complete=True)
     left = (_ALL - min(cost_of(found.recording.rig), 0.7 * _ALL)) * (_DEARER if is_dear(rig) else 1.0)
-    bands = scaled(found.bands, 1.0 / rig.velocity)
-    survey, allowed = Survey(rig, bands, found.regime.kind), Budget(_FOR_SPEEDS * left)
-    survey.look(allowed, part(report, 0.0, 0.3))
-    theory = {} if found.theory_note else dict(_theory(rig, bands))
-    found = replace(found, margins=tuple(_margins(rig, theory)), complete=True)
+    trials = Trials(_FOR_SPEEDS * left)
+    survey = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), found.regime.kind)
+    survey.look(trials, part(report, 0.0, 0.3))
+    found = replace(found, margins=() if found.theory_note else tuple(_margins(rig)), complete=True)
     report(0.4)
     if found.ill:
-        rest = Budget((1.0 - _FOR_SPEEDS) * left + allowed.left)
-        found = mitigated(found, theory, rest, part(report, 0.4, 0.9))
-        cured = [each.stops[0] for each in found.mitigations if each.parameters == (VELOCITY.name,) and each.stops]
+        trials.left += (1.0 - _FOR_SPEEDS) * left
+        found = mitigated(found, trials, part(report, 0.4, 0.9))
+        cured = [each.stops[0] for each in found.mitigations if each.parameters == (VELOCITY.name,)]
         survey.known |= {speed / rig.velocity: "smooth sliding" for speed in cured}
-        survey.look(rest, part(report, 0.9, 1.0))
+        survey.look(trials, part(report, 0.9, 1.0))
     report(1.0)
     return replace(found, bands=scaled(survey.bands(), rig.velocity))
+
+
+def _speeds_searched(rig: Rig) -> tuple[float, float]:
+    """The speeds that an answer is about, as factors: far on either side of those that the drive goes through.
+
+    Raises `InputError` if the rig does not go forwards.
+    """
+    if rig.velocity <= 0:
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
+    ends = [abs(v) / rig.natural.velocity for piece in rig.drive.pieces for v in (piece.start, piece.end) if v != 0]
+    through, widest = [*ends, *works_at(rig)], 10.0 if is_dear(rig) else 100.0
+    return min(through) / widest, max(through) * widest
 
 
 def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
@@ -147,13 +159,13 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
     """
     drive, velocity, dearer = rig.drive, rig.natural.velocity, _DEARER if is_dear(rig) else 1.0
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
-        drive = constant(velocity, length_of(rig) / velocity)
+        drive = trial(rig).drive
     if len(drive.pieces) == 1:
         affordable = _FIRST * dearer / cost_of(replace(rig, drive=drive)) * drive.duration
         fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity
         drive = constant(velocity, min(max(affordable, fewest), drive.duration))
-    case, budget = replace(rig, drive=drive), Budget(_LONGEST * dearer)
-    return watch(case, budget, most=_MOST_RUNS, spare=_FOR_NOISE, long=False, progress=progress)
+    trials = Trials(_LONGEST * dearer)
+    return trials.watch(replace(rig, drive=drive), most=_MOST_RUNS, long=False, progress=progress)
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:
@@ -173,85 +185,60 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     return scaled(stability_along(supposed, ((DELAY, 1),), *_DELAYS), time * rig.unit("time"))
 
 
-def _theory(rig: Rig, speeds: tuple[Band, ...]) -> Iterator[tuple[str, tuple[Band, ...]]]:
-    """By parameter: factors at which smooth sliding is stable or not; those of the speed are known already."""
-    for parameter in (each for each in PARAMETERS if has(rig, each)):
-        low, high = _searched(rig, parameter)
-        known = parameter is VELOCITY
-        yield (
-            parameter.name,
-            tuple(within(speeds, low, high) if known else stability_along(rig, ((parameter, 1),), low, high)),
-        )
-
-
-def _margins(rig: Rig, theory: Mapping[str, tuple[Band, ...]]) -> Iterator[Margin]:
+def _margins(rig: Rig) -> Iterator[Margin]:
     """The nearest limits of linear stability about where each parameter stands, as far as theory has no gap."""
-    for name, bands in theory.items():
+    for parameter in (each for each in PARAMETERS if has(rig, each)):
+        bands = stability_along(rig, ((parameter, 1),), *reach(rig, parameter))
         for known, group in groupby(bands, key=lambda band: band.kind != "unknown"):
             about = list(group)
             if known and about[0].low <= 1.0 < about[-1].high:
-                value = rig.value(name)
+                value = rig.value(parameter)
                 about = list(scaled(about, value))
                 edges = [band.high for band in about[:-1]]
                 yield Margin(
-                    parameter=name,
+                    parameter=parameter.name,
                     value=value,
                     lower=max((edge for edge in edges if edge < value), default=None),
                     upper=min((edge for edge in edges if edge > value), default=None),
                     searched=(about[0].low, about[-1].high),
-                    stable=tuple((band.low, band.high) for band in about if band.kind == "stable"),
+                    stable=tuple(band.ends for band in about if band.kind == "stable"),
                 )
-
-
-def _searched(rig: Rig, parameter: Parameter) -> tuple[float, float]:
-    """Factors on a parameter between which its margins are looked for."""
-    if parameter is STD:  # wider than that is no longer a distribution of thresholds about its mean
-        return 1.0 / 3.0, max(WIDEST_STD * rig.interface.thresholds.moment(1) / STD.get(rig), 1.5)
-    if parameter is DELAY:  # longer delays never help, and have many modes
-        return 1.0 / RANGE, 3.0
-    widest = DEAR_RANGE if is_dear(rig) else RANGE
-    return 1.0 / widest, widest
 
 
 def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds."""
     from stickslip.elastic.modes import critical_length, sliders_of  # some .13 s that no rigid rig needs
 
-    low, high = range_of_speeds(rig)
+    low, high = _speeds_searched(rig)
     found = ElasticPrediction(rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity))
-    stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, MOST_MODES)
+    stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, _MODES)
     sliding = [replace(rig, slider=slider, drive=constant(rig.natural.velocity)) for slider in sliders]
     first = [i for i in range(len(sliders)) if sliders[i] not in sliders[:i]]  # modes come in pairs of one stiffness
-    try:
-        if respond(rig.interface).inert:
-            raise UndecidedError(CANNOT_GROW)
-        grows = {sliders[i]: count_unstable(sliding[i]) > 0 for i in first}
+    if respond(rig.interface).inert:
+        return replace(found, theory_note=CANNOT_GROW)
 
-        def waves() -> Iterator[WaveAnswer]:
-            for done, i in enumerate(first[:_WAVES]):
-                report(done / _WAVES)
-                growth, frequency = fastest_mode(sliding[i])
-                bands = stability_along(sliding[i], ((VELOCITY, 1),), low, high)
-                told = scaled((band for band in bands if band.kind == "unstable"), rig.velocity)
-                yield WaveAnswer(
-                    name=_name(float(wavelength[i]), float(coupling[i]), rig.slider),
-                    wavelength=float(wavelength[i]),
-                    stiffness=float(stiffness[i]) * rig.unit("k"),
-                    growth=growth,
-                    frequency=frequency,
-                    speeds=tuple((band.low, band.high) for band in told),
-                )
-
-        found = replace(
-            found,
-            growing=sum(grows[slider] for slider in sliders),
-            waves=tuple(waves()),
-            critical=critical_length(rig) if isinstance(rig.slider, Chain) else None,
+    def wave(i: int) -> WaveAnswer:
+        report(0.1 + 0.9 * first.index(i) / _WAVES)
+        growth, frequency = fastest_mode(sliding[i])
+        bands = stability_along(sliding[i], ((VELOCITY, 1),), low, high)
+        told = scaled((band for band in bands if band.kind == "unstable"), rig.velocity)
+        return WaveAnswer(
+            name=_name(float(wavelength[i]), float(coupling[i]), rig.slider),
+            wavelength=float(wavelength[i]),
+            stiffness=float(stiffness[i]) * rig.unit("k"),
+            growth=growth,
+            frequency=frequency,
+            speeds=tuple(band.ends for band in told),
         )
+
+    try:
+        grows = {sliders[i]: count_unstable(sliding[i]) > 0 for i in first}
+        waves = tuple(wave(i) for i in first[:_WAVES])
+        critical = critical_length(rig) if isinstance(rig.slider, Chain) else None
     except UndecidedError as reason:
-        found = replace(found, theory_note=str(reason))
+        return replace(found, theory_note=str(reason))
     report(1.0)
-    return found
+    return replace(found, growing=sum(grows[slider] for slider in sliders), waves=waves, critical=critical)
 
 
 def _name(wavelength: float, coupling: float, body: ElasticBody) -> str:

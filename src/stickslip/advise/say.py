@@ -8,9 +8,8 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import MOTIONS, Band, joined, within
+from stickslip.advise.bands import MOTIONS, within
 from stickslip.elastic.precursors import distance_to_the_first_break
-from stickslip.model import OnArrest
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.words import engineering, number
@@ -25,8 +24,6 @@ _TO_MEASURE = (
     "times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: how the static "
     "peak grows with the time of rest)"
 )
-MOST_MODES = 64
-"""Modes of an elastic slider among which those that grow are counted."""
 _HEAD = ("parameter", "now", "stability limit below", "stability limit above")
 
 
@@ -89,10 +86,7 @@ def headline(found: Prediction) -> str:
     rig = found.rig
     if found.judged:
         return f"at {quantity(rig, rig.velocity, 'velocity')}: {_here(found)}"
-    words = []
-    for band in found.delays:
-        what = band.motion + (", so stick-slip or oscillation" if band.kind == "unstable" else "")
-        words.append(f"{what} from {quantity(rig, band.low, 'time')} to {quantity(rig, band.high, 'time')}")
+    words = (f"{band.motion} from {' to '.join(quantity(rig, v, 'time') for v in band.ends)}" for band in found.delays)
     return (
         "cannot be judged: nothing says how contacts strengthen with rest; with a delay of re-attachment it would be, "
         f"at this speed, {', '.join(words)}"
@@ -105,7 +99,7 @@ def _here(found: Prediction) -> str:
     if found.noise is not None:
         return f"{kind}; the force fluctuates by {100 * found.noise:.2g} % rms, noise of {contacts}"
     if kind == "undecided":
-        theory = {None: "", 0: "; linearly stable"}.get(modes, "; smooth sliding is linearly unstable")
+        theory = "" if modes is None else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
         return f"undecided, {found.regime.reason}{theory}"
     if kind == "smooth sliding":
         grows = "smooth in this run: the instability grows slowly, or is hidden by the noise of"
@@ -120,31 +114,14 @@ def _here(found: Prediction) -> str:
     return f"{here}; no mode grows, but {contacts} leave smooth sliding by their noise" if modes == 0 else here
 
 
-def _spans(found: Prediction) -> tuple[Band, ...]:
-    """Bands whose ends were looked for: what was seen at one speed only is no range, and theory has the word."""
-
-    def spread(band: Band) -> Band:
-        if not band.single:
-            return band
-        stable = band.bistable or band.kind == "smooth sliding"
-        kind = "unknown" if found.theory_note else "stable" if stable else "unstable"
-        return Band(kind=kind, low=band.low, high=band.high)
-
-    return joined(map(spread, found.bands))
-
-
 def _by_speed(found: Prediction) -> Iterator[str]:
-    """Ranges of speed with oscillation, those that only starts at rest reach, and single speeds; what is not known."""
+    """Ranges of speed with oscillation, and those that only starts at rest reach; what is not known."""
     told, where = list[str](), defaultdict[str, list[str]](list)
-    for band in _spans(found):
-        where[band.kind].append(_span(found, band.low, band.high, band.low_found, band.high_found))
+    for band in found.bands:
+        where[band.kind].append(_span(found, *band.ends, band.low_found, band.high_found))
         if band.kind not in ("smooth sliding", "stable", "unknown"):
             start = " if started from rest" if band.bistable else ""
             told.append(f"{MOTIONS.get(band.kind, band.kind)} {where[band.kind][-1]}{start}")
-    for band in found.bands:
-        middle = math.sqrt(band.low * band.high)
-        if band.single and not math.isclose(middle, found.rig.velocity, rel_tol=1e-6):
-            told.append(f"{band.kind} seen at {_speed(found.rig, middle)} only")
     told += [found.theory_note] if found.theory_note else []
     known = [band for band in found.bands if band.kind != "unknown"]
     if not told and known:
@@ -159,7 +136,7 @@ def _by_speed(found: Prediction) -> Iterator[str]:
 
 def _over_its_range(found: Prediction, low: float, high: float) -> str:
     """The motion over the range of speeds at which the rig works, were each of them to last."""
-    rig, inside = found.rig, within(_spans(found), low, high)
+    rig, inside = found.rig, within(found.bands, low, high)
     motions = [(motion, next(bands).low) for motion, bands in groupby(inside, key=lambda band: band.motion)]
     words = [f"{motion} from {_speed(rig, begin)}" for motion, begin in motions]
     words = [f"{motions[0][0]} throughout"] if len(motions) == 1 else words
@@ -167,7 +144,7 @@ def _over_its_range(found: Prediction, low: float, high: float) -> str:
     return f"{whose}, {_speed(rig, low)} to {_speed(rig, high)}: {', '.join(words) or 'undecided'}"
 
 
-# What it rests on
+# What it rests on, and what would stop it
 
 
 def sections(found: Prediction) -> Iterator[Section]:
@@ -191,19 +168,17 @@ def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     rig = found.rig
     aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
     aged += ", no contact broken by heat" if rig.interface.temperature is not None else ""
-    first, without = (
-        quantity(rig, each, "stiffness")
-        for each in (found.critical_stiffness, found.critical_stiffness_without_reattachment)
-    )
+    without = quantity(rig, found.critical_stiffness_without_reattachment, "stiffness")
     margin = found.stiffness_margin
     state = f"unstable, {found.unstable_modes} growing modes" if found.unstable_modes else "stable"
     if found.growth_rate is not None:
         state += f"; fastest mode: growth rate {_mode(rig, found.growth_rate, found.mode_frequency, 3)}"
+    critical = f"{quantity(rig, found.critical_stiffness, 'stiffness')} ({without} without re-attachment)"
     yield "total contact strength N f_s", rig.in_units(1.0, "force")
     yield f"static friction F_s (slow rigid motion{aged})", quantity(rig, found.static_friction, "force")
     yield "kinetic friction F_k at this speed", quantity(rig, found.kinetic_friction, "force")
     yield "stiffness K of the driving spring", quantity(rig, rig.value("stiffness"), "stiffness")
-    yield f"critical stiffness K* (first pull{aged})", f"{first} ({without} without re-attachment)"
+    yield f"critical stiffness K* (first pull{aged})", critical
     yield "margin K/K*", f"{margin:.3g} ({'softer: elastic' if margin < 1 else 'stiffer: no elastic'} instability)"
     yield "linear stability of smooth sliding", found.theory_note or state
 
@@ -217,75 +192,58 @@ def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
         yield title, value, lower or f"none down to {low}", upper or f"none up to {high}"
 
 
-# What would stop it
-
-
 def mitigations(found: Prediction) -> Iterator[str]:
     """Each mitigation as a sentence."""
-    rig = found.rig
     trouble = {"smooth sliding": "the instability", "sustained oscillation": "the oscillation"}
+    decays = f"{trouble.get(found.regime.kind, 'stick-slip')} decays even from rest"
     for each in found.mitigations:
+        title = " and ".join(parameter_named(name).title for name in each.parameters)
+        now, goal = (_amounts(found.rig, each.parameters, values) for values in (each.values, each.stops))
+        yield f"{title}: from {now} to {goal}, and {decays}"
 
-        def said(goal: tuple[float, ...], names: tuple[str, ...] = each.parameters) -> str:
-            words = " and ".join(amount(rig, name, value) for name, value in zip(names, goal, strict=True))
-            if names == ("damping",):
-                words += f" (damping ratio {goal[0] / rig.unit('1/time') / (2.0 * rig.slider.frequency):.3g})"
-            return words
 
-        words = f"{' and '.join(parameter_named(name).title for name in each.parameters)}: from {said(each.values)}"
-        if each.keeps:
-            words += f" to {said(each.keeps)}, and smooth sliding, once reached, stays"
-            words += "; on" if each.stops else "; from rest, no value was found at which it decays"
-        if each.stops:
-            decays = trouble.get(found.regime.kind, "stick-slip")
-            words += f" to {said(each.stops)}, and {decays} decays even from rest"
-        yield words
+def _amounts(rig: Rig, names: tuple[str, ...], values: tuple[float, ...]) -> str:
+    words = " and ".join(amount(rig, name, value) for name, value in zip(names, values, strict=True))
+    if names != ("damping",):
+        return words
+    return f"{words} (damping ratio {values[0] / rig.unit('1/time') / (2.0 * rig.slider.frequency):.3g})"
 
 
 def attempts(found: Prediction) -> Iterator[str]:
     """How far each parameter goes that does not give smooth sliding within the range searched."""
-    now = found.relative_amplitude
     for each in found.attempts:
         there = f"{'up' if each.reached > each.value else 'down'} to {amount(found.rig, each.parameter, each.reached)}"
-        better = "better" if each.amplitude < 0.9 * now else "no better"
-        after = f"{each.kind}, {100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * now:.0f} %"
-        title = parameter_named(each.parameter).title
-        yield f"{title}: no smooth sliding found {there}; there it is {better} ({after})"
+        after = (
+            f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * found.relative_amplitude:.0f} %"
+        )
+        yield f"{parameter_named(each.parameter).title}: no smooth sliding found {there}; there {each.kind}, {after}"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:
     """What was not looked for, and why."""
     if found.not_searched:
         yield f"not searched to the end, as runs of this rig take long: {', '.join(found.not_searched)}"
-    elif found.complete and found.ill and not (found.mitigations or found.attempts):
-        yield "no change was tried: nothing that could be turned may be varied (feasible)"
-    if found.complete and found.ill and isinstance(found.rig.interface.delay, OnArrest):
-        yield (
-            "where stick-slip decays the slider never stops, and slides with no contact attached; damping was not "
-            "varied: enough of it keeps any slider from stopping"
-        )
 
 
 # Elastic sliders
 
 
 def _grows(found: ElasticPrediction, speeds: tuple[tuple[float, float], ...]) -> str:
-    return " and ".join(_span(found, *pair) for pair in speeds)
+    where = " and ".join(_span(found, *pair) for pair in speeds)
+    return f"unstable {where}" if speeds else "stable at all speeds"
 
 
 def verdict_on_waves(found: ElasticPrediction) -> str:
     """The answer of linear theory in one sentence."""
     if found.theory_note:
         return f"undecided: {found.theory_note}"
-    where = f"linearly stable at all speeds {_span(found, *found.speeds_searched)}"
-    if found.speeds:
-        where = f"linearly unstable, so stick-slip or oscillation, {_grows(found, found.speeds)}"
+    where = f"linearly {_grows(found, found.speeds)}"
+    if not found.speeds:
+        where += f" {_span(found, *found.speeds_searched)}"
     here = "smooth sliding is linearly stable at every wavelength"
     if found.growing:
         first = max(found.waves, key=lambda wave: -math.inf if wave.growth is None else wave.growth)
-        count = f"{found.growing}{' or more' * (found.growing == MOST_MODES)}"
-        modes = "mode of smooth sliding grows" if found.growing == 1 else "modes of smooth sliding grow"
-        here = f"{count} {modes}, fastest: {first.name}"
+        here = f"growing modes of smooth sliding: {found.growing}, fastest: {first.name}"
     return f"{where}; at {_speed(found.rig, found.rig.velocity)}: {here}"
 
 
@@ -302,8 +260,8 @@ def waves(found: ElasticPrediction) -> Iterator[str]:
         if wave.growth is not None:
             rate = "growth rate" if wave.growth > 0 else "decay rate"
             decay = f"{rate} {_mode(rig, abs(wave.growth), wave.frequency, 4)}"
-        speeds = f"unstable {_grows(found, wave.speeds)}" if wave.speeds else "stable at all speeds"
-        yield f"{wave.name} (stiffness {quantity(rig, wave.stiffness, 'stiffness')}): {decay}; {speeds}"
+        stiffness = quantity(rig, wave.stiffness, "stiffness")
+        yield f"{wave.name} (stiffness {stiffness}): {decay}; {_grows(found, wave.speeds)}"
     if found.critical is not None:
         stiffness = quantity(rig, found.critical.stiffness, "stiffness")
         yield f"critical stiffness {stiffness} at this speed: {found.critical}"

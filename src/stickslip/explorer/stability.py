@@ -122,26 +122,19 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
+    trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
     mitigations = []
-    for mitigation in found.mitigations:
-        trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
-        outcomes = (
-            (mitigation.stops, f"{trouble} decays even from a start at rest"),
-            (mitigation.keeps, f"smooth sliding, once reached, stays; from rest {trouble} may persist"),
-        )
-        steps = [
-            {
-                "title": f"{_change(mitigation, values)}: {outcome}",
-                "to": ", ".join(
-                    f"{advise.say.amount(rig, name, before)} to {advise.say.amount(rig, name, value)}"
-                    for name, before, value in zip(mitigation.parameters, mitigation.values, values, strict=True)
-                ),
-                "values": dict(zip(mitigation.parameters, values, strict=True)),
-            }
-            for values, outcome in outcomes
-            if values is not None
-        ]
-        mitigations.append({"parameters": list(mitigation.parameters), "steps": steps})
+    for each in found.mitigations:
+        pairs = zip(each.parameters, each.values, each.stops, strict=True)
+        step = {
+            "title": f"{_change(each)}: {trouble} decays even from a start at rest",
+            "to": ", ".join(
+                f"{advise.say.amount(rig, name, before)} to {advise.say.amount(rig, name, value)}"
+                for name, before, value in pairs
+            ),
+            "values": dict(zip(each.parameters, each.stops, strict=True)),
+        }
+        mitigations.append({"parameters": list(each.parameters), "steps": [step]})
     yield {
         "name": rig.name,
         "verdict": found.verdict,
@@ -156,8 +149,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     }
 
 
-def _change(mitigation: advise.Mitigation, values: tuple[float, ...]) -> str:
+def _change(mitigation: advise.Mitigation) -> str:
     """By which factors parameters are changed, in words."""
-    before = zip(mitigation.parameters, mitigation.values, strict=True)
-    factors = [(name, new / old) for (name, old), new in zip(before, values, strict=True)]
-    return " and ".join(f"{parameter_named(name).title} × {factor:.2g}" for name, factor in factors)
+    named = zip(mitigation.parameters, mitigation.values, mitigation.stops, strict=True)
+    return " and ".join(f"{parameter_named(name).title} × {new / old:.2g}" for name, old, new in named)
