@@ -28,11 +28,10 @@ from stickslip.sweep import (
     Span,
     Threads,
     _cases,
-    _executors,
+    _run,
     _table,
     failures,
     open_sweep,
-    refine,
     run_cases,
     status_of,
     summary,
@@ -77,7 +76,7 @@ LOGGED_AXES = {"a": range(12), "b": [0.0, 1.0, 2.0, 3.0, 4.0]}
 def at_once(monkeypatch):
     """Write every result as it comes, small batches: tests stop at given counts."""
     monkeypatch.setattr(_table, "EVERY", 0.0)
-    monkeypatch.setattr(_executors, "SECONDS", 0.0)
+    monkeypatch.setattr(_run, "SECONDS", 0.0)
 
 
 @pytest.fixture
@@ -156,7 +155,7 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
     assert "'hard': must be one of soft" in failures(wrong)[0].error
 
 
-def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
+def test_threads_processes_and_run_handed_in_give_the_same_bits(cases, tmp_path):
     expected = run_cases(cases.logged, LOGGED_AXES, executor=Threads(1))
     for executor in (Threads(2), Threads(5), Processes(2)):
         found = run_cases(cases.logged, LOGGED_AXES, executor=executor, store=tmp_path / f"{executor}.sqlite")
@@ -215,7 +214,8 @@ def test_what_a_case_must_not_return_is_its_error():
     cases = [*({name: value} for name, (value, _) in wrong.items()), 3, {}]
     result = run_cases(lambda a: cases[a], {"a": range(len(cases))})
     told = [failure.error for failure in failures(result)]
-    for error, expected in zip(told, [*(words for _, words in wrong.values()), "int", "an empty"], strict=True):
+    wanted = [*(words for _, words in wrong.values()), "returned 3: must be a mapping", "returned {}: must be"]
+    for error, expected in zip(told, wanted, strict=True):
         assert expected in error
 
 
@@ -399,9 +399,9 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
         import resource
         import numpy as np
         from stickslip.errors import InputError
-        from stickslip.sweep import Threads, _executors, _table, open_sweep, run_cases, summary
+        from stickslip.sweep import Threads, _run, _table, open_sweep, run_cases, summary
 
-        _table.EVERY = _executors.SECONDS = 0.0
+        _table.EVERY = _run.SECONDS = 0.0
 
         def case(a):
             return {{"y": 200 * str(a)}}
@@ -439,7 +439,7 @@ def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
 def test_a_pool_handed_in_that_loses_a_worker_is_not_ours_to_rebuild(cases, tmp_path):
     with (
         ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool,
-        pytest.raises(InputError, match=r"has lost a worker .* of 24 cases are kept in .*: start again"),
+        pytest.raises(InputError, match=r"terminated abruptly.* of 24 cases are kept in .*: start again"),
     ):
         run_cases(cases.deadly, {"a": range(6), "b": range(4)}, executor=pool, store=tmp_path / "s.sqlite")
     assert summary(open_sweep(tmp_path / "s.sqlite")).done >= 8
@@ -475,11 +475,17 @@ def parabola(x, y):
     return {"side": "above" if y > 0.25 + 0.5 * x * x else "below", "height": y}
 
 
-UNIT = {"x": (0, 1), "y": (0, 1)}
+UNIT = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
+
+
+def refine(function, plane, **how):
+    """A search for where the side changes."""
+    options = {name: how.pop(name) for name in ("store", "executor", "options", "progress") if name in how}
+    return run_cases(function, plane, refinement=Refinement(**{"label": "side", **how}), **options)
 
 
 def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs():
-    found = refine(parabola, UNIT, "side", Refinement(runs=160))
+    found = refine(parabola, UNIT, runs=160)
     assert 150 < found.sizes["run"] <= 160
     t = np.linspace(0, 1, 2001)
     off = np.hypot(found["x_at"].values[:, None] - t, found["y_at"].values[:, None] - 0.25 - 0.5 * t * t)
@@ -495,11 +501,9 @@ def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_t
             raise ValueError("no")
         return parabola(x, y)
 
-    box = {"x": (0, 1), "y": Span(low=0.01, high=1.0, log=True)}
+    box = {"x": Span(low=0, high=1), "y": Span(low=0.01, high=1.0, log=True)}
     options = Options(categories={"side": ["below", "above"]})
-    one, more = (
-        refine(patchy, box, "side", Refinement(runs=80), executor=Threads(count), options=options) for count in (1, 3)
-    )
+    one, more = (refine(patchy, box, runs=80, executor=Threads(count), options=options) for count in (1, 3))
     xr.testing.assert_identical(one, more)
     assert (one["error"].values[one["x"].values > 0.8] != "").all()
     assert failures(one)[0].parameters.keys() == {"x", "y"}
@@ -517,15 +521,15 @@ def branches(x, y, branch):
 
 def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeypatch):
     at_once(monkeypatch)
-    store, how = tmp_path / "s.sqlite", Refinement(each={"branch": ["up", "down"]}, runs=40)
-    expected = refine(branches, UNIT, "side", how)
+    store, plane = tmp_path / "s.sqlite", UNIT | {"branch": ["up", "down"]}
+    expected = refine(branches, plane, runs=40)
     COUNT.clear()
     with pytest.raises(EnoughError):
-        refine(branches, UNIT, "side", how, store=store, progress=stop_after(55))
+        refine(branches, plane, runs=40, store=store, progress=stop_after(55))
     part = open_sweep(store)
     assert 55 <= part.sizes["run"] < expected.sizes["run"] <= 80
     assert status_of(store).summary.missing == 80 - part.sizes["run"]
-    found = refine(branches, UNIT, "side", how, store=store)
+    found = refine(branches, plane, runs=40, store=store)
     xr.testing.assert_identical(found, expected)
     xr.testing.assert_identical(open_sweep(store), expected)
     assert str(status_of(store)) == f"{found.sizes['run']} of {found.sizes['run']} cases done"
@@ -533,9 +537,9 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")
     assert status_of(store).summary.missing > 30
-    xr.testing.assert_identical(refine(branches, UNIT, "side", how, store=store), expected)
+    xr.testing.assert_identical(refine(branches, plane, runs=40, store=store), expected)
     with pytest.raises(InputError, match="holds another sweep; what differs: seed"):
-        refine(branches, UNIT, "side", how, store=store, options=Options(seed=1))
+        refine(branches, plane, runs=40, store=store, options=Options(seed=1))
 
 
 # ---------------------------------------------------------------- what is refused
@@ -581,18 +585,12 @@ BAD_AXES = [
             "^function = .*f: a value in it cannot be read",
         ),
         (lambda: summary(xr.Dataset()), "must be the result of a sweep"),
-        (lambda: refine(parabola, {"x": (0, 1)}, "side"), "must name two axes"),
-        (lambda: refine(parabola, {"x": (1, 0), "y": (0, 1)}, "side"), r"Span\.high = 0: must be"),
+        (lambda: refine(parabola, UNIT | {"x": [1]}), "plane of two parameters"),
+        (lambda: run_cases(parabola, UNIT), r"axes\.x\.count: is missing"),
+        (lambda: Span(low=1, high=0), r"Span\.high = 0: must be"),
         (lambda: Span(low=0, high=1, log=True), r"Span\.low = 0: must be"),
         (lambda: Refinement(runs=3), r"runs = 3: must be"),
-        (
-            lambda: refine(parabola, UNIT, "side", Refinement(each={"z": (1, "a")})),
-            r"refine\.each\['z'\] = \(1, 'a'\): must be numbers, texts or truth values",
-        ),
-        (
-            lambda: refine(parabola, UNIT, "colour", Refinement(runs=16)),
-            "label = 'colour': the function must return a text or a number under this",
-        ),
+        (lambda: refine(parabola, UNIT, runs=16, label="colour"), "label = 'colour': is none of the names under"),
     ],
 )
 def test_what_cannot_be_run_is_refused(tmp_path, monkeypatch, call, message):

@@ -113,6 +113,7 @@ def again(plan):
         ("mass", [1.6, 0.1, 0.4], [1.6, 0.1, 0.4], "log"),
         ("mass", [1, 2, 3], [1.0, 2.0, 3.0], "linear"),
         ("mass", [0.1, 10.0], [0.1, 10.0], "linear"),
+        ("mass", {"from": 0.1, "to": 10.0, "count": 2, "spacing": "log"}, [0.1, 10.0], "log"),
         ("seed", {"from": 7, "count": 3}, [7, 8, 9], "linear"),
         ("contacts", {"from": 10, "to": 1000, "count": 5, "spacing": "log"}, [10, 32, 100, 316, 1000], "log"),
         ("start", ["from rest", "sliding"], ["from rest", "sliding"], "linear"),
@@ -154,10 +155,10 @@ def test_a_run_is_simulated_as_the_file_says_and_else_as_the_rig_is():
 
 MISTAKES = [
     ("axes.stifness", [1.0], "axes.stifness", "did you mean 'stiffness'"),
-    ("axes.stiffness", {"from": 1, "to": 0.5, "count": 3}, "axes.stiffness: to = 0.5", "above from = 1"),
+    ("axes.stiffness", {"from": 1, "to": 0.5, "count": 3}, "axes.stiffness.to = 0.5", "above 1"),
     ("axes.stiffness", {"from": 1, "to": 2, "count": 3, "spacing": "cubic"}, "spacing = 'cubic'", "'linear' or 'log'"),
     ("axes.stiffness", ["4 MN/m"], "axes.stiffness.0 = '4 MN/m'", "plain number"),
-    ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay: from = 0", "above 0"),
+    ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay.from = 0", "above 0"),
     ("axes.start", ["warm"], "axes.start.0 = 'warm'", "'from rest' or 'sliding'"),
     ("axes", 3, "axes = 3", "must be a table"),
     ("rig", None, "rig is missing", "name of a rig file"),

@@ -1,7 +1,7 @@
 """Many cases over named axes, on any executor, resumable; and boundaries found with few runs.
 
 Of a rig: `stickslip.sweep` called as a function, and files, which `stickslip.sweep.plan` reads. Of any function:
-`run_cases` and `refine`.
+`run_cases`.
 """
 
 import sys
@@ -9,9 +9,8 @@ from types import ModuleType
 from typing import Any
 
 from stickslip.sweep._dataset import Failure, Status, Summary, failures, open_sweep, run_cases, status_of, summary
-from stickslip.sweep._executors import Processes, Threads
-from stickslip.sweep._refine import Refinement, Span, refine
-from stickslip.sweep._run import MAX_CASES, Options, Progress, Runs
+from stickslip.sweep._refine import Refinement, Span
+from stickslip.sweep._run import MAX_CASES, Options, Processes, Progress, Runs, Threads
 from stickslip.sweep._table import is_store
 
 __all__ = [
@@ -25,15 +24,8 @@ __all__ = [
     "Span",
     "Status",
     "Summary",
-    "Threads",
-    "failures",
-    "is_store",
-    "open_sweep",
-    "refine",
-    "run_cases",
-    "status_of",
-    "summary",
 ]
+__all__ += ["Threads", "failures", "is_store", "open_sweep", "run_cases", "status_of", "summary"]
 
 
 class _Callable(ModuleType):

@@ -44,12 +44,8 @@ def case_seed(seed: int, key: str) -> int:
 
     The children that ``SeedSequence.spawn`` numbers would change with the axes, hence a keyed hash of the content.
     """
-    return int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8, key=_root(seed)).digest(), "little") >> 1
-
-
-@functools.lru_cache(maxsize=16)
-def _root(seed: int) -> bytes:
-    return np.random.SeedSequence(seed).generate_state(16, np.uint32).astype("<u4").tobytes()
+    root = np.random.SeedSequence(seed).generate_state(16, np.uint32).astype("<u4").tobytes()
+    return int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8, key=root).digest(), "little") >> 1
 
 
 def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint: object) -> dict[str, str]:
@@ -84,56 +80,34 @@ def _digest(place: str, value: object) -> str:
         ) from None
 
 
+def _hash(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
 def _held(value: Any) -> Any:
-    """What is no JSON, as JSON can hold it, the same in every process; of a function, its text and all that it holds.
+    """What is no JSON, as JSON can hold it, the same in every process; of a function, what it does and all it holds.
 
     That is: what is bound to it, what it closes over, and its defaults.
     """
-    name = f"{type(value).__module__}.{type(value).__qualname__}"
-    held: Any = None
+    value = getattr(value, "py_func", value)  # compiled by numba
     match value:
-        case np.generic():
-            return value.item()
-        case np.ndarray(dtype=np.dtype(hasobject=False)):
-            return [name, value.dtype.str, value.shape, _hash(value.tobytes())]
-        case functools.partial():
-            held = [value.func, value.args, value.keywords]
-        case MethodType():
-            held = [value.__self__, value.__func__]
+        case bytes():
+            return _hash(value)
+        case set() | frozenset():
+            return sorted(map(repr, value))
+        case CodeType():
+            return [value.co_code, value.co_consts, value.co_names]
         case FunctionType():
-            held = [inspect.getclosurevars(value).nonlocals, value.__defaults__, value.__kwdefaults__]
-        case object(py_func=inner):  # compiled by numba
-            held = inner
+            return [value.__code__, inspect.getclosurevars(value).nonlocals, value.__defaults__, value.__kwdefaults__]
+        case MethodType():
+            return [value.__self__, value.__func__]
         case _ if inspect.isroutine(value) or isinstance(value, type):
-            pass
+            return [getattr(value, "__module__", ""), name_of(value)]
         case _ if is_dataclass(value):
             held = [getattr(value, one.name) for one in fields(value) if one.compare]
-        case object(__dict__=inside):
-            held = inside
-        case _:
-            raise TypeError(f"a {name}")
-    return [name, name_of(value), _text(value) if callable(value) else "", held]
-
-
-def _text(function: Any) -> str:
-    """The text of a function or of the class of an object; its code where there is no text, or many in a line."""
-    code = getattr(function, "__code__", None)
-    try:
-        if code is None or code.co_name != "<lambda>":
-            own = inspect.isroutine(function) or isinstance(function, type)
-            return inspect.getsource(function if own else type(function))
-    except (OSError, TypeError):  # built in, or typed at a prompt
-        pass
-    return "" if code is None else _code(code)
-
-
-def _code(code: CodeType) -> str:
-    inner = [_code(item) if isinstance(item, CodeType) else repr(item) for item in code.co_consts]
-    return code.co_code.hex() + repr([inner, code.co_names])
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()
+        case _:  # as it is pickled: arrays, partial functions, objects
+            held = list(value.__reduce_ex__(4)[1:])
+    return [type(value), held, type(value).__call__]
 
 
 def check_function(function: Any, axes: Sequence[str]) -> bool:
@@ -189,8 +163,7 @@ def _run(job: Job, key: str) -> str:
         seed = {} if job.seed is None else {"seed": case_seed(job.seed, key)}
         result: Any = job.function(**values, **seed)
         if not isinstance(result, Mapping) or not result:
-            what = "an empty mapping" if isinstance(result, Mapping) else type(result).__name__
-            raise TypeError(f"{name_of(job.function)} returned {what}: must be a mapping of names to numbers")
+            raise TypeError(f"{name_of(job.function)} returned {result!r}: must be a mapping of names to numbers")
         packed = {}
         for name, value in result.items():
             check_name("result", name)
@@ -209,17 +182,14 @@ def failed(error: str) -> str:
     return json.dumps({"error": error})
 
 
-def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | bool | str | None:
+def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | None:
     """A value as JSON can hold it, exactly."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if words is not None and value is not None and value not in words:
-        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(words)}")
-    if value is None or isinstance(value, (bool, str)):
-        return value
-    if isinstance(value, (int, float)):
-        return float(value)
-    raise TypeError(f"returned {value!r} for {name!r}: must be a number, a text or None")
+    found = value.item() if isinstance(value, np.generic) else value
+    if words is not None and found is not None and found not in words:
+        raise ValueError(f"{name} = {found!r}: must be one of {', '.join(words)}")
+    if not isinstance(found, float | int | str | None):
+        raise TypeError(f"returned {found!r} for {name!r}: must be a number, a text or None")
+    return float(found) if isinstance(found, int) else found
 
 
 @functools.lru_cache(maxsize=4)

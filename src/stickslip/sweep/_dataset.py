@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -17,17 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, shown
 from stickslip.progress import in_time
-from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Function, case_key, check_name
-from stickslip.sweep._executors import Workers
-from stickslip.sweep._run import Options, Progress, started
+from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Function, case_key
+from stickslip.sweep._refine import Refinement, Span, search, spans_of
+from stickslip.sweep._run import Options, Progress, Workers, started
 from stickslip.sweep._table import Table, writer_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-NOT_RUN, DONE, FAILED = 0, 1, 2
-NO_RESULT = -1
-"""Code of a category where a case has no result."""
+STATES = ("not run", "done", "failed")
+"""What can become of a case; the place is the code in the results."""
 PROVENANCE = "provenance"
 
 Head = Mapping[str, Any]
@@ -36,10 +35,11 @@ Head = Mapping[str, Any]
 
 def run_cases(
     function: Function,
-    axes: Mapping[str, ArrayLike | xr.DataArray],
+    axes: Mapping[str, ArrayLike | xr.DataArray | Span],
     *,
     store: str | PathLike[str] | None = None,
     executor: Workers | None = None,
+    refinement: Refinement | None = None,
     progress: Callable[[Progress], object] | None = None,
     options: Options = Options(),
 ) -> xr.Dataset:
@@ -55,12 +55,16 @@ def run_cases(
         that is no axis, it is handed a seed of its own, made from `Options.seed` and the values of the axes. An axis
         that it ignores makes replicas.
     axes : mapping of name to values
-        Numbers, texts or truth values, each value once; an `xarray.DataArray` brings its attributes along.
+        Numbers, texts or truth values, each value once; an `xarray.DataArray` brings its attributes along. A `Span` for
+        each of two axes with a `refinement`.
     store : path, optional
         File where results land as they finish, at least each second; a second start with the same function runs what is
         missing, also with other values on the axes. By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
         Where cases run; by default threads, one per core. For Dask: ``client.get_executor()``.
+    refinement : Refinement, optional
+        Search in a plane for the boundaries where a category changes, in place of a grid. A second start makes no run
+        twice, also with more runs or in another box.
     progress : callable, optional
         Called with a `Progress` at the start and whenever results have been written.
     options : Options
@@ -70,7 +74,9 @@ def run_cases(
     -------
     xarray.Dataset
         One variable for each measured name, with the axes as dimensions; ``status`` (CF flags: not run, done, failed);
-        ``error``, the error of each case that failed, else empty. See `summary` and `failures`.
+        ``error``, the error of each case that failed, else empty. See `summary` and `failures`. Of a search, along
+        ``run``, with the axes; and along ``crossing`` a point of the boundary each, ``<name>_at``, the ``<name>_error``
+        to either side, and the categories ``from_<label>`` and ``to_<label>`` there.
 
     Raises
     ------
@@ -91,15 +97,22 @@ def run_cases(
     instance("axes", axes, Mapping, "a mapping of names to values")
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
-    values = {name: axis_values(name, given) for name, given in axes.items()}
+    spans = spans_of(axes, refinement)
+    values = {name: axis_values(name, given) for name, given in axes.items() if name not in spans}
     brought = {
         name: {**getattr(given, "attrs", {}), **options.attributes.get(name, {})} for name, given in axes.items()
     }
-    cases = math.prod(map(len, values.values()))
+    head: dict[str, Any] = {"axes": values}
+    if refinement is not None:
+        head["search"] = {"box": {name: vars(span) for name, span in spans.items()}, **vars(refinement)}
+    cases = math.prod(map(len, values.values())) * (refinement.runs if refinement else 1)
     options = replace(options, attributes={**options.attributes, **brought})
     where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
-    with started(function, list(values), cases, {"axes": values}, **where) as runner:
-        runner.run(_keys_of(runner.table))
+    with started(function, [*axes], cases, head, **where) as runner:
+        if refinement is None:
+            runner.run(_keys_of(runner.table))
+        else:
+            runner.table.keep_head(**search(runner, spans, combinations(values), refinement))
         return dataset_of(runner.table)
 
 
@@ -143,10 +156,10 @@ class Status:
 def status_of(store: str | PathLike[str]) -> Status:
     """Say how far the sweep of a store is, also while it runs."""
     path = Path(store)
-    with Table(path, weigh=False) as table:
+    with Table(path) as table:
         head, keys = table.head, _keys_of(table)
         known = [table.has_failed(key) for key in keys if key in table.rows]
-        total = len(keys) if "axes" in head or "cases" in head else max(len(keys), head["total"])
+        total = head["total"] if "search" in head and "cases" not in head else len(keys)
         since = path.stat().st_mtime - head["started"]
         return Status(
             summary=Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known)),
@@ -190,52 +203,48 @@ class Summary:
 
 def summary(dataset: xr.Dataset) -> Summary:
     """Count what became of the cases of a sweep."""
-    status = _status(dataset)
-    done, failed = (int(np.count_nonzero(status == code)) for code in (DONE, FAILED))
-    return Summary(total=status.size, done=done, failed=failed, missing=status.size - done - failed)
+    status = _status(dataset).to_numpy()
+    missing, done, failed = np.bincount(status.ravel(), minlength=3).tolist()
+    return Summary(total=status.size, done=done, failed=failed, missing=missing)
 
 
 def failures(dataset: xr.Dataset) -> list[Failure]:
     """List the cases that raised, with their parameters and errors."""
-    found = []
-    for index in np.argwhere(_status(dataset) == FAILED):
-        case = dataset.isel(dict(zip(dataset[STATUS].dims, index.tolist(), strict=True)))
-        parameters = {str(name): case[name].values.item() for name in dataset[STATUS].coords if case[name].ndim == 0}
-        found.append(Failure(parameters=parameters, error=str(case[ERROR].values.item())))
-    return found
+    status = _status(dataset)
+    cases = dataset[[STATUS, ERROR]].expand_dims("case").to_dataframe().reset_index().to_dict("records")
+    return [
+        Failure(parameters={str(name): case[name] for name in status.coords}, error=case[ERROR])
+        for case in cases
+        if STATES[case[STATUS]] == "failed"
+    ]
 
 
-def _status(dataset: xr.Dataset) -> NDArray[Any]:
+def _status(dataset: xr.Dataset) -> xr.DataArray:
     if STATUS not in dataset or ERROR not in dataset:
         raise InputError(f"dataset: has no variables {STATUS} and {ERROR}; must be the result of a sweep")
-    return dataset[STATUS].to_numpy()
+    return dataset[STATUS]
 
 
 # ---------------------------------------------------------------- axes
 
 
-def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> list[dict[str, AxisValue]]:
+def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> Iterator[dict[str, AxisValue]]:
     """All combinations of the values of some axes, the last one fastest."""
-    return [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
+    return (dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values()))
 
 
-def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue]:
+def axis_values(name: str, given: object) -> list[AxisValue]:
     """Values of an axis as Python's own numbers, texts or truth values."""
-    check_name(table, name)
-    place = f"{table}[{name!r}]"
+    place = f"axes[{name!r}]"
     values = np.asarray(given, dtype=object).tolist()
     if not isinstance(values, list) or not values:
         raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
     found = [value.item() if isinstance(value, np.generic) else value for value in values]
-    if {float if type(value) is int else type(value) for value in found} not in ({float}, {str}, {bool}):
+    kinds = {float if type(value) is int else type(value) for value in found}
+    if kinds not in ({float}, {str}, {bool}) or np.array(found).tolist() != found:
         raise InputError(
-            f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind; for records, sweep "
-            "over their names and look them up in the function"
-        )
-    if np.array(found).tolist() != found:
-        raise InputError(
-            f"{place} = {shown(given)}: one axis cannot hold these values without loss: no NaN, no whole numbers "
-            "above 2^53 beside fractions"
+            f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind, that one axis holds "
+            "without loss: no NaN, no whole numbers above 2^53 beside fractions"
         )
     if twice := [value for value, count in Counter(found).items() if count > 1]:
         raise InputError(f"{place}: holds {twice[0]!r} twice; for replicas add an axis of their own, such as seed")
@@ -247,9 +256,9 @@ def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue
 
 def _keys_of(table: Table) -> list[str]:
     """The cases of a sweep, in the order of its Dataset; of a search that is not done, those that have been run."""
-    if "axes" in table.head:
-        return [case_key(values) for values in combinations(table.head["axes"])]
-    return list(table.head.get("cases", sorted(table.rows)))
+    if "search" in table.head:
+        return list(table.head.get("cases", sorted(table.rows)))
+    return [case_key(values) for values in combinations(table.head["axes"])]
 
 
 def dataset_of(table: Table) -> xr.Dataset:
@@ -257,86 +266,60 @@ def dataset_of(table: Table) -> xr.Dataset:
     import xarray as xr
 
     head, keys = table.head, _keys_of(table)
-    if is_grid := "axes" in head:
-        sizes = {name: len(values) for name, values in head["axes"].items()}
-        places = {name: ((name,), array(values)) for name, values in head["axes"].items()}
-    else:
+    sizes, axes = {name: len(values) for name, values in head["axes"].items()}, head["axes"]
+    if "search" in head:
         keys = [key for key in keys if key in table.rows]
-        sizes, cases = {"run": len(keys)}, [json.loads(key) for key in keys]
-        names = (*head["search"]["box"], *head["search"]["each"])
-        places = {name: (("run",), array([case[name] for case in cases])) for name in names}
-    coordinates = {name: (*place, attributes_of(head, name)) for name, place in places.items()}
-    rows = [json.loads(table.rows.get(key, "null")) for key in keys]
-    columns = {
-        name: (tuple(sizes), values.reshape(*sizes.values()), about)
-        for name, (values, about) in _columns(head, rows).items()
-    }
+        cases = [json.loads(key) for key in keys]
+        sizes, axes = {"run": len(keys)}, {name: [c[name] for c in cases] for name in (*head["search"]["box"], *axes)}
+    rows = [json.loads(table.rows.get(key, "{}")) for key in keys]
+    results = [row.get("result", {}) for row in rows]
+    names = dict.fromkeys(name for result in results for name in result)
+    columns = {name: [result.get(name) for result in results] for name in names}
+    columns[STATUS] = ["failed" if "error" in row else "done" if row else "not run" for row in rows]
+    columns[ERROR] = [row.get("error", "") for row in rows]
+    variables = {}
+    for name, values in columns.items():
+        column, about = _column(head, name, values)
+        variables[name] = (*sizes,), column.reshape(*sizes.values()), about
+    dims = {name: "run" if "search" in head else name for name in axes}
+    coordinates = {name: (dims[name], *_column(head, name, values)) for name, values in axes.items()}
     provenance = json.dumps(head["about"] | head.get("search", {}) | {"axes": sizes})
-    found = xr.Dataset(columns, coordinates, {**head["notes"], PROVENANCE: provenance})
-    return found if is_grid else _with_crossings(found, head)
+    found = xr.Dataset(variables, coordinates, {**head["notes"], PROVENANCE: provenance})
+    return _with_crossings(found, head) if "search" in head else found
 
 
 def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
     """Add the points of the boundary, half way between two runs, with what came of these, once all runs are there."""
     import xarray as xr
 
-    search = head["search"]
+    sought = head["search"]
     pairs = head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
     sides = np.array(pairs, dtype=int).reshape(-1, 2).T
     low, high = (found.reset_coords().isel(run=xr.DataArray(side, dims="crossing")) for side in sides)
-    more = {}
-    for name in search["box"]:
-        at, error = (low[name] + high[name]) / 2, abs(high[name] - low[name]) / 2
-        more[f"{name}_at"] = _titled(at.assign_attrs(low[name].attrs), "on the boundary")
-        more[f"{name}_error"] = _titled(error.assign_attrs(low[name].attrs), "uncertainty")
-    more |= {f"{name}_at": low[name] for name in search["each"]}
-    if (label := search["label"]) in found:
-        more[f"from_{label}"] = _titled(low[label], "on one side")
-        more[f"to_{label}"] = _titled(high[label], "on the other")
+
+    def titled(values: xr.DataArray, name: str, words: str) -> xr.DataArray:
+        about = found[name].attrs
+        return values.assign_attrs({**about, "long_name": f"{about['long_name']}, {words}"})
+
+    more = {f"{name}_at": low[name] for name in head["axes"]}
+    for name in sought["box"]:
+        more[f"{name}_at"] = titled((low[name] + high[name]) / 2, name, "on the boundary")
+        more[f"{name}_error"] = titled(abs(high[name] - low[name]) / 2, name, "uncertainty")
+    if (label := sought["label"]) in found:
+        more[f"from_{label}"] = titled(low[label], label, "on one side")
+        more[f"to_{label}"] = titled(high[label], label, "on the other")
     return found.assign(more)
 
 
-def _titled(values: xr.DataArray, words: str) -> xr.DataArray:
-    return values.assign_attrs(long_name=f"{values.attrs['long_name']}, {words}")
-
-
-def _columns(head: Head, rows: Sequence[Mapping[str, Any] | None]) -> dict[str, tuple[NDArray[Any], dict[str, Any]]]:
-    """All that cases returned, and what became of them: the values of each variable, and its attributes."""
-    results = [(row or {}).get("result", {}) for row in rows]
-    names = dict.fromkeys(name for result in results for name in result)
-    found = {name: _column(head, name, [result.get(name) for result in results]) for name in names}
-    states = [NOT_RUN if row is None else FAILED if "error" in row else DONE for row in rows]
-    about = {"long_name": "what became of the case", "units": "1"} | _flags(["not run", "done", "failed"], NOT_RUN)
-    found[STATUS] = np.array(states, dtype=np.int8), about
-    errors = [(row or {}).get("error", "") for row in rows]
-    title = {"long_name": "error of the case, empty if it went well", "units": "1"}
-    found[ERROR] = np.array(errors, dtype=object), title
-    return found
-
-
 def _column(head: Head, name: str, values: Sequence[Any]) -> tuple[NDArray[Any], dict[str, Any]]:
-    """What cases returned under a name, as an array, and its attributes: codes of words, texts, or numbers."""
-    about = attributes_of(head, name)
-    if words := head["categories"].get(name):
-        codes = [words.index(value) if value in words else NO_RESULT for value in values]
-        return np.array(codes, dtype=np.int8), _flags(["no result", *words], NO_RESULT) | about
+    """What stands under a name, as an array with its attributes: codes of words, texts, or numbers."""
+    about = {"long_name": name.replace("_", " "), "units": "1"} | head["attributes"].get(name, {})
+    words = STATES if name == STATUS else ("no result", *head["categories"].get(name, ()))
+    if len(words) > 1:
+        flags = np.arange(len(words), dtype=np.int8) - (name != STATUS)
+        codes = flags[[words.index(value) if value in words else 0 for value in values]]
+        meanings = " ".join(word.replace(" ", "_") for word in words)
+        return codes, {"flag_values": flags, "flag_meanings": meanings} | about
     if any(isinstance(value, str) for value in values):
         return np.array(["" if value is None else str(value) for value in values], dtype=object), about
-    return np.array([math.nan if value is None else value for value in values], dtype=float), about
-
-
-def array(values: Sequence[AxisValue]) -> NDArray[Any]:
-    """Values of an axis as xarray has them: texts as objects."""
-    return np.array(values, dtype=object if values and isinstance(values[0], str) else None)
-
-
-def attributes_of(head: Head, name: str) -> dict[str, Any]:
-    """Attributes of an axis or variable: the user's, and the two that none goes without."""
-    given: dict[str, Any] = head["attributes"].get(name, {})
-    return {"long_name": name.replace("_", " "), "units": "1"} | given
-
-
-def _flags(words: Sequence[str], first: int) -> dict[str, Any]:
-    """CF attributes of a variable whose integers, from the first up, stand for words."""
-    codes = np.arange(first, first + len(words), dtype=np.int8)
-    return {"flag_values": codes, "flag_meanings": " ".join(word.replace(" ", "_") for word in words)}
+    return np.array([math.nan if value is None else value for value in values]), about

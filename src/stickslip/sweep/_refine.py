@@ -5,28 +5,25 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from stickslip.errors import InputError, number, whole
-from stickslip.sweep._cases import AxisValue, Function, case_key, check_name
-from stickslip.sweep._dataset import axis_values, combinations, dataset_of
-from stickslip.sweep._executors import Workers
-from stickslip.sweep._run import Options, Progress, Runner, started
-
-if TYPE_CHECKING:
-    import xarray as xr
+from stickslip.sweep._cases import AxisValue, case_key
+from stickslip.sweep._run import Runner
 
 Point = tuple[float, float]
 """A place in the box, as fractions of the way along its two axes."""
 Line = tuple[Point, Point]
 
-EXPLORE, FIND = 0.25, 0.55
-"""Fractions of the runs after which exploring ends (evenly over the box), and finding (where categories differ)."""
+EXPLORE, FIND, TOGETHER = 0.25, 0.55, 0.05
+"""Fractions of the runs after which exploring ends (evenly over the box), and finding (where categories differ); and of
+those made at a time, on which the result depends."""
+GOLDEN = 0.5 * math.sqrt(5.0) - 0.5
+"""A step round a circle whose multiples lie apart from one another: what is taken in this order is spread evenly."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +59,11 @@ class Span:
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """How the boundaries in a plane are searched for.
+    """How the boundaries between the regions of a plane are searched for in which cases are of one category.
+
+    A quarter of the runs is distributed over the plane, the next go where categories differ, the last bisect lines
+    across the boundary. A region that all of the first quarter miss is not found. With hysteresis, search for each
+    branch, with cases that start on it: every combination of the values of the other axes gets a search of its own.
 
     Parameters
     ----------
@@ -70,96 +71,56 @@ class Refinement:
         Runs to spend on a search at most; at least 16.
     resolution : float
         Lines across the boundary are bisected until they are this short, as a fraction of the box.
-    together : int
-        Runs made at a time. The result depends on it, but not on the executor or the number of workers.
-    each : mapping of name to values
-        Further parameters of the function; every combination of their values gets a search of its own.
+    label : str
+        Name under which a case returns its category, a text or a number.
 
     Raises
     ------
     InputError
         If a value cannot be.
+
+    Examples
+    --------
+    >>> from stickslip.sweep import Refinement, Span, run_cases
+    >>> def side(x, y):
+    ...     return {"side": "above" if y > 0.3 + 0.4 * x else "below"}
+    >>> plane = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
+    >>> found = run_cases(side, plane, refinement=Refinement(runs=60, label="side"))
+    >>> bool((abs(found["y_at"] - 0.3 - 0.4 * found["x_at"]) < 0.03).all())
+    True
     """
 
     runs: int = 160
     resolution: float = 1 / 40
-    together: int = 8
-    each: Mapping[str, Sequence[AxisValue]] = field(default_factory=dict)
+    label: str = "regime"
 
     def __post_init__(self) -> None:
         whole("refine.runs", self.runs, at_least=16)
         number("refine.resolution", self.resolution, above=0, below=1)
-        whole("refine.together", self.together, at_least=1)
 
 
-def refine(
-    function: Function,
-    box: Mapping[str, Span | tuple[float, float]],
-    label: str,
-    refinement: Refinement = Refinement(),
-    *,
-    store: str | PathLike[str] | None = None,
-    executor: Workers | None = None,
-    progress: Callable[[Progress], object] | None = None,
-    options: Options = Options(),
-) -> xr.Dataset:
-    """Find the boundaries between the regions of a plane in which a function returns the same category.
+def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str, Span]:
+    """Axes that are searched; `InputError` if these are not two of a search, or some of a grid."""
+    spans = {name: axis for name, axis in axes.items() if isinstance(axis, Span)}
+    if refinement is None and spans:
+        raise InputError(f"axes.{next(iter(spans))}.count: is missing, the number of values from one end to the other")
+    if refinement is not None and len(spans) != 2:
+        raise InputError(
+            "axes: [refine] searches the plane of two parameters: give from, to and spacing of two, without count (in "
+            "Python a Span), and lists of the others"
+        )
+    return spans
 
-    A quarter of the runs is distributed over the box, the next go where categories differ, the last bisect lines across
-    the boundary. A region that all of the first quarter miss is not found. With hysteresis, search for each branch,
-    with cases that start on it; see `Refinement`.
 
-    Parameters
-    ----------
-    function : callable
-        As for `run_cases`.
-    box : mapping of two names to Span or (low, high)
-        The plane.
-    label : str
-        Name under which the function returns the category, a text or a number, the same all over a region.
-    refinement : Refinement
-        How many runs, and how fine.
-    store, executor, progress, options
-        As for `run_cases`. A second start makes no run twice, also with more runs or in another box.
-
-    Returns
-    -------
-    xarray.Dataset
-        Along ``run``: the coordinates, all that the function returned, ``status`` and ``error``. Along ``crossing``: a
-        point of the boundary each, ``<name>_at``, the ``<name>_error`` to either side, and the categories
-        ``from_<label>`` and ``to_<label>`` there.
-
-    Raises
-    ------
-    InputError
-        As `run_cases`.
-
-    Examples
-    --------
-    >>> from stickslip.sweep import Refinement, refine
-    >>> def side(x, y):
-    ...     return {"side": "above" if y > 0.3 + 0.4 * x else "below"}
-    >>> found = refine(side, {"x": (0, 1), "y": (0, 1)}, "side", Refinement(runs=60))
-    >>> bool((abs(found["y_at"] - 0.3 - 0.4 * found["x_at"]) < 0.03).all())
-    True
-    """
-    spans = _spans(box)
-    each = {name: axis_values(name, values, "refine.each") for name, values in refinement.each.items()}
-    branches = combinations(each)
-    search = {
-        "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
-        "label": label,
-        **vars(refinement),
-        "each": each,
-    }
-    where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
-    with started(function, [*spans, *each], refinement.runs * len(branches), {"search": search}, **where) as runner:
-        searches = [_Search(runner, spans, fixed, label, refinement) for fixed in branches]
-        lines = [[search.key(end) for end in line] for search in searches for line in search.boundary()]
-        cases = [search.key(point) for search in searches for point in search.seen]
-        place = {key: i for i, key in enumerate(cases)}
-        runner.table.keep_head(cases=cases, crossings=[[place[end] for end in line] for line in lines])
-        return dataset_of(runner.table)
+def search(
+    runner: Runner, spans: Mapping[str, Span], each: Iterable[Mapping[str, AxisValue]], how: Refinement
+) -> dict[str, list[Any]]:
+    """Search in a plane, for each set of values of the other axes; return all cases, and which pairs are crossings."""
+    searches = [_Search(runner, spans, fixed, how) for fixed in each]
+    lines = [[search.key(end) for end in line] for search in searches for line in search.boundary()]
+    cases = [search.key(point) for search in searches for point in search.seen]
+    place = {key: i for i, key in enumerate(cases)}
+    return {"cases": cases, "crossings": [[place[end] for end in line] for line in lines]}
 
 
 @dataclass
@@ -169,7 +130,6 @@ class _Search:
     runner: Runner
     spans: Mapping[str, Span]
     fixed: Mapping[str, AxisValue]
-    label: str
     how: Refinement
     seen: dict[Point, Any] = field(default_factory=dict)
 
@@ -180,24 +140,22 @@ class _Search:
 
     def boundary(self) -> list[Line]:
         """Spread runs over the box, send some where categories differ, then bisect lines across the boundary."""
-        how, find = self.how, math.ceil(FIND * self.how.runs)
+        seen, how, find = self.seen, self.how, math.ceil(FIND * self.how.runs)
         self._look([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
-        while len(self.seen) < find:
-            sides = _longest_sides(self.seen, exploring=len(self.seen) < EXPLORE * how.runs)
-            middles = list(dict.fromkeys(map(_middle, sides)))
-            self._look(middles[: min(how.together, find - len(self.seen))])
-        lines = _far_apart(_crossings(self.seen), how.resolution, how.runs - len(self.seen))
-        waiting = [i for i, line in enumerate(lines) if math.dist(*line) > how.resolution]
-        while waiting:
-            batch, waiting = waiting[: how.together], waiting[how.together :]
-            self._look([_middle(lines[i]) for i in batch])
-            for i in batch:
+        while len(seen) < find:
+            middles = [*dict.fromkeys(map(_middle, self._sides(exploring=len(seen) < EXPLORE * how.runs)))]
+            self._look(middles[: min(math.ceil(TOGETHER * how.runs), find - len(seen))])
+        lines = self._crossings(how.runs - len(seen))
+        while long := [
+            i
+            for i, line in enumerate(lines)
+            if math.dist(*line) > how.resolution and seen.get(_middle(line), 0) is not None
+        ]:
+            self._look([_middle(lines[i]) for i in long])
+            for i in long:
                 (low, high), middle = lines[i], _middle(lines[i])
-                if self.seen[middle] is None:  # no further here
-                    continue
-                lines[i] = (middle, high) if self.seen[middle] == self.seen[low] else (low, middle)
-                if math.dist(*lines[i]) > how.resolution:
-                    waiting.append(i)
+                if seen[middle] is not None:  # else no further here
+                    lines[i] = (middle, high) if seen[middle] == seen[low] else (low, middle)
         return lines
 
     def _look(self, points: Sequence[Point]) -> None:
@@ -206,46 +164,29 @@ class _Search:
         self.runner.run(list(dict.fromkeys(cases.values())))
         for point, key in cases.items():
             row = json.loads(self.runner.table.rows[key])
-            if self.label not in row.get("result", {self.label: None}):
-                raise InputError(f"label = {self.label!r}: the function must return a text or a number under this name")
-            self.seen[point] = row["result"][self.label] if "result" in row else None
+            if self.how.label not in row.get("result", self.how.label):
+                raise InputError(f"label = {self.how.label!r}: is none of the names under which the function returns")
+            self.seen[point] = row["result"][self.how.label] if "result" in row else None
 
+    def _sides(self, *, exploring: bool) -> list[Line]:
+        """The longest side of each triangle between the runs, longest first; later, between categories first."""
+        sizes = []
+        for corners in _triangles(self.seen):
+            longest = max(itertools.combinations(corners, 2), key=lambda side: math.dist(*side))
+            found, size = {self.seen[corner] for corner in corners}, math.dist(*longest)
+            # A case that failed says nothing about categories: its triangles are not looked into.
+            mixed = len(found) > 1 and None not in found
+            sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
+        return [side for _, side in sorted(sizes, reverse=True)]
 
-# ---------------------------------------------------------------- parts
-
-
-def _longest_sides(seen: Mapping[Point, Any], *, exploring: bool) -> list[Line]:
-    """The longest side of each triangle between the runs, longest first; later, between categories first."""
-    sizes = []
-    for corners in _triangles(seen):
-        longest = max(itertools.combinations(corners, 2), key=lambda side: math.dist(*side))
-        found, size = {seen[corner] for corner in corners}, math.dist(*longest)
-        # A case that failed says nothing about categories: its triangles are not looked into.
-        mixed = len(found) > 1 and None not in found
-        sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
-    return [side for _, side in sorted(sizes, reverse=True)]
-
-
-def _crossings(seen: Mapping[Point, Any]) -> list[Line]:
-    """Sides of triangles whose ends are in different categories."""
-    triangles = _triangles(point for point, found in seen.items() if found is not None)
-    sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
-    return [(low, high) for low, high in sides if seen[low] != seen[high]]
-
-
-def _far_apart(lines: Sequence[Line], resolution: float, budget: int) -> list[Line]:
-    """Choose lines far from one another, until the runs that bisecting them takes are spent."""
-    middles = np.array([_middle(line) for line in lines])
-    distance = np.full(len(lines), np.inf)
-    chosen: list[Line] = []
-    while len(chosen) < len(lines):
-        i = int(np.argmax(distance))
-        budget -= max(0, math.ceil(math.log2(math.dist(*lines[i]) / resolution)))
-        if budget < 0 or distance[i] <= 0:
-            break
-        chosen.append(lines[i])
-        distance = np.minimum(distance, np.hypot(*(middles - middles[i]).T))
-    return chosen
+    def _crossings(self, budget: int) -> list[Line]:
+        """Sides of triangles whose ends are in different categories, as many as so many runs bisect."""
+        triangles = _triangles(point for point, found in self.seen.items() if found is not None)
+        sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
+        lines = [(low, high) for low, high in sides if self.seen[low] != self.seen[high]]
+        lines = [lines[i] for i in np.argsort(np.arange(len(lines)) * GOLDEN % 1.0)]
+        runs = [max(0, math.ceil(math.log2(math.dist(*line) / self.how.resolution))) for line in lines]
+        return [line for line, spent in zip(lines, itertools.accumulate(runs), strict=True) if spent <= budget]
 
 
 def _middle(line: Line) -> Point:
@@ -260,17 +201,3 @@ def _triangles(points: Iterable[Point]) -> list[list[Point]]:
     there = list(points)
     found = Delaunay(there).simplices.tolist() if len(there) > 2 else []
     return [sorted(there[i] for i in corners) for corners in found]
-
-
-def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
-    for name in box:
-        check_name("box", name)
-    try:
-        spans = {
-            name: each if isinstance(each, Span) else Span(low=each[0], high=each[1]) for name, each in box.items()
-        }
-    except (TypeError, IndexError):
-        spans = {}
-    if len(spans) != 2:
-        raise InputError(f"box = {dict(box)!r}: must name two axes, each with (low, high) or a Span")
-    return spans

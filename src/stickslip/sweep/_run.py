@@ -1,25 +1,50 @@
-"""Run many cases: hand out, gather, write down. Grids and refinements both go this way."""
+"""Run many cases in threads, in processes or on any executor: hand out, gather, write down.
+
+A Dask client is one more executor: ``client.get_executor()``.
+"""
 
 from __future__ import annotations
 
+import importlib
 import math
+import multiprocessing
+import multiprocessing.connection
+import os
+import pickle
+import signal
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
+from concurrent import futures
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import islice, takewhile
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from stickslip import __version__
-from stickslip.errors import InputError, whole
-from stickslip.sweep._cases import DIED, Function, Job, check_function, failed, identity_of, name_of
-from stickslip.sweep._executors import Batch, Pool, Threads, Workers
+from stickslip.errors import InputError, instance, whole
+from stickslip.sweep._cases import (
+    DIED,
+    Function,
+    Job,
+    check_function,
+    check_name,
+    failed,
+    identity_of,
+    name_of,
+    run_batch,
+)
 from stickslip.sweep._table import EVERY, Table
+
+SECONDS = 0.5
+"""Longest that a batch takes, unless one case does: long beside the cost of handing it out."""
+_MANY = 256  # workers supposed behind an executor that does not say how many it has
 
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
@@ -117,6 +142,136 @@ class Options:
         whole("max_cases", self.max_cases, at_least=1)
 
 
+# ---------------------------------------------------------------- where cases run
+
+
+@dataclass(frozen=True)
+class _Here:
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        # Cores that this process may use; not every system tells.
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        place = f"{type(self).__name__}.workers"
+        object.__setattr__(self, "workers", cores if self.workers is None else whole(place, self.workers, at_least=1))
+
+
+class Threads(_Here):
+    """Run cases in threads of this process: best for compiled kernels, which release the GIL.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of threads; by default one per core.
+    """
+
+
+class Processes(_Here):
+    """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
+
+    The function must be importable: defined at the top of a module, not a lambda. A script that starts processes keeps
+    its own start behind ``if __name__ == "__main__":``.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes; by default one per core.
+    """
+
+
+Workers = Threads | Processes | Executor
+
+Batch = Future[list[str]]
+
+
+class Pool:
+    """An executor that runs the cases of a job, begun with the first of them."""
+
+    def __init__(self, given: Workers, job: Job) -> None:
+        hint = "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask client: client.get_executor())"
+        instance("executor", given, (Threads, Processes, Executor), hint)
+        self.given = given
+        self.is_ours = isinstance(given, (Threads, Processes))
+        self._job = job if isinstance(given, (Threads, ThreadPoolExecutor)) else _pickled(job, given)
+
+    @cached_property
+    def _executor(self) -> Executor:
+        match self.given:
+            case Threads(workers=workers):
+                return ThreadPoolExecutor(workers)
+            case Processes(workers=workers):
+                context = multiprocessing.get_context("spawn")
+                executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+                try:
+                    executor.submit(os.getpid).result()
+                except BrokenExecutor:
+                    raise InputError(
+                        "executor = Processes(...): no worker process starts; a script that starts processes keeps "
+                        'its own start behind `if __name__ == "__main__":`'
+                    ) from None
+                return executor
+            case _:
+                return self.given
+
+    @property
+    def workers(self) -> int:
+        """How many cases run at a time, or may run."""
+        return getattr(self._executor, "_max_workers", _MANY)
+
+    def submit(self, keys: Sequence[str]) -> Batch:
+        """Hand in a batch of cases."""
+        return self._executor.submit(run_batch, self._job, keys, SECONDS)
+
+    def rebuild(self) -> None:
+        """Replace an executor that has lost a worker, if it is ours."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        del self._executor
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """End the executor if it is ours; after an error, running cases are given up where that is possible."""
+        if self.is_ours and "_executor" in vars(self):
+            if error is not None:
+                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+                    process.terminate()
+            self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _pickled(job: Job, given: Workers) -> bytes:
+    """Pickle the job: by reference for processes of this machine, else with cloudpickle if it is there."""
+    by = pickle
+    if not isinstance(given, (Processes, ProcessPoolExecutor)):
+        with suppress(ImportError):
+            by = importlib.import_module("cloudpickle")
+    try:
+        return bytes(by.dumps(job))
+    except Exception as error:
+        raise InputError(
+            f"function = {name_of(job.function)}: cannot be sent to another process ({error}); define it at the top of "
+            "a module (no lambda, no function inside a function), or use Threads(n)"
+        ) from None
+
+
+def _start_worker() -> None:
+    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent decides), gone with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+
+
+def _follow(sentinel: int) -> None:
+    # Without this, workers whose parent was killed wait for work for ever.
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
+
+
+# ---------------------------------------------------------------- one start of a sweep
+
+
 @contextmanager
 def started(
     function: Function,
@@ -130,7 +285,13 @@ def started(
     options: Options,
 ) -> Iterator[Runner]:
     """Check what is to be run along some axes, open the table, and make ready; `head` says which cases."""
-    check_size(total, options.max_cases)
+    if total > options.max_cases:
+        raise InputError(
+            f"axes: {total:g} cases are more than max_cases = {options.max_cases:g}; take fewer values, or set "
+            "max_cases higher (each case takes about 1 kB)"
+        )
+    for name in names:
+        check_name("axes", name)
     seed = options.seed if check_function(function, names) else None
     categories = {name: list(words) for name, words in options.categories.items()}
     content = {
@@ -160,22 +321,13 @@ def _attribute(value: Any) -> Any:
     return found.tolist() if found.dtype.kind in "uifU" else str(value)
 
 
-def check_size(cases: int, max_cases: int) -> None:
-    """Refuse a sweep of too many cases before it starts."""
-    if cases > max_cases:
-        raise InputError(
-            f"axes: {cases:.4g} cases are more than max_cases = {max_cases:g}; take fewer values, or set max_cases "
-            "higher (each case takes about 1 kB)"
-        )
-
-
 class Runner:
     """Runs cases that the table lacks; one start of a sweep."""
 
     def __init__(self, table: Table, pool: Pool, total: int, progress: Callable[[Progress], object] | None) -> None:
         self.table = table
         self._pool, self._total, self._progress = pool, total, progress
-        self._finished = self._failed = self._found = 0
+        self._count = Counter(finished=0, failed=0, found=0)
         self._todo: deque[str] = deque()
         self._running: dict[Batch, list[str]] = {}
         self._losses: Counter[str] = Counter()  # how often the worker of a case has died
@@ -184,9 +336,7 @@ class Runner:
     def run(self, keys: Sequence[str]) -> None:
         """Run those of some cases, no two alike, that the table lacks."""
         there = [self.table.has_failed(key) for key in keys if key in self.table.rows]
-        self._found += len(there)
-        self._finished += len(there)
-        self._failed += sum(there)
+        self._count.update(finished=len(there), failed=sum(there), found=len(there))
         self._todo.extend(key for key in keys if key not in self.table.rows)
         self._tell()
         if not self._todo:
@@ -196,32 +346,23 @@ class Runner:
                 self._hand_out()
                 if self.table.commit(if_due=True):
                     self._tell()
-        except BaseException:
-            with suppress(InputError):
-                self.table.commit()
-            raise
         finally:
             for future in self._running:
                 future.cancel()
-        self.table.commit()
+            self.table.commit()
         self._tell()
 
     def _hand_out(self) -> None:
         """Hand out what there is room for, and note what has finished."""
         try:
             self._fill()
-            self._gather(wait(self._running, EVERY, FIRST_COMPLETED).done)
-        except BrokenExecutor:
+            self._gather(futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done)
+        except RuntimeError as error:  # it has lost a worker, or was shut down
+            if not (self._pool.is_ours and isinstance(error, BrokenExecutor)):
+                raise self._refusal(f"takes no more cases ({error})") from error
             with suppress(BrokenExecutor):
-                self._gather(wait(self._running).done)  # a broken pool ends all its futures, some of them well
-            if not self._pool.is_ours:
-                raise InputError(
-                    f"executor = {self._pool.given!r}: has lost a worker and cannot be built anew from here; "
-                    f"{self._kept()}, or use Processes(n), whose lost workers are replaced"
-                ) from None
+                self._gather(futures.wait(self._running).done)  # a broken pool ends all its futures, some of them well
             self._pool.rebuild()
-        except RuntimeError as error:  # it was shut down
-            raise InputError(f"executor: takes no more cases ({error}); {self._kept()}") from error
 
     def _fill(self) -> None:
         """Keep two batches per worker on the way; cases that were lost twice run alone, to know the culprit."""
@@ -246,11 +387,9 @@ class Runner:
             except BrokenExecutor as error:
                 broken = error
                 self._lost(keys, 1)
-            except InputError as error:  # a worker cannot load the function
-                raise InputError(f"{error}; {self._kept()}") from error
             except Exception as error:
                 if type(error).__name__ != "KilledWorker":  # of Dask, after several workers died of this batch
-                    raise InputError(f"executor: dropped a batch of cases ({error!r}); {self._kept()}") from error
+                    raise self._refusal(f"dropped a batch of cases ({error})") from error
                 self._lost(keys, 2)
             else:
                 for key, row in zip(keys, rows, strict=False):
@@ -262,8 +401,7 @@ class Runner:
 
     def _note(self, key: str, row: str) -> None:
         self.table.add(key, row)
-        self._finished += 1
-        self._failed += self.table.has_failed(key)
+        self._count.update(finished=1, failed=self.table.has_failed(key))
 
     def _lost(self, keys: list[str], times: int) -> None:
         """Put back the cases of a batch whose worker died, last those that are to run alone; one lost then is named."""
@@ -276,9 +414,8 @@ class Runner:
 
     def _tell(self) -> None:
         if self._progress is not None:
-            self._progress(Progress(total=self._total, finished=self._finished, failed=self._failed, found=self._found))
+            self._progress(Progress(total=self._total, **self._count))
 
-    def _kept(self) -> str:
-        if self.table.path is None:
-            return "nothing is kept without a store"
-        return f"{self._finished} of {self._total} cases are kept in {str(self.table.path)!r}: start again"
+    def _refusal(self, what: str) -> InputError:
+        kept = f"{self._count['finished']} of {self._total} cases are kept in {str(self.table.path)!r}: start again"
+        return InputError(f"executor: {what}; {kept if self.table.path else 'nothing is kept without a store'}")

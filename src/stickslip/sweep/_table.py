@@ -17,6 +17,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import math
 import os
 import socket
 import sqlite3
@@ -43,29 +44,27 @@ class Table:
     With a head, what the sweep is made of, it is the table of one who writes.
     """
 
-    def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None, *, weigh: bool = True) -> None:
+    def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None) -> None:
         self.path = path
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = dict(head or {})
-        self._due: float | None = None  # when what was added is to be committed
-        self._connection: sqlite3.Connection | None = None
+        self._due = math.inf  # when what was added is to be committed
         with ExitStack() as held, _in_one_line(path):
-            if path is not None:
-                there = _is_there(path)
-                if head is not None:
-                    held.enter_context(_locked(path))
-                    there = _is_there(path)
-                elif not there:
-                    raise InputError(f"store = {str(path)!r}: there is no such file")
-                connection = sqlite3.connect(path.absolute(), isolation_level=None, timeout=PATIENCE)
-                self._connection = held.enter_context(closing(connection))
-                if there:
-                    self._read(connection, path, weigh)
-                else:
-                    connection.execute("BEGIN IMMEDIATE")  # made whole, with its head, or not at all
-                    connection.execute(f"PRAGMA application_id = {FORMAT}")
-                    columns = "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
-                    connection.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
+            if path is not None and head is not None:
+                held.enter_context(_locked(path))
+            there = path is not None and _is_there(path)
+            if not there and head is None:
+                raise InputError(f"store = {str(path)!r}: there is no such file")
+            place = path.absolute() if path else ":memory:"
+            self._connection = sqlite3.connect(place, isolation_level="IMMEDIATE", timeout=PATIENCE)
+            held.enter_context(closing(self._connection))
+            if there:
+                self._read()
+            else:
+                self._connection.execute("BEGIN IMMEDIATE")  # made whole, with its head, or not at all
+                self._connection.execute(f"PRAGMA application_id = {FORMAT}")
+                columns = "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
+                self._connection.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
             if head is not None:
                 self.keep_head(started=time.time(), found=len(self.rows))
             self._held = held.pop_all()
@@ -97,44 +96,32 @@ class Table:
 
     def commit(self, *, if_due: bool = False) -> bool:
         """Write down what was added, or, `if_due`, what was added a while ago; say whether that was done."""
-        if if_due and (self._due is None or time.monotonic() < self._due):
+        if if_due and time.monotonic() < self._due:
             return False
-        self._due = None
-        if self._connection is not None:
-            with _in_one_line(self.path):
-                self._connection.commit()
+        self._due = math.inf
+        with _in_one_line(self.path):
+            self._connection.commit()
         return True
 
     def _write(self, key: str, row: str) -> None:
-        if self._due is None:
-            self._due = time.monotonic() + EVERY
-        if self._connection is not None:
-            with _in_one_line(self.path):
-                if not self._connection.in_transaction:
-                    self._connection.execute("BEGIN IMMEDIATE")
-                values = (key, row, _checksum(key, row))
-                self._connection.execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", values)
+        self._due = min(self._due, time.monotonic() + EVERY)
+        with _in_one_line(self.path):
+            self._connection.execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
 
-    def _read(self, connection: sqlite3.Connection, path: Path, weigh: bool) -> None:
+    def _read(self) -> None:
         """Read all rows; a table that lost or changed anything, or is of another sweep, is refused."""
-        (form,) = connection.execute("PRAGMA application_id").fetchone()
+        (form,) = self._connection.execute("PRAGMA application_id").fetchone()
         if form != FORMAT:
-            raise InputError(f"store = {str(path)!r}: is not the store of a sweep; choose another")
-        (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone() if weigh else ("ok",)
-        if health != "ok":
-            raise _damaged(path, str(health).splitlines()[-1])
-        for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
-            whole = isinstance(key, str) and isinstance(row, str)
-            if not whole or ((weigh or key == _HEAD) and checksum != _checksum(key, row)):
-                raise _damaged(path, "a row is not what was written")
+            raise InputError(f"store = {str(self.path)!r}: is not the store of a sweep; choose another")
+        for key, row, checksum in self._connection.execute("SELECT key, row, checksum FROM cases"):
+            if checksum != _checksum(key, row):
+                raise ValueError("a row is not what was written")
             self.rows[key] = row
-        if _HEAD not in self.rows:
-            raise _damaged(path, "its head is missing")
         stored = json.loads(self.rows.pop(_HEAD))
         here, there = self.head.get("identity", stored["identity"]), stored["identity"]
         if differs := [part for part in {**here, **there} if there.get(part) != here.get(part)]:
             raise InputError(
-                f"store = {str(path)!r}: holds another sweep; what differs: {', '.join(differs)}. Choose another "
+                f"store = {str(self.path)!r}: holds another sweep; what differs: {', '.join(differs)}. Choose another "
                 "store, or delete this one to start afresh"
             )
         self.head = self.head or stored
@@ -174,14 +161,6 @@ def _checksum(key: str, row: str) -> str:
     return hashlib.blake2b(f"{key}\n{row}".encode(), digest_size=8).hexdigest()
 
 
-def _damaged(path: Path, how: str) -> InputError:
-    short = " ".join(how.split())[:100]  # sqlite quotes what it stumbled over, line ends included
-    return InputError(
-        f"store = {str(path)!r}: is damaged ({short}): what it holds cannot be trusted; put back a copy of it, or "
-        "delete it to start afresh"
-    )
-
-
 @contextmanager
 def _in_one_line(path: Path | None) -> Iterator[None]:
     """Say in one line what went wrong with a file."""
@@ -190,19 +169,20 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
     except InputError:
         raise
     except (sqlite3.Error, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        if path is None:
-            raise
         code = getattr(error, "sqlite_errorname", "")
-        of_the_disk = isinstance(error, sqlite3.OperationalError) and code not in ("", "SQLITE_ERROR")  # no such table
         if code == "SQLITE_NOTADB":
             what = "is not the store of a sweep, or its beginning is damaged; choose another"
-        elif of_the_disk or isinstance(error, OSError):
+        elif isinstance(error, OSError | sqlite3.OperationalError) and code != "SQLITE_ERROR":  # no such table
             what = (
                 f"cannot be written ({getattr(error, 'strerror', None) or error}); what was written is kept: free some "
                 "space, make it writable or choose another place, and start again"
             )
         else:
-            raise _damaged(path, str(error) if code else f"{type(error).__name__}: {error}") from error
+            short = " ".join(str(error).split())[:100]  # sqlite quotes what it stumbled over, line ends included
+            what = (
+                f"is damaged ({short}): what it holds cannot be trusted; put back a copy of it, or delete it to start "
+                "afresh"
+            )
         raise InputError(f"store = {str(path)!r}: {what}") from error
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from stickslip.errors import InputError, instance, number, sequence, shown, together, whole
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
-from stickslip.io.keys import Key, Sign
+from stickslip.io.keys import Key
 from stickslip.io.rig_keys import methods_with
 from stickslip.io.tables import read_toml, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
@@ -33,9 +33,8 @@ from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
 from stickslip.sweep._dataset import open_sweep, run_cases
-from stickslip.sweep._executors import Workers
-from stickslip.sweep._refine import Refinement, Span, refine
-from stickslip.sweep._run import Options, Progress, Runs, check_size
+from stickslip.sweep._refine import Refinement, Span, spans_of
+from stickslip.sweep._run import Options, Progress, Runs, Workers
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
 if TYPE_CHECKING:
@@ -45,6 +44,8 @@ SHORTEST = 120.0
 """``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""
 NOTE = "sweep"
 """Attribute of the results that holds the plan."""
+PER_CONTACT = ("peak_to_peak", "mean_force", "drop", "stiffness", "mass")
+"""What is that of a contact in natural units, and of the whole interface in SI units."""
 OTHERS = {
     "contacts": "number of contacts",
     "seed": "seed of the contacts",
@@ -52,7 +53,6 @@ OTHERS = {
 }
 """What can be an axis besides the parameters of a rig."""
 _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
-_SIGNS: tuple[Sign, Sign] = ("above 0", "at least 0")
 _SPACING = Key("linear", choices=("linear", "log"))
 
 
@@ -67,6 +67,8 @@ class Plan:
         The case.
     axes : mapping
         Values of each axis in the units of the rig, SI or natural; with a refinement, a `Span` of two parameters.
+    logarithmic : tuple of str
+        Axes that are ones of equal ratios.
     measures : tuple of str
         What is in the results of each case.
     refinement : Refinement, optional
@@ -77,6 +79,7 @@ class Plan:
     name: str
     study: Study
     axes: Mapping[str, Any]
+    logarithmic: tuple[str, ...]
     measures: tuple[str, ...]
     refinement: Refinement | None
     max_cases: int
@@ -95,17 +98,15 @@ class Plan:
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
-        found: dict[str, dict[str, Any]] = {}
         rig = self.study.rig
-        whole = rig.scales is not None  # SI: of the whole interface
-        for name, (unit, title) in MEASURES.items():
-            title = title.replace(", per contact", "") if whole else title
+        named = MEASURES | {name: ("1", title) for name, title in OTHERS.items()}
+        named |= {name: (BY_NAME[name].unit, BY_NAME[name].title) for name in self.parameters}
+        found: dict[str, dict[str, Any]] = {}
+        for name, (unit, title) in named.items():
+            title += ", per contact" * (rig.scales is None and name in PER_CONTACT)
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
-        for name in self.axes:
-            title, unit = (OTHERS[name], "1") if name in OTHERS else (BY_NAME[name].title, BY_NAME[name].unit)
-            title += ", per contact" if not whole and name in ("stiffness", "mass") else ""
-            spacing = "log" if _is_logarithmic(self.axes[name]) else "linear"
-            found[name] = {"units": rig.unit_name(unit), "long_name": title, "spacing": spacing}
+            if name in self.axes:
+                found[name]["spacing"] = "log" if name in self.logarithmic else "linear"
         return found
 
     def run(
@@ -116,7 +117,7 @@ class Plan:
         progress: Callable[[Progress], object] | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
-        """Run what is missing of a sweep; see `stickslip.sweep.run_cases` and `stickslip.sweep.refine`.
+        """Run what is missing of a sweep; see `stickslip.sweep.run_cases`.
 
         Parameters
         ----------
@@ -144,12 +145,9 @@ class Plan:
             retry_failed=retry_failed,
             max_cases=self.max_cases,
         )
+        axes = self.axes if self.refinement is None else {"start": (self.study.start,), **self.axes}
         where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
-        if self.refinement is None:
-            return self.select(run_cases(self.study, self.axes, **where))
-        box = {name: self.axes[name] for name in self.parameters}
-        each = {"start": self.axes.get("start", (self.study.start,))}
-        return self.select(refine(self.study, box, "regime", replace(self.refinement, each=each), **where))
+        return self.select(run_cases(self.study, axes, refinement=self.refinement, **where))
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
         """Of all that is stored of each case, what is asked for."""
@@ -256,13 +254,11 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
     try:
         _check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
-        axes, run = document.get("axes", {}), document.get("run", {})
+        axes, run, refine = (document.get(key, {}) for key in ("axes", "run", "refine"))
         _check_keys(axes, (*BY_NAME, *OTHERS), "axes")
         _check_keys(run, (*_SIMULATED, *_LASTING), "run")
-        refinement = None
-        if "refine" in document:
-            _check_keys(document["refine"], ("runs", "resolution", "together"), "refine")
-            refinement = Refinement(**document["refine"])
+        _check_keys(refine, ("runs", "resolution"), "refine")
+        refinement = Refinement(**refine) if "refine" in document else None
         runs = Runs(measure=document.get("measure"), **{key: run[key] for key in _LASTING if key in run})
         rig = _rig_of(document.get("rig"), run, axes.get("velocity"), directory)
         instance("name", name := document.get("name", "sweep"), str, "a text")
@@ -299,61 +295,49 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
 # ---------------------------------------------------------------- axes
 
 
-@dataclass(frozen=True, kw_only=True)
-class _AxisReader:
-    """Reads the axes of a rig; from Python, plain numbers are in SI units, too."""
+def _axis(name: str, given: Any, read: Callable[..., float], most: int) -> tuple[Any, ...] | Span:
+    """Values of a list or of ``{from, to, count, spacing}``; a `Span` where the count is left open."""
+    place = f"axes.{name}"
 
-    rig: Rig
-    most: int
-    from_python: bool
-
-    def axis(self, name: str, given: Any) -> Sequence[Any] | Span:
-        """Values of a list or of ``{from, to, count, spacing}``; a `Span` where the count is left open."""
-        place = f"axes.{name}"
-        if isinstance(given, Span):
-            return given
-        if isinstance(given, Mapping):
-            return self._between(name, given, place)
-        listed = np.atleast_1d(given).tolist() if self.from_python else given
-        if not isinstance(listed, list) or not listed:
-            raise InputError(
-                f"{place} = {shown(given)}: must be a list of values, at least one, or a table with from, to and count"
-            )
-        return tuple(self._value(name, value, f"{place}.{i}") for i, value in enumerate(listed))
-
-    def quantity(self, key: Key, value: Any, place: str) -> Any:
-        """Read a value in the rig's own units."""
-        natural = self.rig.scales is None or (self.from_python and not isinstance(value, str))
-        return key.read(value, place, natural=natural)
-
-    def _between(self, name: str, given: Mapping[str, Any], place: str) -> Sequence[Any] | Span:
-        _check_keys(given, ("from", "to", "count", "spacing"), place)
-        for key in ("count",) if name == "seed" else ("from", "to"):
-            if key not in given:
-                raise InputError(f"{place}.{key}: is missing")
-        count = whole(f"{place}.count", given.get("count", 2), at_least=1 if name == "seed" else 2)
-        check_size(count, self.most)
-        low, high = (self._value(name, given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
-        if name == "seed":
-            return tuple(range(low, low + count))
-        if isinstance(low, str) or high <= low:
-            raise InputError(f"{place}: to = {given['to']} must be above from = {given['from']}")
-        log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
-        if log and low <= 0:
-            raise InputError(f"{place}: from = {given['from']} must be above 0 for spacing = 'log'")
-        if "count" not in given:
-            return Span(low=low, high=high, log=log)
-        values = (np.geomspace if log else np.linspace)(low, high, count)
-        return tuple((np.unique(np.rint(values).astype(int)) if name == "contacts" else values).tolist())
-
-    def _value(self, name: str, value: Any, place: str) -> Any:
+    def value(given: object, place: str) -> Any:
         if name == "start":
-            return _START.read(value, place, natural=True)
+            return _START.read(given, place, natural=True)
         if name in OTHERS:
-            return whole(place, value, at_least=1 if name == "contacts" else 0, at_most=2**53 - 1)
-        unit, sign = BY_NAME[name].unit, _SIGNS[BY_NAME[name].zero]
-        key = Key(1.0) if unit == "1" else Key(f"2 {self.rig.unit_name(unit)}", unit=unit, sign=sign)
-        return self.quantity(key, value, place)
+            return whole(place, given, at_least=name == "contacts", at_most=2**53 - 1)
+        return read(given, place, BY_NAME[name].unit, sign="at least 0" if BY_NAME[name].zero else "above 0")
+
+    if isinstance(given, Span):
+        return given
+    if not isinstance(given, Mapping) or name == "start":
+        listed = sequence(place, given, "a list of values, or a table with from, to and count")
+        return tuple(value(each, f"{place}.{i}") for i, each in enumerate(listed))
+    _check_keys(given, ("from", "to", "count", "spacing"), place)
+    for key in ("count",) if name == "seed" else ("from", "to"):
+        if key not in given:
+            raise InputError(f"{place}.{key}: is missing")
+    count = whole(f"{place}.count", given.get("count", 2), at_least=1, at_most=most)
+    low, high = (value(given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
+    if name == "seed":
+        return tuple(range(low, low + count))
+    log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
+    try:
+        span = Span(low=low, high=high, log=log)
+    except InputError as error:
+        raise error.at(f"{place}.{'to' if error.place == 'Span.high' else 'from'}") from None
+    if "count" not in given:
+        return span
+    values = (np.geomspace if log else np.linspace)(low, high, count)
+    return tuple((np.unique(np.rint(values).astype(int)) if name == "contacts" else values).tolist())
+
+
+def _is_logarithmic(given: Any, values: Any) -> bool:
+    """Whether an axis is one of equal ratios: as it was given, or, of a list, by its values."""
+    if isinstance(given, Span | Mapping):
+        return given.log if isinstance(given, Span) else given.get("spacing") == "log"
+    if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
+        return False
+    steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
+    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
 
 
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
@@ -364,16 +348,6 @@ def _check_keys(content: object, known: Iterable[str], place: str) -> None:
     path = f"{place}." if place else ""
     if strange := [str(key) for key in content if key not in known]:
         raise InputError(together(f"{path}{key[:60]}: unknown key; {unknown(key, known)}" for key in strange))
-
-
-def _is_logarithmic(axis: Sequence[Any] | Span) -> bool:
-    """Whether an axis is one of equal ratios, by its values if it is a list."""
-    if isinstance(axis, Span):
-        return axis.log
-    if len(axis) < 3 or isinstance(axis[0], str) or min(axis) <= 0:
-        return False
-    steps, ratios = np.diff(np.sort(axis)), np.diff(np.log(np.sort(axis)))
-    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
 
 
 # ---------------------------------------------------------------- what can be planned
@@ -388,53 +362,57 @@ def _plan(
     *,
     from_python: bool = False,
 ) -> Plan:
-    """Make a plan of a rig with its method and start."""
+    """Make a plan of a rig with its method and start; from Python, plain numbers are in SI units, too."""
+
+    def read(value: object, place: str, unit: str, sign: Any = "above 0") -> float:
+        """A quantity in the rig's own units."""
+        natural = rig.scales is None or (from_python and not isinstance(value, str))
+        key = Key(1.0) if unit == "1" else Key(f"2 {rig.unit_name(unit)}", unit=unit, sign=sign)
+        return float(key.read(value, place, natural=natural))
+
     _check_keys(axes, (*BY_NAME, *OTHERS), "axes")  # parameters registered since then included
     most = whole("run.max_cases", runs.max_cases, at_least=1)
-    reader = _AxisReader(rig=rig, most=most, from_python=from_python)
-    values = {each: reader.axis(each, given) for each, given in axes.items()}
+    values = {each: _axis(each, given, read, most) for each, given in axes.items()}
     _check(rig, values, refinement)
     lasting = {"distance": SHORTEST, "duration": 0.0}  # in natural units
     for key, unit in (("distance", "x_s"), ("duration", "time")):
         if (value := getattr(runs, key)) is not None:
-            read = reader.quantity(Key(f"2 {rig.unit_name(unit)}", unit=unit, sign="above 0"), value, f"run.{key}")
-            lasting[key] = float(read) / rig.unit(unit)
+            lasting[key] = read(value, f"run.{key}", unit) / rig.unit(unit)
     study = Study(
         rig=replace(rig, name="", assumed={}, source=""),
         cycles=number("run.cycles", runs.cycles, at_least=0),
         extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
         **lasting,
     )
-    measure = [str(one) for one in sequence("measure", runs.measure or USUAL, "a list of names")]
-    for one in measure:
-        if one not in MEASURES:
-            raise InputError(f"measure: {one!r} is not measured in a sweep; {unknown(one, MEASURES)}")
-    measures = tuple(each for each in MEASURES if each in ("regime", "seed", *measure))
-    return Plan(name=name, study=study, axes=values, measures=measures, refinement=refinement, max_cases=most)
+    measure = sequence("measure", runs.measure or USUAL, "a list of names")
+    if strange := [str(one) for one in measure if one not in MEASURES]:
+        raise InputError(f"measure: {strange[0]!r} is not measured in a sweep; {unknown(strange[0], MEASURES)}")
+    return Plan(
+        name=name,
+        study=study,
+        axes=values,
+        logarithmic=tuple(each for each, given in axes.items() if _is_logarithmic(given, values[each])),
+        measures=tuple(each for each in MEASURES if each in ("regime", "seed", *measure)),
+        refinement=refinement,
+        max_cases=most,
+    )
 
 
 def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> None:
     """Refuse a rig that cannot be run along these axes, and axes that are none of a search."""
     instance("rig.slider", rig.slider, Slider | ElasticBody, "a Slider, Chain or Sheet: an impedance has no motion")
-    for name in ("seed", "contacts"):
-        if name in axes and not isinstance(rig.method, DRAWN):
-            raise InputError(f"axes.{name}: changes nothing where no contacts are drawn; use method = 'contacts'")
-    if not isinstance(rig.start, FromRest | FromSliding):
-        raise InputError("rig.simulation.start: each run of a sweep starts 'from rest' or 'sliding'")
+    instance("rig.simulation.start", rig.start, FromRest | FromSliding, "'from rest' or 'sliding' in a sweep")
     if len(rig.drive.pieces) > 1 or rig.drive.pieces[0].start != rig.drive.pieces[0].end:
         raise InputError("rig.drive.pieces: each run of a sweep holds one velocity; give drive.velocity")
     check_method(rig.interface, rig.method, rig.slider)
     if rig.slider.mass == 0 and "mass" not in axes:
         raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
-    parameters = [name for name in axes if name in BY_NAME]
-    for name in parameters:
-        rig.value(name)  # it has one
     number("rig.drive.velocity", rig.velocity, above=0)
-    spans = [name for name in axes if isinstance(axes[name], Span)]
-    if refinement is None and spans:
-        raise InputError(f"axes.{spans[0]}.count: is missing, the number of values from one end to the other")
-    if refinement is not None and (len(spans) != 2 or {*axes} - {*spans, "start"}):
-        raise InputError(
-            "axes: [refine] searches the plane of two parameters: give from, to and spacing of two, without count, and "
-            "at most start beside them"
-        )
+    for name in axes:
+        if name in BY_NAME:
+            rig.value(name)  # it has one
+        elif name != "start" and not isinstance(rig.method, DRAWN):
+            raise InputError(f"axes.{name}: changes nothing where no contacts are drawn; use method = 'contacts'")
+    spans = spans_of(axes, refinement)
+    if spans and (strange := {*axes} - {*spans, "start"}):
+        raise InputError(f"axes.{strange.pop()}: [refine] takes start alone beside the two parameters")

@@ -76,12 +76,12 @@ def _beginning(start: str, method: Method) -> Start:
 
 MEASURES: dict[str, tuple[str, str]] = {
     "regime": ("1", "regime of motion"),
-    "peak_to_peak": ("f_s", "peak to peak of the spring force, per contact"),
-    "mean_force": ("f_s", "mean spring force, per contact"),
+    "peak_to_peak": ("f_s", "peak to peak of the spring force"),
+    "mean_force": ("f_s", "mean spring force"),
     "period": ("time", "mean time from one slip to the next"),
     "period_variation": ("1", "coefficient of variation of the period"),
     "slips": ("1", "complete force drops in the time evaluated"),
-    "drop": ("f_s", "mean force drop, per contact"),
+    "drop": ("f_s", "mean force drop"),
     "drop_variation": ("1", "coefficient of variation of the force drops"),
     "largest_velocity": ("x_s/time", "largest velocity of the slider"),
     "trend": ("1", "force drops in the second half of the time evaluated over those in the first"),
