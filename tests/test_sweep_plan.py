@@ -161,7 +161,7 @@ MISTAKES = [
     ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay.from = 0", "above 0"),
     ("axes.start", ["warm"], "axes.start.0 = 'warm'", "'from rest' or 'sliding'"),
     ("axes", 3, "axes = 3", "must be a table"),
-    ("rig", None, "rig is missing", "name of a rig file"),
+    ("rig", None, "rig = None", "name of a rig file"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
     ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
     ("run.method", "monte carlo", "run.method", "must be 'contacts' or 'master equation'"),

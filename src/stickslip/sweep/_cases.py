@@ -13,7 +13,7 @@ import os
 import pickle
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from types import CodeType, FunctionType, MethodType
 from typing import Any
@@ -48,7 +48,7 @@ def case_seed(seed: int, key: str) -> int:
     return int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8, key=root).digest(), "little") >> 1
 
 
-def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint: object) -> dict[str, str]:
+def identity_of(function: Function, names: Iterable[str], seed: int, fingerprint: object) -> dict[str, str]:
     """What must be equal for a finished case to be the same case, part by part: a message can say what differs.
 
     Code that the function calls is not followed: the version of this package stands for its own, `fingerprint` for
@@ -110,8 +110,10 @@ def _held(value: Any) -> Any:
     return [type(value), held, type(value).__call__]
 
 
-def check_function(function: Any, axes: Sequence[str]) -> bool:
+def check_function(function: Any, axes: Iterable[str]) -> bool:
     """Refuse a function that cannot be called with the axes; say whether it takes a seed of its own."""
+    for name in axes:
+        check_name("axes", name)
     try:
         signature = inspect.signature(function)
         bound = (*axes, *(getattr(function, "keywords", None) or ()))
@@ -194,16 +196,7 @@ def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | 
 
 @functools.lru_cache(maxsize=4)
 def _load(job: bytes) -> Job:
-    try:
-        loaded: Job = pickle.loads(job)
-    except Exception as error:
-        raise InputError(
-            f"function: the workers cannot load it ({type(error).__name__}: {error}); define it in a module that the "
-            "workers can import, or use Threads(n)"
-        ) from None
+    loaded: Job = pickle.loads(job)
     if loaded.version != __version__:
-        raise InputError(
-            f"executor: a worker has stickslip {__version__}, but the sweep {loaded.version}; install the same on both "
-            "sides"
-        )
+        raise InputError(f"a worker has stickslip {__version__}, but the sweep {loaded.version}; install the same")
     return loaded

@@ -7,7 +7,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stickslip import __version__
 from stickslip.errors import InputError, instance, shown
 from stickslip.progress import in_time
-from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Function, case_key
+from stickslip.sweep._cases import (
+    ERROR,
+    STATUS,
+    AxisValue,
+    Function,
+    Job,
+    case_key,
+    check_function,
+    identity_of,
+    name_of,
+)
 from stickslip.sweep._refine import Refinement, Span, search, spans_of
-from stickslip.sweep._run import Options, Progress, Workers, started
+from stickslip.sweep._run import Options, Progress, Runner, Threads, Workers
 from stickslip.sweep._table import Table, writer_of
 
 if TYPE_CHECKING:
@@ -99,21 +110,47 @@ def run_cases(
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     spans = spans_of(axes, refinement)
     values = {name: axis_values(name, given) for name, given in axes.items() if name not in spans}
-    brought = {
-        name: {**getattr(given, "attrs", {}), **options.attributes.get(name, {})} for name, given in axes.items()
-    }
-    head: dict[str, Any] = {"axes": values}
+    total = math.prod(map(len, values.values())) * (refinement.runs if refinement else 1)
+    if total > options.max_cases:
+        raise InputError(
+            f"axes: {total:g} cases are more than max_cases = {options.max_cases:g}; take fewer values, or set "
+            "max_cases higher (each case takes about 1 kB)"
+        )
+    takes_seed = check_function(function, axes)
+    job = Job(function=function, seed=options.seed if takes_seed else None, categories=options.categories)
+    head: dict[str, Any] = {"axes": values, "total": total, **_about(function, axes, options)}
+    if store is not None:
+        head["identity"] = identity_of(function, axes, options.seed, options.fingerprint)
     if refinement is not None:
         head["search"] = {"box": {name: vars(span) for name, span in spans.items()}, **vars(refinement)}
-    cases = math.prod(map(len, values.values())) * (refinement.runs if refinement else 1)
-    options = replace(options, attributes={**options.attributes, **brought})
-    where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
-    with started(function, [*axes], cases, head, **where) as runner:
-        if refinement is None:
-            runner.run(_keys_of(runner.table))
-        else:
-            runner.table.keep_head(**search(runner, spans, combinations(values), refinement))
-        return dataset_of(runner.table)
+    where = Threads() if executor is None else executor
+    with Table(None if store is None else Path(store), head) as table:
+        if options.retry_failed:
+            table.forget_failed()
+        with Runner(table, job, where, total, progress) as runner:
+            if refinement is None:
+                runner.run(_keys_of(table))
+            else:
+                table.keep_head(**search(runner, spans, combinations(values), refinement))
+        return dataset_of(table)
+
+
+def _about(function: Function, axes: Mapping[str, Any], options: Options) -> Head:
+    """What a table says of a sweep beside its cases."""
+    given = {name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})} for name, axis in axes.items()}
+    attributes = {**options.attributes, **given}
+    return {
+        "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
+        "attributes": {name: {key: _attribute(one) for key, one in each.items()} for name, each in attributes.items()},
+        "categories": {name: list(words) for name, words in options.categories.items()},
+        "notes": dict(options.notes),
+    }
+
+
+def _attribute(value: Any) -> Any:
+    """Turn an attribute into what both JSON and NetCDF can hold: None and truth values become text."""
+    found = np.asarray(value)
+    return found.tolist() if found.dtype.kind in "uifU" else str(value)
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:

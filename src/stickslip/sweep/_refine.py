@@ -50,11 +50,9 @@ class Span:
 
     def value(self, fraction: float) -> float:
         """Return the value at a fraction of the way from `low` (0) to `high` (1)."""
-        if self.log:
-            value = self.low * math.exp(fraction * math.log(self.high / self.low))
-        else:
-            value = self.low + (self.high - self.low) * fraction
-        return min(max(value, self.low), self.high)
+        return (
+            self.low * (self.high / self.low) ** fraction if self.log else self.low + (self.high - self.low) * fraction
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

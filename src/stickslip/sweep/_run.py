@@ -14,29 +14,20 @@ import pickle
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent import futures
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice, takewhile
-from os import PathLike
-from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
-import numpy as np
-
-from stickslip import __version__
 from stickslip.errors import InputError, instance, whole
 from stickslip.sweep._cases import (
     DIED,
-    Function,
     Job,
-    check_function,
-    check_name,
     failed,
-    identity_of,
     name_of,
     run_batch,
 )
@@ -165,6 +156,9 @@ class Threads(_Here):
         Number of threads; by default one per core.
     """
 
+    def _begun(self) -> Executor:
+        return ThreadPoolExecutor(self.workers)
+
 
 class Processes(_Here):
     """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
@@ -178,71 +172,44 @@ class Processes(_Here):
         Number of processes; by default one per core.
     """
 
+    def _begun(self) -> Executor:
+        context = multiprocessing.get_context("spawn")
+        executor = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_start_worker)
+        try:
+            executor.submit(os.getpid).result()
+        except BrokenExecutor:
+            raise InputError(
+                "executor = Processes(...): no worker process starts; a script that starts processes keeps its own "
+                'start behind `if __name__ == "__main__":`'
+            ) from None
+        return executor
+
 
 Workers = Threads | Processes | Executor
 
 Batch = Future[list[str]]
 
 
-class Pool:
-    """An executor that runs the cases of a job, begun with the first of them."""
-
-    def __init__(self, given: Workers, job: Job) -> None:
-        hint = "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask client: client.get_executor())"
-        instance("executor", given, (Threads, Processes, Executor), hint)
-        self.given = given
-        self.is_ours = isinstance(given, (Threads, Processes))
-        self._job = job if isinstance(given, (Threads, ThreadPoolExecutor)) else _pickled(job, given)
-
-    @cached_property
-    def _executor(self) -> Executor:
-        match self.given:
-            case Threads(workers=workers):
-                return ThreadPoolExecutor(workers)
-            case Processes(workers=workers):
-                context = multiprocessing.get_context("spawn")
-                executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
-                try:
-                    executor.submit(os.getpid).result()
-                except BrokenExecutor:
-                    raise InputError(
-                        "executor = Processes(...): no worker process starts; a script that starts processes keeps "
-                        'its own start behind `if __name__ == "__main__":`'
-                    ) from None
-                return executor
-            case _:
-                return self.given
-
-    @property
-    def workers(self) -> int:
-        """How many cases run at a time, or may run."""
-        return getattr(self._executor, "_max_workers", _MANY)
-
-    def submit(self, keys: Sequence[str]) -> Batch:
-        """Hand in a batch of cases."""
-        return self._executor.submit(run_batch, self._job, keys, SECONDS)
-
-    def rebuild(self) -> None:
-        """Replace an executor that has lost a worker, if it is ours."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        del self._executor
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """End the executor if it is ours; after an error, running cases are given up where that is possible."""
-        if self.is_ours and "_executor" in vars(self):
-            if error is not None:
-                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
-                    process.terminate()
-            self._executor.shutdown(wait=True, cancel_futures=True)
+def _start_worker() -> None:
+    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent decides), gone with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    if (parent := multiprocessing.parent_process()) is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
 
 
-def _pickled(job: Job, given: Workers) -> bytes:
-    """Pickle the job: by reference for processes of this machine, else with cloudpickle if it is there."""
+def _follow(sentinel: int) -> None:
+    # Without this, workers whose parent was killed wait for work for ever.
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
+
+
+def _sent(job: Job, to: Workers) -> Job | bytes:
+    """The job as workers get it: pickled by reference for processes of this machine, else by cloudpickle if there."""
+    if isinstance(to, Threads | ThreadPoolExecutor):
+        return job
     by = pickle
-    if not isinstance(given, (Processes, ProcessPoolExecutor)):
+    if not isinstance(to, Processes | ProcessPoolExecutor):
         with suppress(ImportError):
             by = importlib.import_module("cloudpickle")
     try:
@@ -254,84 +221,40 @@ def _pickled(job: Job, given: Workers) -> bytes:
         ) from None
 
 
-def _start_worker() -> None:
-    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent decides), gone with its parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
-
-
-def _follow(sentinel: int) -> None:
-    # Without this, workers whose parent was killed wait for work for ever.
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)
-
-
 # ---------------------------------------------------------------- one start of a sweep
-
-
-@contextmanager
-def started(
-    function: Function,
-    names: Sequence[str],
-    total: int,
-    head: Mapping[str, Any],
-    *,
-    store: str | PathLike[str] | None,
-    executor: Workers | None,
-    progress: Callable[[Progress], object] | None,
-    options: Options,
-) -> Iterator[Runner]:
-    """Check what is to be run along some axes, open the table, and make ready; `head` says which cases."""
-    if total > options.max_cases:
-        raise InputError(
-            f"axes: {total:g} cases are more than max_cases = {options.max_cases:g}; take fewer values, or set "
-            "max_cases higher (each case takes about 1 kB)"
-        )
-    for name in names:
-        check_name("axes", name)
-    seed = options.seed if check_function(function, names) else None
-    categories = {name: list(words) for name, words in options.categories.items()}
-    content = {
-        "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
-        "total": total,
-        "identity": {} if store is None else identity_of(function, names, options.seed, options.fingerprint),
-        "attributes": {
-            name: {key: _attribute(value) for key, value in given.items()} for name, given in options.attributes.items()
-        },
-        "categories": categories,
-        "notes": dict(options.notes),
-        **head,
-    }
-    job = Job(function=function, seed=seed, categories=categories)
-    with (
-        Pool(Threads() if executor is None else executor, job) as pool,
-        Table(None if store is None else Path(store), content) as table,
-    ):
-        if options.retry_failed:
-            table.forget_failed()
-        yield Runner(table, pool, total, progress)
-
-
-def _attribute(value: Any) -> Any:
-    """Turn an attribute into what both JSON and NetCDF can hold: None and truth values become text."""
-    found = np.asarray(value)
-    return found.tolist() if found.dtype.kind in "uifU" else str(value)
 
 
 class Runner:
     """Runs cases that the table lacks; one start of a sweep."""
 
-    def __init__(self, table: Table, pool: Pool, total: int, progress: Callable[[Progress], object] | None) -> None:
+    def __init__(
+        self, table: Table, job: Job, where: Workers, total: int, progress: Callable[[Progress], object] | None
+    ) -> None:
+        hint = "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask client: client.get_executor())"
+        instance("executor", where, (Threads, Processes, Executor), hint)
         self.table = table
-        self._pool, self._total, self._progress = pool, total, progress
+        self._job, self._where, self._total, self._progress = _sent(job, where), where, total, progress
         self._count = Counter(finished=0, failed=0, found=0)
         self._todo: deque[str] = deque()
         self._running: dict[Batch, list[str]] = {}
         self._losses: Counter[str] = Counter()  # how often the worker of a case has died
         self._size = 1  # of the next batch: twice what the last one came to in its time
+
+    @cached_property
+    def _executor(self) -> Executor:
+        """Begun with the first cases, and anew after it has lost a worker, unless it was handed in."""
+        return self._where if isinstance(self._where, Executor) else self._where._begun()
+
+    def __enter__(self) -> Runner:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """End the executor if it is ours; after an error, running cases are given up where that is possible."""
+        if not isinstance(self._where, Executor) and "_executor" in vars(self):
+            if error is not None:
+                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+                    process.terminate()
+            self._executor.shutdown(wait=True, cancel_futures=True)
 
     def run(self, keys: Sequence[str]) -> None:
         """Run those of some cases, no two alike, that the table lacks."""
@@ -358,22 +281,23 @@ class Runner:
             self._fill()
             self._gather(futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done)
         except RuntimeError as error:  # it has lost a worker, or was shut down
-            if not (self._pool.is_ours and isinstance(error, BrokenExecutor)):
+            if isinstance(self._where, Executor) or not isinstance(error, BrokenExecutor):
                 raise self._refusal(f"takes no more cases ({error})") from error
             with suppress(BrokenExecutor):
                 self._gather(futures.wait(self._running).done)  # a broken pool ends all its futures, some of them well
-            self._pool.rebuild()
+            self._executor.shutdown(wait=False, cancel_futures=True)
+            del self._executor
 
     def _fill(self) -> None:
         """Keep two batches per worker on the way; cases that were lost twice run alone, to know the culprit."""
-        most = 2 * self._pool.workers
+        most = 2 * getattr(self._executor, "_max_workers", _MANY)
         while self._todo and len(self._running) < most:
             size = min(self._size, math.ceil(len(self._todo) / most))
             batch = [*takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))]
             if not batch and self._running:
                 break
             batch = batch or [self._todo[0]]
-            self._running[self._pool.submit(batch)] = batch
+            self._running[self._executor.submit(run_batch, self._job, batch, SECONDS)] = batch
             for _ in batch:
                 self._todo.popleft()
 

@@ -1,15 +1,10 @@
-"""The store of a sweep: one sqlite table, a row for each finished case, each with a checksum.
+"""The store of a sweep: one sqlite table, a row of JSON for each finished case, each with a checksum.
 
-::
+The row with the empty key is the head: what the sweep is made of. Transactions (rollback journal, no write-ahead log:
+network file systems will do) leave every commit whole after a kill; checksums tell what a disk has changed since.
 
-    CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT, checksum TEXT) WITHOUT ROWID
-
-A key is the values of the axes as JSON, a row is ``{"result": {...}}`` or ``{"error": "..."}``. The row with the empty
-key is the head: what the sweep is made of. Transactions of sqlite (rollback journal, no write-ahead log: network file
-systems will do) leave every commit whole after a kill; the checksums tell what a disk has changed since.
-
-Only the process that drives a sweep writes, and holds a lock on ``<store>.lock`` as long as it does; the lock goes with
-the process, however it ends. Anybody may read meanwhile.
+Only the process that drives a sweep writes, and holds a lock on ``<store>.lock``, which goes with the process, however
+it ends. Anybody may read meanwhile.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import methods_with
-from stickslip.io.tables import read_toml, unknown
+from stickslip.io.tables import Tables, read_toml, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
@@ -274,8 +274,7 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         place = f"rig: {Path(given).name}"
         given = rigs.content_of(directory / given)
     if not isinstance(given, Mapping):
-        what = "is missing" if given is None else f"= {given!r}"
-        raise InputError(f"rig {what}: must be the name of a rig file, or a table [rig] with what one holds")
+        raise InputError(f"rig = {shown(given)}: must be the name of a rig file, or a table [rig] with what one holds")
     if "drive" not in given and speeds:  # the axis sets the speed
         last = speeds.get("to") if isinstance(speeds, dict) else speeds[-1] if isinstance(speeds, list) else speeds
         given = {**given, "drive": {"velocity": last}}
@@ -342,12 +341,10 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
 
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
     """Refuse what is no table, and all keys of a table that are unknown."""
-    known = tuple(known)
-    if not isinstance(content, Mapping):
-        raise InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]")
-    path = f"{place}." if place else ""
-    if strange := [str(key) for key in content if key not in known]:
-        raise InputError(together(f"{path}{key[:60]}: unknown key; {unknown(key, known)}" for key in strange))
+    tables = Tables(natural=True)
+    tables.table(content, dict.fromkeys(known, Key({})), place)
+    if tables.mistakes:
+        raise InputError(together(map(str, tables.mistakes)))
 
 
 # ---------------------------------------------------------------- what can be planned

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
-from stickslip.measure import Regime, regime
+from stickslip.measure import regime
 from stickslip.measure.verdict import Kind
 from stickslip.model import FromRest, FromSliding, Method, Rig, Slider, Start, constant
 from stickslip.model.methods import DRAWN
@@ -49,7 +49,11 @@ class Study:
             seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
-        numbers = _numbers(seen) | {"travel": drive.duration * rig.velocity}
+        names = ("peak_to_peak", "mean_force", "period", "period_variation", "drop", "drop_variation", "trend")
+        numbers = {name: float(getattr(seen, name)) for name in names} | {"slips": float(seen.cycles)}
+        fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
+        numbers["largest_velocity"] = (seen.drive_velocity or math.nan) * fastest
+        numbers["travel"] = drive.duration * rig.velocity
         inside = {name: value * varied.unit(MEASURES[name][0]) for name, value in numbers.items()}
         drawn: dict[str, float | str] = {"seed": seed} if isinstance(method, DRAWN) else {}
         return {"regime": seen.kind, "reason": seen.reason} | inside | drawn
@@ -58,14 +62,6 @@ class Study:
     def start(self) -> str:
         """How a run starts unless that is an axis."""
         return FROM_REST if isinstance(self.rig.start, FromRest) else FROM_SLIDING
-
-
-def _numbers(seen: Regime) -> dict[str, float]:
-    """What was measured, in natural units."""
-    fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
-    names = ("peak_to_peak", "mean_force", "period", "period_variation", "drop", "drop_variation", "trend")
-    numbers = {name: float(getattr(seen, name)) for name in names}
-    return numbers | {"slips": float(seen.cycles), "largest_velocity": (seen.drive_velocity or math.nan) * fastest}
 
 
 def _beginning(start: str, method: Method) -> Start:

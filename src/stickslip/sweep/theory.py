@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,21 +44,15 @@ def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progres
     ranges = {str(name): _reach(result[name]) for name in order if name in plan.parameters}
     fixed = {name: float(result[name]) for name in plan.parameters if name in result and result[name].ndim == 0}
     rig = plan.study.rig.replace(**fixed)
-    if not 1 <= len(ranges) <= 2:
-        return result.assign_attrs(theory="no linear boundary: it is drawn over one parameter or two")
     try:
-        if any(low <= 0 for low, _ in ranges.values()):
-            raise InputError("a parameter starts at 0, which linear theory has no logarithm for")
-        if len(ranges) == 1:
-            found = _on_line(rig, ranges, bistable)
-        else:
-            found = _in_plane(rig, ranges, bistable, progress or (lambda _fraction: None))
+        if not 1 <= len(ranges) <= 2:
+            raise InputError("it is drawn over one parameter or two")
+        found = _on_line(rig, ranges, bistable) if len(ranges) == 1 else _in_plane(rig, ranges, bistable, progress)
     except (InputError, UndecidedError) as reason:
         return result.assign_attrs(theory=f"no linear boundary: {reason}")
-    for name in ranges:
-        for part in (f"edge_{name}", f"band_{name}", *(f"band_{name}_{end}" for end in ("low", "high", "fold"))):
-            if part in found:
-                found[part] = found[part].assign_attrs(result[name].attrs)
+    for name, part in itertools.product(ranges, found.variables):
+        if f"_{name}" in str(part):
+            found[part] = found[part].assign_attrs(result[name].attrs)
     words = "linear stability of smooth sliding" + (", cycles of the master equation" if bistable else "")
     if not found.sizes["point"]:
         words = "no linear boundary in this window"
@@ -76,7 +71,9 @@ def _reach(axis: xr.DataArray) -> tuple[float, float]:
     return float(low if low > 0 else values[0]), float(high)
 
 
-def _in_plane(rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool, progress: Progress) -> xr.Dataset:
+def _in_plane(
+    rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool, progress: Progress | None
+) -> xr.Dataset:
     (one, other), between = ranges, (*ranges.values(),)
     edge = boundary(rig, over=(one, other), between=(between[0], between[1]))
     found = edge[[one, other, "curve"]].rename({name: f"edge_{name}" for name in (one, other, "curve")})
@@ -90,9 +87,10 @@ def _on_line(rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool) -
     import xarray as xr
 
     ((parameter, between),) = ranges.items()
-    found = {f"edge_{parameter}": ("point", [edge.value for edge in critical(rig, parameter, between=between).edges])}
-    if bistable:
-        bands = list(bistable_range(rig, parameter, between=between))
-        found[f"band_{parameter}_low"] = ("band", [band.low.value for band in bands])
-        found[f"band_{parameter}_high"] = ("band", [band.high.value for band in bands])
-    return xr.Dataset({name: (dim, np.array(values, dtype=float)) for name, (dim, values) in found.items()})
+    bands = list(bistable_range(rig, parameter, between=between)) if bistable else []
+    columns = {
+        f"edge_{parameter}": ("point", [edge.value for edge in critical(rig, parameter, between=between).edges]),
+        f"band_{parameter}_low": ("band", [band.low.value for band in bands]),
+        f"band_{parameter}_high": ("band", [band.high.value for band in bands]),
+    }
+    return xr.Dataset({name: (dim, np.array(values, dtype=float)) for name, (dim, values) in columns.items()})
