@@ -17,20 +17,5 @@ from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
 from stickslip.measure.verdict import Regime, Segment, regime, regime_of
 
-__all__ = [
-    "Criterion",
-    "Cycles",
-    "Regime",
-    "Segment",
-    "counted",
-    "drops",
-    "events",
-    "find_cycles",
-    "fronts",
-    "read_trace",
-    "regime",
-    "regime_and_drops",
-    "regime_of",
-    "statistics",
-    "transitions",
-]
+__all__ = ["Criterion", "Cycles", "Regime", "Segment", "counted", "drops", "events", "find_cycles", "fronts"]
+__all__ += ["read_trace", "regime", "regime_and_drops", "regime_of", "statistics", "transitions"]

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip import words
 from stickslip.errors import number, printable
@@ -93,11 +92,12 @@ def regime_and_drops(
     trace, seen = judged(data, after)
     parts = (find_strokes(trace) if trace.drive is None else []) or [trace]
     tables = [_table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts]
-    each = np.repeat(np.arange(len(tables)), [table.sizes["event"] for table in tables])
-    whole = xr.concat(tables, "event", combine_attrs="override").assign_coords(event=_numbered(each.size))
+    whole, along = xr.concat(tables, "event", combine_attrs="override"), 1.0
+    whole = whole.assign_coords(event=("event", np.arange(whole.sizes["event"]), {"long_name": "number of the slip"}))
     whole.attrs |= {name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")}
-    whole.attrs["drops_are"], along = seen.drops_are, 1.0
+    whole.attrs["drops_are"] = seen.drops_are
     if len(tables) > 1:
+        each = np.repeat(np.arange(len(tables)), [table.sizes["event"] for table in tables])
         whole = whole.assign(stroke=("event", each, {"units": "1", "long_name": "number of the stroke"}))
         whole.attrs["criterion"] = f"of the first stroke: {whole.attrs['criterion']}"
         along = np.sign(whole["force_before"].values)
@@ -106,10 +106,6 @@ def regime_and_drops(
             values = np.asarray(column.values, dtype=float) * (along if name in _SIGNED else 1.0)
             column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
     return seen, whole
-
-
-def _numbered(count: int) -> tuple[str, NDArray[np.intp], dict[str, str]]:
-    return "event", np.arange(count), {"long_name": "number of the slip"}
 
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
@@ -152,12 +148,10 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         "recurrence": (recurrence, time, "time since the start of the slip before"),
         "loading_rate": (loading, rate, f"rise of the {name} per time since the slip before"),
     }
-    if {"mu", "load"} <= set(data) and start.size:
-        load = data["load"].where(data["load"] != 0).sel(time=trace.t[np.append(start, end)]).values
-        at = int(np.argmax(np.abs(data["spring_force"].values)))
-        # The ratio of the units of force and load.
-        ratio = float(data["mu"].values[at] * data["load"].values[at] / data["spring_force"].values[at])
-        before, after = np.split(ratio * trace.sign * np.append(found.before, found.after) / load, 2)
+    if "mu" in data:  # by the load there
+        there = data[["mu", "spring_force"]].sel(time=trace.t[np.append(start, end)])
+        forces = trace.sign * np.append(found.before, found.after)
+        before, after = np.split((there["mu"] / there["spring_force"]).values * forces, 2)
         columns["mu_before"] = (before, "1", f"{mu} before the slip (static)")
         columns["mu_after"] = (after, "1", f"{mu} after the slip")
         columns["mu_drop"] = (trace.sign * (before - after), "1", f"drop of the {mu}")
@@ -165,11 +159,10 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         columns["slip"] = (trace.X[end] - trace.X[start], way, "distance slipped")
     if trace.velocity is not None:
         columns["peak_velocity"] = (fastest(trace, found), speed, "largest slider velocity in the slip")
-    about = {name: getattr(found, name) for name in ("noise", "criterion", "cut")}
     return xr.Dataset(
         {key: ("event", values, {"units": unit, "long_name": title}) for key, (values, unit, title) in columns.items()},
-        coords={"event": _numbered(start.size)},
-        attrs={"count": found.size, "minimum_drop": found.smallest, **about},
+        attrs={"count": found.size, "minimum_drop": found.smallest}
+        | {name: getattr(found, name) for name in ("noise", "criterion", "cut")},
     )
 
 
@@ -186,12 +179,11 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
     lines = []
     for name, column in catalogue.data_vars.items():
         mean, std = column.attrs.get("mean", math.nan), column.attrs.get("std", math.nan)
-        if not math.isfinite(mean):
-            continue
-        unit = printable(str(column.attrs.get("units", "")))
-        divisor, unit = prefixed(mean, "" if unit == "1" else unit)
-        std = 0.0 if std < _DUST * abs(mean) else std
-        scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
-        cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
-        lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))
+        if math.isfinite(mean):
+            unit = printable(str(column.attrs.get("units", "")))
+            divisor, unit = prefixed(mean, "" if unit == "1" else unit)
+            std = 0.0 if std < _DUST * abs(mean) else std
+            scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
+            cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
+            lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))
     return lines
