@@ -11,8 +11,7 @@ import math
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -108,12 +107,11 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
         raise InputError("this file has no provenance: it is not a run made by stickslip; analyse it with `measure`")
     try:
         content = json.loads(text)
-        content["call"], content["arguments"]
+        if isinstance(content["call"], str) and isinstance(content["arguments"], dict):
+            return dict(content)
     except (ValueError, KeyError, TypeError, RecursionError):
-        content = None
-    if content is None or not (isinstance(content["call"], str) and isinstance(content["arguments"], dict)):
-        raise InputError("the provenance in this file is damaged; make the run again")
-    return dict(content)
+        pass
+    raise InputError("the provenance in this file is damaged; make the run again")
 
 
 def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -157,40 +155,25 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     import xarray as xr
 
     files.size(path, "run", largest=LARGEST_RUN)
-    source = Path(path)
-    with _silence():  # whatever the libraries below print
-        try:
-            if not is_netcdf(source):
-                raise InputError(
-                    f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`"
-                )
+    source, before = Path(path), sys.unraisablehook
+    if not is_netcdf(source):
+        raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
+    sys.unraisablehook = lambda _: None  # of objects that fail while they are taken down
+    try:
+        with warnings.catch_warnings(action="ignore"):
             h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
             # A time is a number here; its unit may be anything in a damaged file.
             with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
                 if data.nbytes > LARGEST_RUN:
                     raise ValueError(f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}")
-                holders: list[Any] = [data, *data.variables.values()]
-                for text in (word for holder in holders for item in holder.attrs.items() for word in item):
-                    str(text).encode()  # a byte that has changed may stand for no letter
+                # A byte that has changed may stand for no letter.
+                str([data.attrs, *(values.attrs for values in data.variables.values())]).encode()
                 return data.load()
-        except InputError:
-            raise
-        except Exception as error:  # a damaged file fails in many ways
-            why = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged") from None
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Keep back warnings, and tracebacks of objects that fail while they are taken down."""
-    before = sys.unraisablehook
-    sys.unraisablehook = lambda _: None
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-            gc.collect()
+    except Exception as error:  # a damaged file fails in many ways
+        why = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged") from None
     finally:
+        gc.collect()
         sys.unraisablehook = before
 
 

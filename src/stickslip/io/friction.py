@@ -49,11 +49,8 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
     standard deviation gives their ratio; the message has the range that can be had.
     """
 
-    def friction(std: float) -> tuple[float, float]:
-        return slow_friction(Gaussian(mean=1.0, std=std), initial)  # type: ignore[arg-type]
-
     def ratio(std: float) -> float:
-        most, least = friction(std)
+        most, least = slow_friction(Gaussian(1.0, std), initial)  # type: ignore[arg-type]
         return most / least
 
     wanted, least, most = static / kinetic, ratio(WIDEST), ratio(NARROWEST)
@@ -63,5 +60,5 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
             f"mu_s/mu_k = {wanted:.4g}: must be between {least:.3f} and {most:.3f} with Gaussian thresholds"
             + (more if wanted > most else "")
         )
-    std = float(optimize.brentq(lambda std: ratio(std) - wanted, NARROWEST, WIDEST, xtol=1e-10))
-    return Gaussian(mean=1.0, std=std), kinetic / friction(std)[1]
+    found = Gaussian(1.0, float(optimize.brentq(lambda std: ratio(std) - wanted, NARROWEST, WIDEST, xtol=1e-10)))
+    return found, kinetic / slow_friction(found, initial)[1]  # type: ignore[arg-type]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
@@ -9,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal
 
-from stickslip.errors import InputError, extreme, number, shown
+from stickslip.errors import InputError, extreme, shown
 from stickslip.model.quantities import read_quantity, unit_size
 from stickslip.model.units import UNITS, si_unit
 
@@ -53,22 +54,21 @@ class Key:
 
         Raises `InputError` if it cannot be.
         """
-        kind = type(self.example)
-        if kind is list and isinstance(value, list):
+        if isinstance(self.example, list) and isinstance(value, list):
             one = replace(self, example=self.example[0])
             return tuple(one.read(item, f"{place}[{i}]", natural=natural) for i, item in enumerate(value))
-        if (self.unit or self.si) and kind is not list:
-            try:
-                return self._quantity(value, self.si or si_unit(self.unit), natural=natural and not self.si)
-            except InputError as error:
-                raise InputError(f"{place} = {shown(value)}: {error}", place) from None
-        if kind is float:
-            bounds: dict[str, Any] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}, "": {}}[self.sign]
-            found = number(place, value, **bounds)
-            if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
-                raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)
-            return found
-        of_kind = type(value) is kind and not (isinstance(value, str) and len(value) > self.longest)
+        try:
+            return self._value(value, natural)
+        except InputError as error:
+            raise InputError(f"{place} = {shown(value)}: {error}", place) from None
+
+    def _value(self, value: Any, natural: bool) -> Any:
+        """The value; errors do not name the place."""
+        kind, is_quantity = type(self.example), bool(self.unit or self.si)
+        if kind is float or (is_quantity and kind is not list):
+            is_natural = not is_quantity or (natural and not self.si)
+            return self._number(value, "" if is_natural else self.si or si_unit(self.unit))
+        of_kind = type(value) is kind and not (kind is str and len(value) > self.longest)
         if value not in self.choices if self.choices else not of_kind:
             wanted = {
                 str: f"text in quotes, of at most {self.longest} characters",
@@ -77,36 +77,35 @@ class Key:
                 list: f"a list, such as {toml(self.example)}",
             }[kind]
             choices = " or ".join([*map(repr, self.choices), *["a table" for _ in self.also]])
-            raise InputError(f"{place} = {shown(value)}: must be {choices or wanted}", place)
+            raise InputError(f"must be {choices or wanted}")
         return value
 
-    def _quantity(self, value: object, unit: str, *, natural: bool) -> float:
-        """A quantity: text with a unit in SI files, a plain number in natural ones; errors do not name the place."""
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if not natural:
-                raise InputError(f"has no unit; write it as a string, such as {self.example!r}")
-            result = float(value) if abs(value) <= sys.float_info.max else math.inf
-        elif not isinstance(value, str):
-            raise InputError(f"must be a quantity, such as {self.example!r}")
-        elif natural:
-            raise InputError("must be a plain number, as the file says units = 'natural'")
-        else:
+    def _number(self, value: Any, unit: str) -> float:
+        """A text with a unit, or a plain number where there is none."""
+        if unit and isinstance(value, str):
             result = read_quantity(value, unit, self.example)
+        elif isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise InputError(f"must be a {f'quantity, such as {self.example!r}' if unit else 'plain number'}")
+        elif unit:
+            raise InputError(f"has no unit; write it as a string, such as {self.example!r}")
+        else:
+            result = float(value) if abs(value) <= sys.float_info.max else math.inf
         if not math.isfinite(result):
             raise InputError("must be finite")
-        if refusal := extreme(result):
-            raise InputError(f"{refusal} (in {unit})")
         if (self.sign and result < 0) or (self.sign == "above 0" and result == 0):
             raise InputError(f"must be {self.sign}")
+        if refusal := extreme(result):
+            raise InputError(refusal + (f" (in {unit})" if unit else ""))
+        if result and not (self.unit or self.si or 10.0**-DECADES <= abs(result) <= 10.0**DECADES):
+            raise InputError(f"must be 0, or within {DECADES} decades of 1")
         return result
 
 
-def quantity(example: str, sign: Sign = "above 0", **rest: Any) -> Key:
-    """The key of a quantity; the example says in which unit it is measured."""
+def natural_unit_of(example: str) -> str:
+    """The natural unit of what a quantity measures; empty if a text is none, or measures what no scale does."""
     measured = unit_size(example.partition(" ")[2])
-    of_units = {unit: unit_size(si) for unit, si in UNITS.items()}
-    unit = next(unit for unit, size in of_units.items() if size and measured and size[1] == measured[1])
-    return Key(example, unit=unit, sign=sign, **rest)
+    sizes = ((unit, unit_size(si)) for unit, si in UNITS.items())
+    return next((unit for unit, size in sizes if size and measured and size[1] == measured[1]), "")
 
 
 @dataclass(frozen=True)
@@ -134,11 +133,8 @@ def toml(value: Any) -> str:
     """A value as it stands in a file, in one line."""
     if isinstance(value, Mapping):
         bare = re.compile(r"[\w-]+").fullmatch
-        return (
-            "{ " + ", ".join(f"{key if bare(key) else toml(key)} = {toml(each)}" for key, each in value.items()) + " }"
-        )
+        each = (f"{key if bare(key) else toml(key)} = {toml(item)}" for key, item in value.items())
+        return f"{{ {', '.join(each)} }}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+        return f"[{', '.join(map(toml, value))}]"
+    return json.dumps(value, ensure_ascii=False, default=str)

@@ -110,10 +110,7 @@ _LIST = re.compile(r"\[\n((?: {4}[-+.\de]+,\n)+)\]")
 
 def _wrapped(found: re.Match[str]) -> str:
     numbers = " ".join(found[1].split()).removesuffix(",")
-    if len(numbers) < 100:
-        return f"[{numbers}]"
-    lines = textwrap.fill(numbers, 110, initial_indent="    ", subsequent_indent="    ")
-    return f"[\n{lines},\n]"
+    return textwrap.fill(f"[{numbers}]", 110, subsequent_indent="    ")
 
 
 def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:

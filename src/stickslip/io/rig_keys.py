@@ -1,18 +1,21 @@
-"""What a rig file may hold: every key once, by an example; its unit, sign, choices and default.
+"""What a rig file may hold: every key once, with its unit, sign, choices and default.
 
-The reader, the writer, the messages and the reference page (with the words of docs/reference/rig-keys.toml) are made
-from these tables. A key that is a field of a record takes unit, bounds, choices and default from there.
+The examples stand in every_key.toml, as a rig file has them. A key that is a field of a record takes unit, bounds,
+choices and default from there; one that is none is measured in the unit of its example, and is above 0. The reader,
+the writer, the messages and the reference page (with the words of docs/reference/rig-keys.toml) are made from it.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError
-from stickslip.io.keys import Either, Key, Sign, quantity
+from stickslip.io.keys import Either, Key, natural_unit_of
 from stickslip.model import Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -43,7 +46,6 @@ def _either(one: str, *others: str, needed: bool = False, because: str = "") -> 
     return Either(((one,), others), needed=needed, because=because)
 
 
-_OF_THEIR_OWN = "pieces have durations of their own"
 RULES: Mapping[str, tuple[Either, ...]] = {
     "slider": (_either("damping_ratio", "damping", needed=True),),
     **{
@@ -60,9 +62,7 @@ RULES: Mapping[str, tuple[Either, ...]] = {
     ),
     "drive": (
         _either("velocity", "pieces", needed=True),
-        _either("distance", "duration"),
-        _either("distance", "pieces", because=_OF_THEIR_OWN),
-        _either("duration", "pieces", because=_OF_THEIR_OWN),
+        *(_either(*ways) for ways in (("distance", "duration"), ("distance", "pieces"), ("duration", "pieces"))),
     ),
 }
 
@@ -70,146 +70,102 @@ RULES: Mapping[str, tuple[Either, ...]] = {
 # Tables of a file
 # ---------------------------------------------------------------------------------------------------------------------
 
-
-def _of(record: type, rules: tuple[Either, ...] = (), **examples: Any) -> dict[str, Key]:
-    """The keys of a table that is made into a record: fields of it, each with an example, and keys that are none."""
-    excluded = {name for rule in rules for way in rule.ways for name in way}
-    keys = {name: each if isinstance(each, Key) else _key(record, name, each) for name, each in examples.items()}
-    return {name: replace(key, required=key.required and name not in excluded) for name, key in keys.items()}
-
-
-def _key(record: type, name: str, example: Any) -> Key:
-    """The key of a field: unit, bounds, choices and default are those of the field."""
-    kind, mark = declared(record)[name]
-    bounds = mark if isinstance(mark, Number) else Number()
-    given = next(field.default for field in fields(record) if field.name == name)
-    default = _USUAL.get(name) if record in DISTRIBUTIONS.values() and given is MISSING else given
-    sign: Sign = "above 0" if bounds.above == 0 else "at least 0" if bounds.at_least == 0 else ""
-    unit = "" if bounds.unit == "1" else bounds.unit
-    if unit and not isinstance(example, (str, list)):
-        example = "2 ms" if unit == "time" else f"2 {si_unit(unit)}"
-    return Key(
-        example,
-        unit=unit,
-        sign=sign,
-        choices=choices_of(kind),
-        default=None if default is MISSING or default in (float("inf"), float("-inf")) else default,
-        required=given is MISSING and default in (MISSING, None),
-    )
-
-
-TOP: Mapping[str, Key] = {
-    "name": Key("Brake pad", default="rig", longest=200),
-    "units": Key("SI", choices=("SI", "natural"), default="SI"),
-    "slider": Key({"mass": "75.6 g"}),
-    "chain": Key({"blocks": 57}),
-    "sheet": Key({"along": 60, "across": 20}),
-    "interface": Key({"contact_strength": "768 N"}, required=True),
-    "drive": Key({"velocity": "0.4 mm/s"}, required=True),
-    "simulation": Key({"contacts": 2000}),
-    "feasible": Key({"stiffness": ["1 MN/m", "10 MN/m"]}),
-    "assumed": Key({"interface.delay": "measure the steady force at several speeds"}),
-    "fitted": Key({"interface.thresholds.std": {"interval": "0.1 to 0.4", "how": "weak", "draws": [0.1, 0.2, 0.4]}}),
-    "source": Key("Tromborg et al. 2014, Table S1", default=""),
-}
-"""Keys at the top of the file."""
-
-_SECTION = {
-    "spacing": "2.5 mm",
-    "width": quantity("5 mm"),
-    "height": quantity("77.5 mm"),
-    "youngs_modulus": quantity("3 GPa"),
-    "density": quantity("1180 kg/m^3"),
-    "shear_modulus": quantity("1.1 GPa"),
-}
-_SPRINGS = {
-    "coupling": "540 MN/m",
-    "mass": "1.1 g",
-    "leaf": "0.2 MN/m",
-    "side": "4 MN/m",
-    "damping": quantity("100 1/s", "at least 0", default=0.0),
-    "viscosity": "10 kg/s",
-    "ends": "free",
-}
+_EXAMPLES = tomllib.loads(Path(__file__).with_name("every_key.toml").read_text("utf-8"))
+_WITHIN: Mapping[str, Mapping[str, Any]] = _EXAMPLES.pop("within")
 _NO_DELAY = (
     "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts "
     "never strengthen with rest and nothing can stick-slip; the speed at which the kinetic friction has fallen to half "
     "its value in slow sliding is v_half"
 )
+_INITIAL = "repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution"
+_REQUIRED = {"required": True}
+_MORE: Mapping[str, dict[str, Any]] = {
+    "top.name": {"default": "rig", "longest": 200},
+    "top.units": {"choices": ("SI", "natural"), "default": "SI"},
+    "top.source": {"default": ""},
+    "top.interface": _REQUIRED,
+    "top.drive": _REQUIRED,
+    "slider.damping_ratio": {"sign": "at least 0"},
+    **{f"{body}.damping": {"default": 0.0, "required": False} for body in ("chain", "sheet")},
+    "interface.mu_s": {"sign": "above 0"},
+    "interface.mu_k": {"sign": "above 0"},
+    "interface.breaking_displacement": _REQUIRED,
+    "interface.initial": {"default": {"distribution": "gaussian", "mean": 0.0, "std": 0.01}, "measure": _INITIAL},
+    "interface.delay": {"sign": "at least 0", "words": ("never", "on arrest"), "also": (Mapping,), "default": 0.0}
+    | {"measure": _NO_DELAY},
+    "drive.velocity": {"sign": "", "also": (list, Mapping)},
+    "simulation.method": {"choices": tuple(METHODS), "default": "contacts"},
+    "simulation.seed": {"default": 1},
+    "simulation.rtol": {"default": 1e-4},
+    "simulation.start": {"choices": ("from rest", "sliding"), "also": (Mapping,), "default": "from rest"},
+    "start.stretching": {"also": (list,), **_REQUIRED},
+    "run.blocks": _REQUIRED,
+    "run.stretching": _REQUIRED,
+    "fitted.interval": _REQUIRED,
+    "fitted.how": {"longest": 400, **_REQUIRED},
+    "fitted.draws": _REQUIRED,
+    "bell.temperature": {"si": "K", "sign": "above 0"},
+    "bell.activation_volume": {"si": "m^3", "sign": "above 0"},
+    "bell.shear_strength": {"unit": "", "si": "Pa"},
+}
+"""What neither a record nor an example says of a key."""
+_USUAL = {"mean": 1.0, "scale": 1.0}
+"""What is taken for the scale of a distribution that is left out: that of `breaking_displacement`."""
+
+
+def _keys(table: str, examples: Mapping[str, Any], record: type | None = None) -> dict[str, Key]:
+    """The keys of a table, by their examples; some of them are fields of the record that it is made into."""
+    found = {}
+    for name, example in examples.items():
+        said = _of_field(record, name) if record is not None and name in declared(record) else {}
+        if isinstance(example, str) and not said.get("unit") and (unit := natural_unit_of(example)):
+            said |= {"unit": unit, "sign": "above 0"}
+        elif said.get("unit") and not isinstance(example, (str, list)):
+            example = "2 ms" if said["unit"] == "time" else f"2 {si_unit(said['unit'])}"
+        found[name] = Key(example, **(said | _MORE.get(f"{table}.{name}", {})))
+    return found
+
+
+def _of_field(record: type, name: str) -> dict[str, Any]:
+    """What a field says of its key: unit, bounds, choices and default."""
+    kind, mark = declared(record)[name]
+    bounds = mark if isinstance(mark, Number) else Number()
+    given = next(field.default for field in fields(record) if field.name == name)
+    default = _USUAL.get(name) if record in DISTRIBUTIONS.values() and given is MISSING else given
+    return {
+        "unit": "" if bounds.unit == "1" else bounds.unit,
+        "sign": "above 0" if bounds.above == 0 else "at least 0" if bounds.at_least == 0 else "",
+        "choices": choices_of(kind),
+        "default": None if default is MISSING or default in (float("inf"), float("-inf")) else default,
+        "required": given is MISSING and default in (MISSING, None),
+    }
+
+
+_RECORDS = {"slider": Slider, "chain": Chain, "sheet": Sheet, "interface": Interface}
+_BLOCKS = {name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"}
+TOP: Mapping[str, Key] = _keys(
+    "top",
+    {name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each for name, each in _EXAMPLES.items()},
+)
+"""Keys at the top of the file; of a table its first key is the example."""
 TABLES: Mapping[str, Mapping[str, Key]] = {
-    "slider": _of(
-        Slider,
-        RULES["slider"],
-        mass="75.6 g",
-        stiffness="4 MN/m",
-        damping="200 1/s",
-        damping_ratio=Key(0.15, sign="at least 0"),
-    ),
-    "chain": _of(Chain, RULES["chain"], blocks=57, **_SECTION, **_SPRINGS),
-    "sheet": _of(Sheet, RULES["sheet"], along=60, across=20, **_SECTION, shear="200 MN/m", **_SPRINGS),
-    "interface": _of(
-        Interface,
-        contact_strength=quantity("768 N"),
-        normal_load=quantity("1920 N"),
-        mu_s=Key(0.32, sign="above 0"),
-        mu_k=Key(0.2, sign="above 0"),
-        breaking_displacement=quantity("2 um", required=True),
-        thresholds=Key({"distribution": "gaussian", "std": 0.1}),
-        initial=Key(
-            {"distribution": "gaussian", "mean": 0.0, "std": 0.05},
-            default={"distribution": "gaussian", "mean": 0.0, "std": 0.01},
-            measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
-        ),
-        delay=quantity(
-            "2 ms", "at least 0", words=("never", "on arrest"), also=(Mapping,), default=0.0, measure=_NO_DELAY
-        ),
-        v_half=quantity("1 mm/s"),
-        sliding_force="150 N",
-        newborn=Key({"distribution": "uniform", "low": 0.0, "high": 0.2}),
-        track_scatter=0.1,
-        areas="fresh",
-        ageing=Key({"model": "langevin", "time": "1 s"}),
-        temperature=Key(
-            {"kind": "bell", "temperature": "293 K", "activation_volume": "0.5 nm^3", "shear_strength": "1 GPa"}
-            | {"attempts": "1e12 1/s"}
-        ),
-    ),
-    "drive": {
-        "velocity": quantity("0.4 mm/s", "", also=(list, Mapping)),
-        "distance": quantity("4 mm"),
-        "duration": quantity("10 s"),
-        "pieces": Key([{"start": "10 mm/s", "end": "1 m/s", "duration": "0.5 s"}]),
-    },
-    "simulation": {
-        "method": Key("contacts", choices=tuple(METHODS), default="contacts"),
-        "contacts": Key(2000),
-        "seed": Key(1, default=1),
-        "rtol": Key(1e-5, default=1e-4),
-        "start": Key("from rest", choices=("from rest", "sliding"), also=(Mapping,), default="from rest"),
-        "interval": quantity("0.5 ms"),
-    },
+    name: _keys(name, _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}), _RECORDS.get(name))
+    for name in (*_RECORDS, "drive", "simulation")
 }
 """Keys of each table, by its name."""
-PIECE = _of(Piece, start="10 mm/s", end="1 m/s", duration="0.5 s")
+PIECE = _keys("piece", _EXAMPLES["drive"]["pieces"][0], Piece)
 """Keys of each of `drive.pieces`."""
-START = _of(Prestressed, stretching=Key(0.7, also=(list,), required=True), push="40 N", pushed_blocks=3)
+START = _keys("start", _WITHIN["start"], Prestressed)
 """Keys of `simulation.start` as a table."""
-RUN: Mapping[str, Key] = {"blocks": Key(20, required=True), "stretching": START["stretching"]}
+RUN = _keys("run", _WITHIN["run"])
 """Keys of each run of blocks alike in `simulation.start.stretching`."""
-FITTED: Mapping[str, Key] = {
-    "interval": Key("1 N to 2 N", required=True),
-    "how": Key("identified", required=True, longest=400),
-    "draws": Key([1.0, 2.0], required=True),
-}
+FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
 """Keys of each entry of `fitted`."""
 
 
 def tables() -> dict[str, Mapping[str, Key]]:
-    """The tables of a file by their names, with bodies and methods of the user's own."""
-    simulation = TABLES["simulation"]
-    method = replace(simulation["method"], choices=tuple(METHODS))
-    own = {name: keys_of(kind) for name, kind in BODIES.items()}
-    return {**own, **TABLES, "simulation": {**simulation, "method": method}}
+    """The tables of a file by their names, with bodies of the user's own."""
+    return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -223,28 +179,6 @@ KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
     "temperature": ("kind", ACTIVATIONS),
 }
 """Of keys of `interface` whose value is a table: the word in it that names a record, and the records by name."""
-_EXAMPLES: Mapping[str, Any] = {
-    "std": 0.1,
-    "low": 0.8,
-    "high": 1.2,
-    "shape": 8.0,
-    "lower": 0.0,
-    "edges": [0.5, 1.0, 1.5],
-    "weights": [1.0, 2.0],
-    "thresholds": {"distribution": "gaussian", "std": 0.1},
-    "newborn": 0.0,
-    "time": "1 s",
-    "width": "16 nm",
-    "attempts": "1e12 1/s",
-    "temperature": 0.01,
-    "height": 100.0,
-    "power": 1.5,
-    "slope": 0.02,
-    "negative": "clip",
-}
-"""Of fields of the records, by their names; other fields have one of their type."""
-_USUAL = {"mean": 1.0, "scale": 1.0}
-"""What is taken for the scale of a distribution that is left out: that of `breaking_displacement`."""
 _BOLTZMANN = 1.380649e-23
 """In J/K."""
 
@@ -255,7 +189,7 @@ class Instead:
 
     keys: Mapping[str, Key]
     fields: tuple[str, ...]
-    made: Callable[..., tuple[Any, ...]]  # of their values, and `length`, the breaking displacement
+    made: Callable[..., tuple[Any, ...]]  # of the breaking displacement and their values
 
     @property
     def rule(self) -> Either:
@@ -263,23 +197,19 @@ class Instead:
         return Either((tuple(self.keys), self.fields))
 
 
-def _histogram(samples: tuple[float, ...], *, length: float) -> tuple[Any, ...]:
+def _histogram(length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:
     del length  # stretchings are relative to it
     made = Empirical.from_samples(samples)
     return made.edges, made.weights
 
 
+def _width(length: float, temperature: float, volume: float, strength: float) -> tuple[float]:
+    return (_BOLTZMANN * temperature / (strength * volume) * length,)
+
+
 INSTEAD: Mapping[type, Instead] = {
-    Empirical: Instead({"samples": Key([0.9, 1.0, 1.3])}, ("edges", "weights"), _histogram),
-    Bell: Instead(
-        {
-            "temperature": Key("293 K", si="K", sign="above 0"),
-            "activation_volume": Key("0.5 nm^3", si="m^3", sign="above 0"),
-            "shear_strength": Key("1 GPa", si="Pa", sign="above 0"),
-        },
-        ("width",),
-        lambda temperature, volume, strength, length: (_BOLTZMANN * temperature / (strength * volume) * length,),
-    ),
+    Empirical: Instead(_keys("empirical", _WITHIN["empirical"]), ("edges", "weights"), _histogram),
+    Bell: Instead(_keys("bell", _WITHIN["bell"]), ("width",), _width),
 }
 
 
@@ -289,21 +219,17 @@ def keys_of(record: type) -> Mapping[str, Key]:
 
     Raises `InputError` if a delay of the user's own has a number without a unit: a file could not say what it means.
     """
-    instead = INSTEAD.get(record)
-    examples: dict[str, Any] = dict(instead.keys) if instead else {}
+    found = dict(INSTEAD[record].keys) if record in INSTEAD else {}
     made = {field.name for field in fields(record) if field.init}
     for name, (kind, mark) in declared(record).items():
         if record in DELAYS.values() and name in made and mark is None and kind is float:
-            raise InputError(
-                f"{record.__name__}.{name}: has no unit, so no file can give it; declare it as "
-                "Annotated[float, Number('time')], or of another unit"
-            )
+            raise InputError(f"{record.__name__}.{name}: has no unit; declare it as Annotated[float, Number('time')]")
         if name == "rate" and by_time(record):
-            examples["time"] = Key("1 s", unit="time", sign="above 0", required=True)
+            found["time"] = Key("1 s", unit="time", sign="above 0", required=True)
         elif name in made:
             of_type = (*choices_of(kind), {bool: False, int: 1, str: "text"}.get(kind, 1.0))
-            examples[name] = _EXAMPLES.get(name, of_type[0])
-    return _of(record, (instead.rule,) if instead else (), **examples)
+            found |= _keys("", {name: _WITHIN["fields"].get(name, of_type[0])}, record)
+    return found
 
 
 def by_time(record: type) -> bool:
@@ -322,15 +248,15 @@ def methods_with(key: str) -> list[str]:
     return [name for name, kind in METHODS.items() if key in fields_of_method(kind).values()]
 
 
-def keys_of_simulation(method: object) -> tuple[dict[str, Key], dict[str, str]]:
-    """Keys of `simulation` with a method, one of the user's own among them; and why it has not those of other ones."""
-    usual, kind = dict(tables()["simulation"]), METHODS.get(method) if isinstance(method, str) else None
-    if kind is None:
-        return usual, {}
-    of_methods = {name: words for name in usual if (words := " or ".join(map(repr, methods_with(name))))}
+def keys_of_simulation(method: object) -> dict[str, Key]:
+    """Keys of `simulation` with a method, one of the user's own among them."""
+    usual = dict(TABLES["simulation"])
+    usual["method"] = replace(usual["method"], choices=tuple(METHODS))
+    if not isinstance(method, str) or method not in METHODS:
+        return usual
+    kind = METHODS[method]
     own = {key: usual.get(key) or keys_of(kind)[name] for name, key in fields_of_method(kind).items()}
-    others = {name: f"belongs to method = {words}; leave it out with {method!r}" for name, words in of_methods.items()}
-    return {name: key for name, key in usual.items() if name not in of_methods} | own, others
+    return {name: key for name, key in usual.items() if not methods_with(name)} | own
 
 
 def paths(given: Iterable[str]) -> list[str]:

@@ -23,8 +23,6 @@ from stickslip.model.rig import Rig
 from stickslip.model.units import Scales, engineering, si_unit
 
 Document = dict[str, Any]
-Same = Callable[[float], bool]
-"""Whether a value in the units of the file is the one to be written."""
 
 
 class RigWriter:
@@ -60,7 +58,12 @@ class RigWriter:
     def _refuse(self, what: str) -> InputError:
         return InputError(f"rig {self.rig.name!r}: {what} cannot be written into a rig file")
 
-    # -------------------------------------------------- records
+    def _name_of(self, record: Any, kinds: Mapping[str, type]) -> str:
+        """The name by which a file calls the kind of a record."""
+        for name, kind in kinds.items():
+            if type(record) is kind:
+                return name
+        raise self._refuse(f"{shown(record)}, which has no name among {', '.join(kinds)},")
 
     def _values(self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True) -> Document:
         """The fields of a record that its table has keys for; those that have their default may be left out."""
@@ -68,21 +71,18 @@ class RigWriter:
         usual = {field.name: field.default for field in fields(record)}
         for name, key in keys.items():
             value = getattr(record, name, None)
-            if value is None or value == -math.inf or (not defaults and value in (key.default, usual[name])):
+            if value is None or value == -math.inf or (not defaults and value in (key.default, usual.get(name))):
                 continue
             if is_dataclass(value):
                 found[name] = self._named(name, value)
             elif isinstance(value, tuple):
                 found[name] = [self._number(item) for item in value]
             elif name == "time" and rig_keys.by_time(type(record)):
-                found[name] = self._quantity(value, "time", lambda time: self._of_time(record, time) == record)
+                read_back = lambda si: converted(record.with_time(si), self.scales.natural) == record  # noqa: E731
+                found[name] = self._quantity(value, "time", read_back)
             else:
                 found[name] = self._quantity(value, key.unit) if key.unit else self._number(value)
         return found
-
-    def _of_time(self, record: Any, time: float) -> Any:
-        """A model of ageing as it is read with a time in the units of the file."""
-        return converted(record.with_time(time), self.scales.natural)
 
     def _named(self, key: str, record: Any) -> Any:
         """A record that a table names, or the word or the time that says it."""
@@ -91,32 +91,26 @@ class RigWriter:
         if isinstance(record, OnArrest):
             return "on arrest"
         word, kinds = rig_keys.KINDS[key]
-        its_kind: Any = type(record)
-        name = next((name for name, kind in kinds.items() if its_kind is kind), None)
-        if name is None:
-            raise self._refuse(f"{shown(record)}, which has no name among {', '.join(kinds)},")
-        named = {} if (key, name) == ("delay", "random") else {word: name}  # as without
-        return named | self._values(record, keys_of(its_kind))
+        kind: Any = type(record)
+        return {word: self._name_of(record, kinds)} | self._values(record, keys_of(kind))
 
     def _body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider
-        for name, kind in BODIES.items():  # section and material became springs and masses
-            if isinstance(slider, kind):
-                return {name: self._values(slider, rig_keys.tables()[name], defaults=False)}
-        if not isinstance(slider, Slider):
-            raise self._refuse(f"the impedance {shown(slider)} in place of a Slider")
-        found = self._values(slider, {name: TABLES["slider"][name] for name in ("mass", "stiffness", "damping")})
-        short = float(f"{slider.damping_ratio:.4g}")
-        if damping_ratio is None:
-            damping_ratio = slider.mass > 0 and 2.0 * short * slider.frequency == slider.damping
-        if damping_ratio and slider.mass > 0:
-            del found["damping"]
-            found["damping_ratio"] = short if self.digits is None else self._number(slider.damping_ratio)
-        return {"slider": found}
+        name = self._name_of(slider, {"slider": Slider} | BODIES)
+        # Section and material became springs and masses.
+        found = self._values(slider, rig_keys.tables()[name], defaults=False)
+        if name == "slider":
+            short = float(f"{slider.damping_ratio:.4g}")
+            if damping_ratio is None:
+                damping_ratio = 2.0 * short * slider.frequency == slider.damping
+            if self.digits is None:
+                found["damping_ratio"] = short
+            del found["damping" if damping_ratio and slider.mass > 0 else "damping_ratio"]
+        return {name: found}
 
     def _interface(self) -> Document:
-        interface, found, scales = self.rig.interface, {}, self.scales
-        blocks = 1 if self.natural else getattr(self.rig.slider, "size", 1)
+        interface, scales = self.rig.interface, self.scales
+        blocks, found = 1 if self.natural else getattr(self.rig.slider, "size", 1), {}
         if not self.natural:
             found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == scales.stretching)
@@ -125,11 +119,9 @@ class RigWriter:
         if self.digits is not None:
             found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}
         if force := interface.sliding_force:
-            read_back: Same = lambda si: si / blocks / scales.force == force  # noqa: E731
+            read_back = lambda si: si / blocks / scales.force == force  # noqa: E731
             found["sliding_force"] = self._quantity(blocks * force, "f_s", read_back)
         return found
-
-    # -------------------------------------------------- drive and simulation
 
     def _drive(self) -> Document:
         pieces, operation = self.rig.drive.pieces, self.rig.operation
@@ -141,22 +133,23 @@ class RigWriter:
         speeds = [self._quantity(speed, "x_s/time") for speed in operation.between or operation.speeds or (velocity,)]
         of_range = dict(zip(("from", "to"), speeds, strict=True)) if operation.between else None
         found: Document = {"velocity": of_range or (speeds if operation.speeds else speeds[0])}
-        if self.digits is None and velocity and duration == USUAL_DISTANCE / abs(velocity):
+        if velocity == 0:
+            return found | {"duration": self._quantity(duration, "time")}
+        if self.digits is None and duration == USUAL_DISTANCE / abs(velocity):
             return found  # a default, too
-        size, way = self.scales.unit("x_s"), abs(velocity) * duration
-        distance = velocity and self._exact(way, "x_s", lambda si: si / size / abs(velocity) == duration)
-        return found | ({"distance": distance} if distance else {"duration": self._quantity(duration, "time")})
+        read_back = lambda si: self.scales.natural(si, "x_s") / abs(velocity) == duration  # noqa: E731
+        return found | {"distance": self._quantity(abs(velocity) * duration, "x_s", read_back)}
 
     def _simulation(self) -> Document:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
             raise self._refuse("a start with a perturbation, or with blocks at rest,")
-        kind: Any = type(method)
-        name = next((name for name, known in METHODS.items() if kind is known), None)
-        if name is None or getattr(method, "memoryless", False):
+        if getattr(method, "memoryless", False):
             raise self._refuse(f"the method {shown(method)}")
+        kind: Any = type(method)
         written = self._values(method, keys_of(kind))
-        found = {"method": name, **{key: written[field] for field, key in rig_keys.fields_of_method(kind).items()}}
+        found: Document = {"method": self._name_of(method, METHODS)}
+        found |= {key: written[field] for field, key in rig_keys.fields_of_method(kind).items()}
         words = {FromRest: "from rest", FromSliding: "sliding"}
         is_table = isinstance(start, Prestressed)
         found["start"] = self._values(start, rig_keys.START, defaults=False) if is_table else words[type(start)]
@@ -164,36 +157,26 @@ class RigWriter:
             found["interval"] = self._quantity(output.interval, "time")
         return found
 
-    # -------------------------------------------------- numbers
-
     def _number(self, value: Any) -> Any:
         if isinstance(value, float) and self.digits is not None:
             return float(f"{value:.{self.digits}g}")
         return value
 
-    def _quantity(self, value: float, unit: str, same: Same | None = None) -> Any:
-        """A natural value as it stands in a file, in the shortest text that reads back as the same, or the nearest."""
-        exact = self._exact(value, unit, same)
-        nearest = value if self.natural else f"{self.scales.si(value, unit)!r} {si_unit(unit)}"
-        return nearest if exact is None else exact
+    def _quantity(self, value: float, unit: str, same: Callable[[float], bool] | None = None) -> Any:
+        """A natural value as it stands in a file: the shortest text that reads back as the same, or the nearest.
 
-    def _exact(self, value: float, unit: str, same: Same | None = None) -> Any:
-        """The shortest text that reads back as the same natural value; None if there is none."""
-        scales, name = self.scales, "" if self.natural or unit == "1" else si_unit(unit)
-        si = scales.si(value, unit)
+        `same` tells whether a value in SI units is the one to be written, where it is not divided by the unit.
+        """
+        if self.natural or unit == "1":
+            return self._number(value)
+        scales, name = self.scales, si_unit(unit)
+        exact = scales.si(value, unit)
         if self.digits is not None:
-            return engineering(si, name, self.digits) if name else self._number(si)
+            return engineering(exact, name, self.digits)
+        near = [exact + steps * math.ulp(exact) for steps in ((0, -1, 1, -2, 2) if exact else ())]
+        ways = [*(engineering(exact, name, digits) for digits in range(4, 17)), *(f"{si!r} {name}" for si in near)]
         fits = [same or (lambda si: scales.natural(si, unit) == value)]
         if unit == "x_s/time":  # the fastest velocity of a drive is also what the unit of time comes from
             fits.insert(0, lambda si: fits[-1](si) and (not si or scales.stretching / abs(si) == scales.time))
-        ways = [(way, read_quantity(way, name, way) if name else way) for way in _ways(si, name)]
-        return next((way for fit in fits for way, read in ways if fit(read)), None)
-
-
-def _ways(value: float, unit: str) -> list[Any]:
-    """A number, with its unit if there is one, of few digits, of more, and of all; then its neighbours."""
-    low, high = (math.nextafter(value, way) for way in (-math.inf, math.inf))
-    near = [value, low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf)] if value else []
-    if not unit:
-        return [*(float(f"{value:.{digits}g}") for digits in range(4, 17)), *near]
-    return [*(engineering(value, unit, digits) for digits in range(4, 17)), *(f"{one!r} {unit}" for one in near)]
+        read = {way: read_quantity(way, name, way) for way in ways}
+        return next((way for fit in fits for way, si in read.items() if fit(si)), f"{exact!r} {name}")
