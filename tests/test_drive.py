@@ -2,8 +2,8 @@
 
 import pickle
 from dataclasses import replace
+from functools import reduce
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,39 +18,22 @@ durations = st.floats(1e-3, 1e3)
 drives = st.lists(st.builds(ramp, velocities, velocities, durations), min_size=1, max_size=5)
 
 
-def joined(parts):
-    whole = parts[0]
-    for part in parts[1:]:
-        whole = whole.then(part)
-    return whole
-
-
-def test_a_velocity_is_linear_within_a_piece_and_constant_beyond_both_ends():
+def test_a_drive_of_constant_velocity_goes_far_enough_unless_told():
     assert constant(velocity=2.0, duration=3.0) == ramp(2.0, 2.0, duration=3.0)
-    assert [constant(velocity).duration for velocity in (3.0, -0.5)] == [40.0, 240.0]  # far enough unless told
-    times = np.array([[-1.0, 0.0, 1.0], [1.5, 2.0, 3.0]])
-    np.testing.assert_array_equal(ramp(1.0, 4.0, duration=2.0).velocity(times), [[1.0, 1.0, 2.5], [3.25, 4.0, 4.0]])
+    assert [constant(velocity).duration for velocity in (3.0, -0.5)] == [40.0, 240.0]
 
 
-@given(drives, st.floats(0.01, 0.99), st.data())
-def test_joined_pieces_keep_their_order_and_their_velocities(parts, share, data):
-    drive = joined(parts)
+@given(drives)
+def test_joined_pieces_keep_their_order(parts):
+    drive = reduce(Drive.then, parts)
     assert drive.duration == pytest.approx(sum(part.duration for part in parts), rel=1e-14)
     assert drive.pieces == tuple(piece for part in parts for piece in part.pieces)
-    i = data.draw(st.integers(0, len(parts) - 1))
-    begin = sum(part.duration for part in parts[:i])
-    piece = parts[i].pieces[0]
-    expected = piece.start + share * (piece.end - piece.start)
-    # One rounding of the time, seen through the acceleration.
-    slack = 1e-12 + 4e-16 * (begin + piece.duration) * abs(piece.acceleration) * 4
-    assert drive.velocity(begin + share * piece.duration) == pytest.approx(expected, abs=slack)
 
 
 def test_a_faster_drive_goes_the_same_way():
     drive = constant(1.0, 2.0).then(ramp(1.0, -0.5, duration=3.0))
-    quick, t = drive.faster(4.0), np.linspace(0.0, 5.0, 41)
-    assert quick.duration == drive.duration / 4.0
-    np.testing.assert_allclose(quick.velocity(t / 4.0), 4.0 * drive.velocity(t), atol=1e-12)
+    quick = drive.faster(4.0)
+    assert quick == constant(4.0, 0.5).then(ramp(4.0, -2.0, duration=0.75))
     rig = Rig(Interface(thresholds=Gaussian(mean=1.0, std=0.1)), Slider(stiffness=1.0, mass=0.1, damping=1.0), drive)
     assert rig.replace(velocity=4.0).drive == quick
 

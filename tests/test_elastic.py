@@ -372,7 +372,7 @@ def test_runs_of_elastic_sliders_in_si_units() -> None:
     [
         (BAR, 'density = "1180 kg/m^3"', "", "chain.density: is missing"),
         (BAR, "density =", 'mass = "1 g"\ndensity =', "give density or mass, not both"),
-        (BAR, "[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain, not both"),
+        (BAR, "[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain or sheet, not both"),
         (PLATE, "along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
         (PLATE, "blocks = 16", "blocks = 15", r"start.stretching = .*: is of 23 blocks, but there are 24; give one"),
         (PLATE, "blocks = 16", "blocks = 9e9", r"start.stretching\[1\].blocks = 9000000000.0: must be a whole number"),

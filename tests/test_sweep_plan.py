@@ -165,7 +165,7 @@ MISTAKES = [
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
     ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
     ("run.method", "monte carlo", "run.method", "must be 'contacts' or 'master equation'"),
-    ("run.rtol", 1e-4, "run.rtol", "method = 'master equation'"),
+    ("run.rtol", 1e-4, "run.rtol", "unknown key"),
     ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
     ("measure", ["perod"], "'perod'", "did you mean 'period'"),
     ("measure", "period", "measure = 'period'", "list"),

@@ -166,8 +166,8 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
             with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
                 if data.nbytes > LARGEST_RUN:
                     raise ValueError(f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}")
-                for holder in (data, *data.variables.values()):
-                    "".join(map(str, [*holder.attrs, *holder.attrs.values()])).encode()  # may stand for no letter
+                for attrs in (data.attrs, *(data[name].attrs for name in data.variables)):
+                    "".join(map(str, [*attrs, *attrs.values()])).encode()  # may stand for no letter
                 return data.load()
     except Exception as error:  # a damaged file fails in many ways
         why = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -85,7 +85,8 @@ class Key:
         if unit and isinstance(value, str):
             result = read_quantity(value, unit, self.example)
         elif isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise InputError(f"must be a {f'quantity, such as {self.example!r}' if unit else 'plain number'}")
+            wanted = f"quantity, such as {self.example!r}" if unit else "plain number" if self.unit else "number"
+            raise InputError(f"must be a {wanted}")
         elif unit:
             raise InputError(f"has no unit; write it as a string, such as {self.example!r}")
         else:

@@ -90,8 +90,11 @@ class ElasticBody(Record):
 
     @property
     def links(self) -> Links:
-        """The springs between blocks."""
-        raise NotImplementedError
+        """The springs between blocks: along rows, and where the body has several, from row to row."""
+        block = np.arange(self.size).reshape(self.rows, -1)
+        along, across = self._neighbours(block), self._neighbours(block.T)
+        stiffness = np.repeat([self.coupling, getattr(self, "shear", math.nan)], [len(along), len(across)])
+        return np.concatenate([along, across]), stiffness
 
     @property
     def pulled(self) -> Array:
@@ -105,12 +108,12 @@ class ElasticBody(Record):
         """Speed ``sqrt(k_b/M)`` of long waves along the free body, in blocks per time."""
         return math.sqrt(self.coupling / self.mass)
 
-    def _row(self, blocks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Pairs of neighbours in a row; a ring of two would couple them twice, and is none."""
-        pairs = np.column_stack([blocks[:-1], blocks[1:]])
-        if self.ends == "periodic" and len(blocks) > 2:
-            pairs = np.concatenate([pairs, [[blocks[-1], blocks[0]]]])
-        return pairs
+    def _neighbours(self, block: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Pairs of neighbours in rows of blocks; a ring of two would couple them twice, and is none."""
+        pairs = np.stack([block[:, :-1], block[:, 1:]], axis=-1)
+        if self.ends == "periodic" and block.shape[1] > 2:
+            pairs = np.concatenate([pairs, block[:, None, [-1, 0]]], axis=1)
+        return pairs.reshape(-1, 2)
 
 
 @register("chain")
@@ -166,12 +169,6 @@ class Chain(ElasticBody):
         """Number of blocks."""
         return self.blocks
 
-    @property
-    def links(self) -> Links:
-        """The springs between blocks."""
-        pairs = self._row(np.arange(self.blocks))
-        return pairs, np.full(len(pairs), self.coupling)
-
 
 @register("sheet")
 @dataclass(frozen=True, kw_only=True)
@@ -216,12 +213,3 @@ class Sheet(ElasticBody):
     def rows(self) -> int:
         """Number of rows."""
         return self.across
-
-    @property
-    def links(self) -> Links:
-        """The springs between blocks."""
-        block = np.arange(self.size).reshape(self.across, self.along)
-        rows = np.concatenate([self._row(line) for line in block])
-        columns = np.concatenate([self._row(line) for line in block.T])
-        stiffness = np.concatenate([np.full(len(rows), self.coupling), np.full(len(columns), self.shear)])
-        return np.concatenate([rows, columns]), stiffness

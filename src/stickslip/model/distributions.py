@@ -25,7 +25,7 @@ from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
 from stickslip.model.distribution import Distribution as Distribution
 from stickslip.model.distribution import excess as excess
 from stickslip.model.distribution import register as register
-from stickslip.model.quadrature import transforms_of_bins, transforms_on_a_path
+from stickslip.model.quadrature import transforms_on_a_path
 from stickslip.model.records import Number, Part
 
 Array = NDArray[np.float64]
@@ -101,11 +101,9 @@ class Gaussian(Distribution):
         return np.asarray(self.mean - self.std * special.ndtri(tail))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        if self._beyond_lower() < 0.5:
-            return self.inverse_survival(1.0 - rng.random(size))
         values = rng.normal(self.mean, self.std, size)
-        while (again := np.flatnonzero(values <= self.lower)).size:
-            values[again] = rng.normal(self.mean, self.std, again.size)
+        cut = values <= self.lower
+        values[cut] = self.inverse_survival(1.0 - rng.random(int(cut.sum())))
         return values
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -179,7 +177,13 @@ class _Histogram(Distribution):
         return np.asarray(np.interp(np.asarray(probability, dtype=float), survival[::-1], edges[::-1]))
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return transforms_of_bins(q, *self._bins)
+        edges, weights = self._bins
+        q, centre, half = q[..., None], 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+        z = np.where(q * half == 0, 1e-30, q * half)
+        # exp(-q c) sinh(z)/z and its like: modified Bessel functions of half a whole order, which do not overflow.
+        scale = weights * np.sqrt(0.5 * np.pi / z) * np.exp(np.abs(z.real) - q * centre)
+        even, odd = scale * special.ive(0.5, z), scale * special.ive(1.5, z)
+        return np.sum(even, axis=-1), np.sum(centre * even - half * odd, axis=-1)
 
     leftmost = -math.inf
 

@@ -14,9 +14,6 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from stickslip.errors import InputError, instance, number
 from stickslip.model.records import Number, Part, Record, rescaled
 
@@ -94,16 +91,6 @@ class Drive:
     def faster(self, factor: float) -> Drive:
         """Return the same path at velocities that are larger by a factor, in as much less time."""
         return rescaled(self, lambda unit: {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0))
-
-    def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Velocity of the drive at times `t`, conditions aside; constant beyond both ends."""
-        times, values = [], []
-        begin = 0.0
-        for piece in self.pieces:
-            times += [begin, begin + piece.duration]
-            values += [piece.start, piece.end]
-            begin += piece.duration
-        return np.asarray(np.interp(np.asarray(t, dtype=float), times, values))
 
 
 USUAL_DISTANCE = 120.0

@@ -1,4 +1,4 @@
-"""Integrals over distributions: of a density and nothing else, on rays of the complex plane, and over histograms."""
+"""Integrals over distributions: of a density and nothing else, and on rays of the complex plane."""
 
 from __future__ import annotations
 
@@ -156,9 +156,8 @@ def transforms_of(distribution: Distribution, q: ComplexArray) -> tuple[ComplexA
     scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
     for power in np.unique(scale).tolist():
         own = np.flatnonzero(scale == power)
-        least = float(np.min(flat[own].real))
-        if least >= 0:  # few different ones: the nodes are kept
-            least = 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
+        # A bound of which there are few different ones: the nodes are kept.
+        least = math.floor(4.0 * float(np.min(flat[own].real)) / 2.0**power) * 2.0**power / 4.0
         result[:, own] = _sums(flat[own], *_fine_nodes(hashable(distribution), power, least))
     mean, slope = result.reshape(2, *q.shape)
     return mean, slope
@@ -175,13 +174,10 @@ def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray
 def _fine_nodes(distribution: Distribution, power: float, least: float) -> tuple[Array, Array]:
     """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
     table = table_of(hashable(distribution))
-    left, right = table.edges[:-1], table.edges[1:]
-    if least >= 0:
-        # What is left out is below rounding: tails, and all that has decayed.
-        kept = (table.weight.sum(axis=1) > 1e-20) & (least * left < 100.0 + least * min(0.0, float(left[0])))
-        if not kept.any():
-            kept[0] = True
-        left, right = left[kept], right[kept]
+    with np.errstate(over="ignore", invalid="ignore"):
+        part = table.weight.sum(axis=1) * np.exp(-least * (table.edges[:-1] - table.edges[0]))
+    kept = ~(part <= 1e-20 * part.max())  # what is left out is below rounding: tails, and all that has decayed
+    left, right = table.edges[:-1][kept], table.edges[1:][kept]
     pieces = np.maximum(np.ceil((right - left) * 2.0**power / _TURN), 1.0)
     if pieces.sum() * 16 > _NODES:
         raise InputError(
@@ -208,19 +204,3 @@ def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray)
     below = q.imag < 0
     mean, slope = _sums(np.where(below, np.conj(q), q).ravel(), x, weight).reshape(2, *q.shape)
     return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)
-
-
-def transforms_of_bins(q: ComplexArray, edges: Array, weights: Array) -> tuple[ComplexArray, ComplexArray]:
-    """Transforms of orders 0 and 1 of a histogram, bin by bin about its middle: ``exp(-q c) sinh(q w)/(q w)``."""
-    q = q[..., None]
-    centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
-    z = q * half
-    small = np.abs(z) < 1e-2
-    safe = np.where(small, 1.0, z)
-    # The shift by exp(-q left) keeps sinh of a large argument from overflowing.
-    ratio = np.where(small, 0.0, -np.expm1(-2 * safe) / (2 * safe))
-    even = np.where(small, (1 + z * z / 6 + z**4 / 120) * np.exp(-z), ratio)
-    cosh = 0.5 * (1 + np.exp(-2 * safe))
-    odd = np.where(small, (z / 3 + z**3 / 30) * np.exp(-z), (cosh - even) / safe)
-    start = weights * np.exp(-q * (centre - half))
-    return np.sum(start * even, axis=-1), np.sum(start * (centre * even - half * odd), axis=-1)
