@@ -57,12 +57,6 @@ def plain_turns(force, drop, rise):
 def test_turning_points(force, drop, rise):
     peaks, troughs = turning_points.pick(np.array(force), float(drop), float(rise))
     assert (peaks.tolist(), troughs.tolist()) == plain_turns(force, drop, rise)
-    tops, bottoms = np.array(force)[peaks], np.array(force)[troughs]
-    for size in (drop, drop + 2):
-        # Of a series of slips those are left that are turning points where more must drop; a rise comes after the last.
-        series = [value for pair in zip(tops.tolist(), bottoms.tolist(), strict=True) for value in pair]
-        left = len(plain_turns([*series, math.inf], size, rise)[0])
-        assert turning_points.larger(tops, bottoms, float(size), float(rise)) == left
 
 
 @pytest.mark.parametrize(("noise", "resolution", "error"), [(0.0, 0.0, 0.1), (0.0, 0.5, 0.4), (0.1, 0.0, 0.5)])
@@ -161,7 +155,7 @@ def test_out_of_reach_is_out_of_reach_and_no_further_than_it_must_be(eta, w2, v,
     ("mass", "damping", "length", "tolerance"),  # the quadratures are of fourth order in the last doubling
     [(0.02, 40.0, 0.3, 1e-5), (1.0, 2.0, 0.3, 1e-5), (1.0, 2.0, 1.0, 5e-4), (0.02, 3.0, 0.05, 1e-6)],
 )
-def test_work_and_turning_points_of_the_oscillator(mass, damping, length, tolerance):
+def test_work_of_the_oscillator(mass, damping, length, tolerance):
     """Against the equation of motion, integrated: a drive that turns, contacts that break ever slower."""
     K, begin, start = 1.5, 0.1, Motion(0.1, 0.15, -0.4)
     drive, load = Quadratic(0.0, 0.2, -1.0, 2.0), Load(0.1, 0.5, 0.7, -0.3)
@@ -172,10 +166,8 @@ def test_work_and_turning_points_of_the_oscillator(mass, damping, length, tolera
         friction = load.force + load.stiffness * (X - start.X) - load.loss * t - 0.5 * load.ramp * t * t
         return [V, (K * (D - X) - friction) / mass - damping * V, K * (D - X) * velocity, V * V]
 
-    exact = solve_ivp(slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
+    exact = solve_ivp(slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14)
     X, V, work, squares = exact.y[:, -1]
-    path = exact.sol(np.linspace(0, length, 10_001))[0]
     got = travel(Slider(K, mass, damping), drive, start, load, length)
     assert pytest.approx([X, V], abs=1e-12) == [got.X, got.V]
-    assert [got.low, got.high] == pytest.approx([path.min(), path.max()], abs=20 * tolerance)  # a cubic between ends
     assert [got.work, got.squares] == pytest.approx([work, squares], abs=tolerance)

@@ -27,7 +27,7 @@ from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.model import FLOOR, KEYS, VERSION, Prior, simulate
 from stickslip.fitting.summary import statistics
 from stickslip.io import files
-from stickslip.kernels.turning_points import Sampling, larger, observe
+from stickslip.kernels.turning_points import Sampling, observe, pick
 from stickslip.measure.arrays import Array
 
 DRAWS, SLIPS = 20_000, 384
@@ -196,7 +196,8 @@ class Observation(NamedTuple):
             P, T = peaks.astype(float), troughs.astype(float)
             sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
             found, doubled = observe(P, T, sampling, rng, seen), PLATEAU * sampling.drop
-            left = larger(seen[0], seen[1], doubled, least_rise(doubled, sampling.noise))
+            rise = least_rise(doubled, sampling.noise)
+            left = pick(np.append(seen.T, np.inf), doubled, rise)[0].size  # the force rises after the last, too
             if found == self.slips and left >= (1.0 - LOST) * found:
                 return seen
         return np.full_like(seen, np.nan)

@@ -13,9 +13,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
+from .records import Floats
 from .tournament import enter, smallest, winner
 from .turning_points import PEAK, START, TROUGH, turn
 
@@ -95,9 +95,9 @@ def slips(
     floor: float,
     most: int,
     rng: np.random.Generator,
-    peaks: NDArray[np.float64],
-    troughs: NDArray[np.float64],
-    breaks_at: NDArray[np.float64],
+    peaks: Floats,
+    troughs: Floats,
+    breaks_at: Floats,
 ) -> int:
     """Fill in the force, per contact, before and after each slip; return how many there were.
 

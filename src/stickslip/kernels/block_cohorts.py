@@ -9,17 +9,14 @@ re-attaches in the middle of a step's way. All of that is smooth in time, so the
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join
 from .drive import NO_HISTORY, NO_ROOM, ON_THE_WAY, PAUSED, Piece, Sampling
 from .leapfrog import Motion, begin_step, element, end_step, slide
 from .network import Network
+from .records import Counts, Floats
 from .survival import Table, value_at, values_at
-
-Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 FIRST = 1e-3
 """The first break of infinitely many contacts is that of this fraction."""

@@ -13,16 +13,13 @@ behind and for re-attachments. What a contact loses when it attaches counts as b
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece, Sampling
 from .leapfrog import Motion, at_rest, begin_step, end_step, slide
 from .network import Network
+from .records import Counts, Floats
 from .tournament import enter, play, smallest, tournaments, winner
-
-Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 
 class Draws(NamedTuple):

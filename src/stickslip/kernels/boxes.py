@@ -15,13 +15,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .growth import EXPONENTIAL, Growth, ageing_time, threshold_at
 from .hazard import Hazard, largest_rate, rate, steepness
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 CHANCE = 0.2
 """Proposals that a contact may expect on its way through a box."""

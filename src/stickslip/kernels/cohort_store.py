@@ -3,12 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from .records import Counts, Floats
 
 PLACE, MASS, REACH, ALIVE = range(4)
 """Rows of cohorts: where they attached, how many did, the largest stretching so far, how many are left."""
@@ -17,17 +14,17 @@ PLACE, MASS, REACH, ALIVE = range(4)
 class Delays(NamedTuple):
     """Times until a broken contact re-attaches, and their weights; none: it never does."""
 
-    time: Array
-    weight: Array
+    time: Floats
+    weight: Floats
 
 
 class History(NamedTuple):
     """What has broken up to each of the last steps, in a ring, for one population or n."""
 
-    times: Array  # shape (kept,)
-    broken: Array  # shape (kept, n)
-    entered: IntArray  # shape (1,): steps entered so far
-    cursor: IntArray  # shape (delays,): step at or before the time one delay ago
+    times: Floats  # shape (kept,)
+    broken: Floats  # shape (kept, n)
+    entered: Counts  # shape (1,): steps entered so far
+    cursor: Counts  # shape (delays,): step at or before the time one delay ago
 
 
 def first_history(delays: Delays, rate: float, kept: int, n: int = 1) -> History:
@@ -57,7 +54,7 @@ def has_room(history: History) -> bool:
 
 
 @bare
-def due(history: History, delays: Delays, dt: float, found: Array) -> float:
+def due(history: History, delays: Delays, dt: float, found: Floats) -> float:
     """Find all that is to have re-attached a time `dt` after the last step, of what broke before it.
 
     Returns the fraction of what breaks in that time that re-attaches in it, too.
@@ -86,7 +83,7 @@ def due(history: History, delays: Delays, dt: float, found: Array) -> float:
 
 
 @inlined
-def join(cohort: Array, i: int, place: float, alive: float, reach: float) -> None:
+def join(cohort: Floats, i: int, place: float, alive: float, reach: float) -> None:
     """Let what attached at a place join a cohort close by, at the place that is their mean."""
     total = alive + cohort[ALIVE, i]
     part = alive / total

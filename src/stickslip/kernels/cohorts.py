@@ -8,14 +8,11 @@ follows the smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
+from .records import Counts, Floats
 from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
 from .survival import Table, value_and_slope, value_at
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COHORT_ROWS = 5
 PLACE, MASS, REACH, WHOLE, COUNT = range(COHORT_ROWS)
@@ -26,13 +23,13 @@ is 1 for a cohort whose nodes are those of Gauss on one panel; `COUNT` is the nu
 class Reading(NamedTuple):
     """Room for what the slider may break in a step, filled by `gather`."""
 
-    active: Array  # shape (3, n): place, mass and reach of nodes that may break
-    sums: Array  # shape (3,): moments of the mass of all nodes that cannot
-    kinked: IntArray  # how many cohorts a knot may pass through, and which
+    active: Floats  # shape (3, n): place, mass and reach of nodes that may break
+    sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
+    kinked: Counts  # how many cohorts a knot may pass through, and which
 
 
 @bare
-def _is_kinked(cohorts: Array, g: int, origin: float, table: Table, low: float, high: float) -> bool:
+def _is_kinked(cohorts: Floats, g: int, origin: float, table: Table, low: float, high: float) -> bool:
     """Whether a knot of the thresholds passes through a cohort of nodes while the slider is from `low` to `high`."""
     a, b = cohorts[PLACE, g, 0] - origin, cohorts[PLACE, g, Q - 1] - origin
     least, most = min(a, b), max(a, b)
@@ -57,7 +54,7 @@ def _is_kinked(cohorts: Array, g: int, origin: float, table: Table, low: float, 
 
 
 @bare
-def _is_passed(cohorts: Array, g: int, origin: float, table: Table, low: float, high: float) -> bool:
+def _is_passed(cohorts: Floats, g: int, origin: float, table: Table, low: float, high: float) -> bool:
     """Whether some of a cohort come to be stretched further than ever, one after the other."""
     sign = 1.0 if high > -low else -1.0
     first, last, widest = np.inf, -np.inf, 0.0
@@ -71,7 +68,7 @@ def _is_passed(cohorts: Array, g: int, origin: float, table: Table, low: float, 
 
 
 @inlined
-def _inside(cohorts: Array, row: int, g: int, u: float) -> float:
+def _inside(cohorts: Floats, row: int, g: int, u: float) -> float:
     """Place of birth, or births per unit of `u`, at ``0 <= u <= 1`` in the panel that a cohort stands for."""
     total = 0.0
     for a in range(Q - 1, -1, -1):
@@ -90,14 +87,14 @@ _EVER = -1.0
 
 
 @inlined
-def _beyond(cohorts: Array, g: int, X: float, knot: float, sign: float, u: float) -> float:
+def _beyond(cohorts: Floats, g: int, X: float, knot: float, sign: float, u: float) -> float:
     """How far the contacts at a place in a panel are stretched beyond a knot, or beyond their reach."""
     x = X - _inside(cohorts, PLACE, g, u)
     return abs(x) - _inside(cohorts, REACH, g, u) if knot == _EVER else x * sign - knot
 
 
 @bare
-def _cut(cohorts: Array, g: int, X: float, knot: float) -> float:
+def _cut(cohorts: Floats, g: int, X: float, knot: float) -> float:
     """Where in a panel the contacts are stretched by `knot`, or as far as ever; outside of (0, 1) nowhere."""
     sign = 1.0 if X - cohorts[PLACE, g, 0] >= 0.0 else -1.0
     a, b = 0.0, 1.0
@@ -114,27 +111,24 @@ def _cut(cohorts: Array, g: int, X: float, knot: float) -> float:
 
 
 @bare
-def _next_cut(cohorts: Array, g: int, X: float, table: Table, after: float) -> float:
+def _next_cut(cohorts: Floats, g: int, X: float, knots: Floats, after: float) -> float:
     """The first cut after a place in a panel, by a knot or by the limit of what is stretched further than ever."""
     end = 1.0
-    u = _cut(cohorts, g, X, _EVER)
-    if after + 1e-9 < u < end:
-        end = u
-    for i in range(table.knots.size):
-        u = _cut(cohorts, g, X, table.knots[i])
+    for i in range(-1, knots.size):
+        u = _cut(cohorts, g, X, knots[i] if i >= 0 else _EVER)
         if after + 1e-9 < u < end:
             end = u
     return end
 
 
 @bare
-def _in_parts(cohorts: Array, g: int, origin: float, table: Table, y: float) -> tuple[float, float, float, float]:
+def _in_parts(cohorts: Floats, g: int, origin: float, table: Table, y: float) -> tuple[float, float, float, float]:
     """Force, attached fraction, slope and energy of a cohort, integrated between the knots that lie in it."""
     F = A = S = E = 0.0
     begin = 0.0
     X = origin + y
     while begin < 1.0:
-        end = _next_cut(cohorts, g, X, table, begin)
+        end = _next_cut(cohorts, g, X, table.knots, begin)
         for j in range(Q):
             u = begin + (end - begin) * GAUSS[j]
             m = (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u)
@@ -154,7 +148,7 @@ def _in_parts(cohorts: Array, g: int, origin: float, table: Table, y: float) -> 
 
 
 @bare
-def gather(cohorts: Array, used: int, origin: float, reading: Reading, table: Table, low: float, high: float) -> int:
+def gather(cohorts: Floats, used: int, origin: float, reading: Reading, table: Table, low: float, high: float) -> int:
     """Nodes that may break while the slider is from `low` to `high`; the others are added up."""
     m0 = m1 = m2 = 0.0
     count = 0
@@ -189,7 +183,7 @@ def gather(cohorts: Array, used: int, origin: float, reading: Reading, table: Ta
 
 @bare
 def force_at(
-    reading: Reading, cohorts: Array, origin: float, count: int, table: Table, y: float
+    reading: Reading, cohorts: Floats, origin: float, count: int, table: Table, y: float
 ) -> tuple[float, float, float, float]:
     """Force, attached fraction, slope of the force, energy of what was attached before, at `y` from the origin."""
     sums, active = reading.sums, reading.active
@@ -220,7 +214,7 @@ def force_at(
 
 
 @bare
-def kink_at(cohorts: Array, used: int, table: Table, level: float) -> float:
+def kink_at(cohorts: Floats, used: int, table: Table, level: float) -> float:
     """How much the slope of the force falls where the slider passes a place at which it has turned."""
     jump = 0.0
     for g in range(used):
@@ -232,28 +226,17 @@ def kink_at(cohorts: Array, used: int, table: Table, level: float) -> float:
 
 
 @bare
-def divide(cohorts: Array, used: int, X: float, table: Table, room: int) -> int:
+def divide(cohorts: Floats, used: int, X: float, table: Table, room: int) -> int:
     """Divide the cohorts through which a knot passes, as there is room: when the slider turns, their reach stays."""
     count = used
     for g in range(used):
-        if not _is_kinked(cohorts, g, X, table, 0.0, 0.0):
-            continue
-        first = begin = _next_cut(cohorts, g, X, table, 0.0)
-        while begin < 1.0 and count < room - 1:
-            end = _next_cut(cohorts, g, X, table, begin)
-            _part(cohorts, g, count, X, begin, end)
-            count += 1
-            begin = end
-        if first < 1.0 and begin == 1.0:
-            _part(cohorts, g, count, X, 0.0, first)
-            for j in range(Q):
-                for row in range(4):
-                    cohorts[row, g, j] = cohorts[row, count, j]
+        if _is_kinked(cohorts, g, X, table, 0.0, 0.0):
+            count = _divide(cohorts, g, count, X, table.knots, room)
     return count
 
 
 @bare
-def divide_passed(cohorts: Array, used: int, X: float, table: Table, room: int) -> int:
+def divide_passed(cohorts: Floats, used: int, X: float, table: Table, room: int) -> int:
     """Divide cohorts of which some are stretched further than ever, and others not. Returns the number of cohorts."""
     count = used
     for g in range(used):
@@ -263,21 +246,30 @@ def divide_passed(cohorts: Array, used: int, X: float, table: Table, room: int) 
             widest = max(widest, x)
             if x > cohorts[REACH, g, j]:
                 ahead += 1
-        if ahead == 0 or ahead == Q or widest < table.bottom or cohorts[WHOLE, g, 0] == 0.0:
-            continue
-        u = _cut(cohorts, g, X, _EVER)
-        if u < 1.0 and count < room - 1:
-            _part(cohorts, g, count + 1, X, 0.0, u)
-            _part(cohorts, g, count, X, u, 1.0)
-            for j in range(Q):
-                for row in range(4):
-                    cohorts[row, g, j] = cohorts[row, count + 1, j]
-            count += 1
+        if 0 < ahead < Q and widest >= table.bottom and cohorts[WHOLE, g, 0] != 0.0:
+            count = _divide(cohorts, g, count, X, table.knots[:0], room)
     return count
 
 
 @bare
-def _part(cohorts: Array, g: int, n: int, X: float, begin: float, end: float) -> None:
+def _divide(cohorts: Floats, g: int, count: int, X: float, knots: Floats, room: int) -> int:
+    """Divide a cohort at all cuts, behind the others; their number."""
+    first = begin = _next_cut(cohorts, g, X, knots, 0.0)
+    while begin < 1.0 and count < room - 1:
+        end = _next_cut(cohorts, g, X, knots, begin)
+        _part(cohorts, g, count, X, begin, end)
+        count += 1
+        begin = end
+    if first < 1.0 and begin == 1.0:
+        _part(cohorts, g, count, X, 0.0, first)
+        for j in range(Q):
+            for row in range(4):
+                cohorts[row, g, j] = cohorts[row, count, j]
+    return count
+
+
+@bare
+def _part(cohorts: Floats, g: int, n: int, X: float, begin: float, end: float) -> None:
     """Make cohort `n` of a part of the panel of cohort `g`."""
     for j in range(Q):
         u = begin + (end - begin) * GAUSS[j]
@@ -287,7 +279,7 @@ def _part(cohorts: Array, g: int, n: int, X: float, begin: float, end: float) ->
         cohorts[WHOLE, n, j] = 1.0
 
 
-def merged(cohorts: Array, used: int, table: Table, width: float, tolerance: float) -> Array:
+def merged(cohorts: Floats, used: int, table: Table, width: float, tolerance: float) -> Floats:
     """Join cohorts that lie close to each other and reach equally far: their moments stay up to order ``2 Q - 1``.
 
     A slider that rings for long attaches contacts in many short panels on the same few places. What is joined is not
@@ -300,34 +292,22 @@ def merged(cohorts: Array, used: int, table: Table, width: float, tolerance: flo
     forth = ~free & (np.ptp(ahead, axis=1) < 1e-10)
     kind = np.where(free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3)))
     level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
-    order = np.lexsort((b.mean(axis=1), np.round(level, 9), kind))
     extent = min(0.02 * width, (10.0 * tolerance) ** 0.5) if table.knots.size else 0.5 * width
-    made: list[Array] = []
-    run: list[int] = []
-
-    def close() -> None:
-        if len(run) == 1:
-            made.append(cohorts[:, run[0]])
-        elif run:
-            x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
-            k = kind[run[0]]
-            reach = level[run[0]] - x if k == 1 else x - level[run[0]] if k == 2 else np.full(Q, r[run].max())
-            made.append(np.stack([x, weight, reach, np.zeros(Q), np.zeros(Q)]))
-        run.clear()
-
-    for g in order.tolist():
-        if run:
-            h = run[0]
-            low, high = min(b[run].min(), b[g].min()), max(b[run].max(), b[g].max())
-            same = kind[g] == kind[h] != 3 and abs(level[g] - level[h]) < 1e-8
-            if not same or high - low > extent:
-                close()
-        run.append(g)
-    close()
-    return np.stack(made, axis=1) if made else cohorts[:, :0]
+    cell = np.floor(b / extent)
+    alone = (kind == 3) | np.any(cell != cell[:, :1], axis=1)
+    keys = np.stack([np.where(alone, np.arange(used), -1), kind, np.round(level, 8), np.where(alone, 0.0, cell[:, 0])])
+    _, first, which, size = np.unique(keys, axis=1, return_index=True, return_inverse=True, return_counts=True)
+    made = cohorts[:, first]
+    for i in np.flatnonzero(size > 1):
+        run = which.ravel() == i
+        x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
+        k, at = kind[first[i]], level[first[i]]
+        reach = at - x if k == 1 else x - at if k == 2 else np.full(Q, r[run].max())
+        made[:, i] = x, weight, reach, np.zeros(Q), np.zeros(Q)
+    return made
 
 
-def gauss_rule(x: Array, weight: Array, count: int = Q) -> tuple[Array, Array]:
+def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Floats]:
     """Nodes and weights with the moments of many masses: of the matrix of ``x`` in polynomials orthogonal on them."""
     total = weight.sum()
     positive = np.maximum(weight, 0.0)
@@ -341,7 +321,7 @@ def gauss_rule(x: Array, weight: Array, count: int = Q) -> tuple[Array, Array]:
     return centre + half * place, total * vector[0] ** 2
 
 
-def spread_out(cohorts: Array, spacing: float) -> tuple[Array, Array, Array]:
+def spread_out(cohorts: Floats, spacing: float) -> tuple[Floats, Floats, Floats]:
     """Places, masses and reaches of all cohorts; those of whole panels at as many places as their length needs."""
     whole = cohorts[WHOLE, :, 0] > 0.0
     parts = [cohorts[:3, ~whole].reshape(3, -1)]

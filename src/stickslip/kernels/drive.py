@@ -3,10 +3,8 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ._jit import inlined
+from .records import Floats
 
 
 class Quadratic(NamedTuple):
@@ -59,8 +57,8 @@ class Piece(NamedTuple):
 class Sampling(NamedTuple):
     """Rising times at which to sample, shape (n,), and the samples, shape (n, columns)."""
 
-    times: NDArray[np.float64]
-    samples: NDArray[np.float64]
+    times: Floats
+    samples: Floats
 
 
 @inlined

@@ -10,14 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
-Counts = NDArray[np.int64]
-Records = NDArray[np.void]
+from .records import Counts, Floats, Indices, Records
 
 ENTRY = np.dtype([("key", np.float64), ("slot", np.int32), ("other", np.int32)])
 """The least that an entry holds; `other` is the user's."""

@@ -28,7 +28,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import shared_clock
 from ._jit import bare, inlined
@@ -52,12 +51,9 @@ from .motion import (
     set_out,
 )
 from .oscillator import Slider
+from .records import Counts, Floats, Records
 from .shared_clock import Clock, is_shared
 from .tournament import enter, play, smallest, tournaments, winner
-
-Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
-Records = NDArray[np.void]
 
 # Fields used together lie together: two contacts a cache line.
 CONTACT = np.dtype([*ENTRY.descr, ("birth", float), ("threshold", float)])
@@ -249,31 +245,22 @@ def _keep_behind(state: State, boxes: Boxes | None) -> None:
 
 
 @bare
-def _sum_again(state: State, as_stiff: bool) -> None:
-    """Sum the birth positions afresh, about the present position: rounding cannot pile up."""
+def _look_again(state: State, boxes: Boxes | None) -> None:
+    """Sum afresh about the present position, so that rounding cannot pile up, and bound; places may have changed."""
     m, contacts = state.motion[0], state.ahead.entries
-    m.reference = m.position
+    m.reference, m.least = m.position, np.inf
     m.births = m.squares = m.stiffness = 0.0
     for place in range(used(state.ahead)):
         if contacts[place]["key"] < np.inf:
-            y = contacts[place]["birth"] - m.reference
-            k = contacts[place]["threshold"] if as_stiff else 1.0
+            m.least = min(m.least, _reach(state, place, boxes) - contacts[place]["birth"])
+            y, k = contacts[place]["birth"] - m.reference, 1.0
+            if boxes is not None:
+                boxes.of[contacts[place]["slot"]]["place"] = place
+                if boxes.rule.as_stiff:
+                    k = contacts[place]["threshold"]
             m.births += k * y
             m.squares += k * y * y
             m.stiffness += k
-
-
-@bare
-def _look_again(state: State, boxes: Boxes | None) -> None:
-    """Sum and bound afresh; contacts may lie in other places than before."""
-    m, contacts = state.motion[0], state.ahead.entries
-    m.least = np.inf
-    for place in range(used(state.ahead)):
-        if contacts[place]["key"] < np.inf:
-            m.least = min(m.least, _reach(state, place, boxes) - contacts[place]["birth"])
-            if boxes is not None:
-                boxes.of[contacts[place]["slot"]]["place"] = place
-    _sum_again(state, boxes is not None and boxes.rule.as_stiff)
     m.attachments = m.keeps_behind = 0
     state.ahead.counts[MOVED] = state.behind.counts[MOVED] = 0
 

@@ -18,7 +18,6 @@ import copy
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .cohorts import COHORT_ROWS, COUNT, MASS, PLACE, REACH, WHOLE
@@ -27,11 +26,9 @@ from .oscillator import is_rigid, response
 from .panel_state import WAITING, Case, State, Work
 from .panel_step import element_at, reach
 from .reattachment import in_panel
-from .records import Record
-from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, value
+from .records import Floats, Record
+from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .survival import value_at, values_at
-
-Array = NDArray[np.float64]
 
 _GONE = 1e-13
 """Fraction of contacts so small that none of them is left."""
@@ -176,7 +173,7 @@ def _go_on(state: State, case: Case) -> float:
 
 
 @inlined
-def _put(cohorts: Array, place: int, case: Case, n: float, b: float, r: float) -> int:
+def _put(cohorts: Floats, place: int, case: Case, n: float, b: float, r: float) -> int:
     """Put contacts that attached at `b`, and hold up to `r`, into a place among the nodes; whether there are any."""
     if n == 0.0:
         return 0
@@ -188,7 +185,7 @@ def _put(cohorts: Array, place: int, case: Case, n: float, b: float, r: float) -
 
 
 @inlined
-def _joins(cohorts: Array, place: int, case: Case, n: float, b: float, r: float, X: float) -> bool:
+def _joins(cohorts: Floats, place: int, case: Case, n: float, b: float, r: float, X: float) -> bool:
     """Let contacts join those at a place among the nodes if that is as good as where they attached."""
     g, j = place // Q, place % Q
     if place < 0 or n == 0.0 or max(r, cohorts[REACH, g, j]) > case.table.bottom:
@@ -224,7 +221,7 @@ def _keep(state: State, work: Work, case: Case, start: Record, dt: float, more: 
 
 
 @bare
-def _wait(panel: Array, case: Case, more: float) -> None:
+def _wait(panel: Floats, case: Case, more: float) -> None:
     """Divide what broke in a panel between the delays, and what has a delay from a distribution between its nodes."""
     delays = case.delays
     left, rest = more, 1.0
@@ -299,10 +296,7 @@ def _attach(state: State, work: Work, case: Case, origin: float, way: float, rea
     broken = 0.0
     left, rest = reattached, 1.0
     for j in range(Q):
-        part = b = 0.0
-        for a in range(1, P + 1):
-            part += INCREASE[P - 1, j, a] * nodes[a].reattached
-            b += PART[P - 1, j, a] * nodes[a].x
+        part, b = dot(INCREASE[P - 1, j], nodes.reattached), dot(PART[P - 1, j], nodes.x)
         part = max(part / nodes[P].reattached, 0.0) if nodes[P].reattached > 1e-15 else WEIGHT[j]
         here = left if j == Q - 1 else _drawn(case, left, 1.0 - part / rest)
         left -= here
@@ -374,7 +368,7 @@ def counted(state: State, case: Case, count: int) -> State:
     """Return a state as `initial_state` makes it with a number of contacts in place of fractions of infinitely many."""
     table, delays, rng = case.table, case.delays, case.finite.rng
     state = copy.deepcopy(state)
-    used, cohorts, panels, motion = state.used, state.cohorts, state.panels, state.motion
+    used, cohorts, panels = state.used, state.cohorts, state.panels
     n, N = used.cohorts, float(count)
     reach = cohorts[REACH, :n]
     alive = values_at(table, reach.ravel()).reshape(reach.shape)
@@ -383,7 +377,7 @@ def counted(state: State, case: Case, count: int) -> State:
     held = rng.multinomial(attached, (weight / weight.sum()).ravel()).reshape(weight.shape)
     cohorts[COUNT, :n], cohorts[MASS, :n], cohorts[WHOLE, :n] = held, held / (N * np.maximum(alive, 1e-12)), 0.0
     if attached < count:
-        past, t = panels[: used.panels], motion.time
+        past, t = panels[: used.panels], state.motion.time
         end = past[:, :1] + past[:, 1:2] + delays.time - t
         parts = np.zeros((len(past), delays.time.size + Q))
         parts[:, : delays.time.size] = delays.weight * np.clip(end, 0.0, past[:, 1:2])
@@ -396,16 +390,12 @@ def counted(state: State, case: Case, count: int) -> State:
             waiting = past[:, WAITING + delays.time.size :]
             parted = N * delays.fraction * np.maximum(left, _GONE)
             past[:, 3 + P : WAITING] = np.where(left > _GONE, waiting / parted, 0)
-    x = motion.position - cohorts[PLACE, :n]
-    e = motion.element
-    motion.attached = motion.mass_in = attached / N
-    motion.mass_out = (count - attached) / N
-    motion.contact_force = (float(np.sum(held * x)) + (count - attached) * e) / N
-    motion.stored = 0.5 * (float(np.sum(held * x * x)) + (count - attached) * e * e) / N
+    count_up(state, case)
+    state.motion.lost = 0.0
     return state
 
 
-def joined(cohorts: Array, used: int, case: Case) -> Array:
+def joined(cohorts: Floats, used: int, case: Case) -> Floats:
     """Join nodes that lie close to each other and reach nearly as far; none of the contacts is lost."""
     birth, reach, count = (cohorts[row, :used].ravel() for row in (PLACE, REACH, COUNT))
     cell = np.round(np.stack([birth, reach])[:, count > 0] / (0.3 * case.finite.grain))

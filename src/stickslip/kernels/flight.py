@@ -9,12 +9,8 @@ the rest. Crossings need derivatives up to the jerk besides.
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ._jit import bare, inlined
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 
 class Flight(NamedTuple):
@@ -222,19 +218,30 @@ def heading(f: Flight) -> float:
 
 
 @bare
-def first_turn(f: Flight, most: float, cuts: Floats) -> float:
-    """First time up to `most`, within what `first_crossing` has searched, at which the slider stops, or infinity."""
-    if f.w2 == 0.0:  # rigid motion
-        return math.inf
+def _parts(f: Flight, most: float, lowest: int, cuts: Floats) -> int:
+    """Cut a flight where derivatives down to the `lowest` vanish, the jerk first; how many cuts there are.
+
+    A vanishing derivative shows by its signs at the two ends of a part. They are right only while the free oscillation
+    is more than rounding, hence a first cut where it has decayed: beyond, the motion is a parabola.
+    """
     g2 = f.w2 - 0.25 * f.eta * f.eta
-    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))
+    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))  # of the slowest part
     cuts[0], cuts[1] = 0.0, most
     count = 2
     if decay * most > _DIED_OUT:
         cuts[1], cuts[2] = _DIED_OUT / decay, most
         count = 3
-    for order in (3, 2):
+    for order in range(3, lowest - 1, -1):
         count = _cut(f, order, cuts, count)
+    return count
+
+
+@bare
+def first_turn(f: Flight, most: float, cuts: Floats) -> float:
+    """First time up to `most`, within what `first_crossing` has searched, at which the slider stops, or infinity."""
+    if f.w2 == 0.0:  # rigid motion
+        return math.inf
+    count = _parts(f, most, 2, cuts)
     left = _start(f, 1)
     for i in range(count - 1):
         right = derivative(f, 1, cuts[i + 1])[0]
@@ -250,33 +257,21 @@ def first_turn(f: Flight, most: float, cuts: Floats) -> float:
 def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, int]:
     """First time up to `most` at which the displacement reaches `to_ahead` or `-to_behind`, and which: 1 or -1.
 
-    With neither, the end of the stretch that was searched and 0: `most` or, if sooner, a quarter of a period. The
-    stretch is cut where the jerk vanishes (at most once within a quarter of a period, being a free oscillation),
-    then where the acceleration does, then the velocity: on each part the displacement is monotone and no crossing can
-    hide. A vanishing derivative shows by its signs at the two ends of a part. They are right only while the free
-    oscillation is more than rounding, hence a first cut where it has decays: beyond, the motion is a parabola.
+    With neither, the end of the stretch that was searched and 0: `most` or, if sooner, a quarter of a period, in which
+    the jerk, being a free oscillation, vanishes at most once. On each of its parts the displacement is monotone and no
+    crossing can hide.
     """
-    g2 = f.w2 - 0.25 * f.eta * f.eta
-    decay = 0.5 * f.eta  # of the slowest part of the free oscillation
-    if g2 > 0.0:
-        most = min(most, 0.5 * math.pi / math.sqrt(g2))
-    elif f.w2 > 0.0:
-        decay = f.w2 / (decay + math.sqrt(-g2))
-    else:  # rigid motion
-        distance = to_ahead if f.v > 0 else to_behind
+    distance = to_ahead if f.v > 0 else to_behind
+    if f.w2 == 0.0:  # rigid motion
         if f.v == 0.0 or most * abs(f.v) < distance:
             return most, 0
         return distance / abs(f.v), 1 if f.v > 0 else -1
+    g2 = f.w2 - 0.25 * f.eta * f.eta
+    if g2 > 0.0:
+        most = min(most, 0.5 * math.pi / math.sqrt(g2))
     if f.v != 0.0:  # most often the crossing comes soon: a short stretch has no turns and needs no roots
-        most = min(most, 4.0 * (to_ahead if f.v > 0 else to_behind) / abs(f.v))
-    cuts[0], cuts[1] = 0.0, most
-    count = 2
-    if decay * most > _DIED_OUT:
-        cuts[1], cuts[2] = _DIED_OUT / decay, most
-        count = 3
-    for order in (3, 2, 1):
-        count = _cut(f, order, cuts, count)
-    for i in range(count - 1):
+        most = min(most, 4.0 * distance / abs(f.v))
+    for i in range(_parts(f, most, 1, cuts) - 1):
         y = derivative(f, 0, cuts[i + 1])[0]
         if y >= to_ahead:
             return _root(f, 0, to_ahead, cuts[i], cuts[i + 1]), 1

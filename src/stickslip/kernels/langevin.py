@@ -17,11 +17,9 @@ by its local time there, and never breaks.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 
 class Langevin(NamedTuple):

@@ -7,15 +7,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .hazard import Hazard, log_rate, rate
 from .langevin import Langevin
 from .oscillator import Load
+from .records import Floats
 from .stepping import COLUMNS, LOSS, Course, Stroke, attached_now, begin, fill, goes_on, keep, plan, settle
-
-Floats = NDArray[np.float64]
 
 # Relaxation times of the reflected margin, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0

@@ -12,14 +12,12 @@ where the slider is. Second order in all: halve step, reach and cells together.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
 from .langevin import Langevin, bernoulli
 from .oscillator import Load
+from .records import Counts, Floats
 from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
-
-Floats = NDArray[np.float64]
 
 # Further entries of the state: number of closed cohorts, how far the contacts lag behind the slider, slope of the loss
 # and length of the last step.
@@ -54,7 +52,7 @@ class _Work(NamedTuple):
     known: Floats
     echo: Floats  # what one birth a time leaves
     stage: Floats  # mass and moment in the two stages of a step
-    tops: NDArray[np.int64]  # for each cohort the last node where it held anything
+    tops: Counts  # for each cohort the last node where it held anything
 
 
 class _Step(NamedTuple):

@@ -13,15 +13,12 @@ which polynomials have in closed form at any p.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
 from .langevin import Life, longest_age
 from .langevin_survival import NODE, P, panel_ages, panel_edges, survive
+from .records import Complexes, Counts, Floats
 from .rules import gauss
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _LEGENDRE = np.ascontiguousarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * NODE - 1.0, P)))
 """Coefficients of Legendre polynomials from values at the nodes."""
@@ -39,7 +36,7 @@ class Excursions(NamedTuple):
     slope: Floats  # shape (n, n): slopes of a polynomial in the start from its values
     survivors: Floats  # shape (nodes,)
     lives: Floats  # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain and times age
-    alive: NDArray[np.int64]  # shape (nodes,): how many of the columns of `lives` to regard: later there is nobody
+    alive: Counts  # shape (nodes,): how many of the columns of `lives` to regard: later there is nobody
 
 
 @jit
@@ -80,7 +77,7 @@ def excursions(life: Life) -> Excursions:
 
 
 @jit
-def _legendre_transforms(z: complex, out: Complex) -> None:
+def _legendre_transforms(z: complex, out: Complexes) -> None:
     """``int P_n(x) exp(-z (1 + x)) dx`` from -1 to 1 for all orders, by their recursion upwards or downwards."""
     size, far = abs(z), np.exp(-2.0 * z)
     if size < 1e-8:
@@ -108,7 +105,7 @@ def _legendre_transforms(z: complex, out: Complex) -> None:
 
 
 @jit
-def _transform_weights(edges: Floats, p: complex, weight: Complex) -> None:
+def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
     """Weights of the nodes of all panels in the Laplace transform of what is given at them."""
     weight[0] = 0.0
     for i in range(_FINE.size):
@@ -145,7 +142,7 @@ def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -
 
 
 @jit
-def life_transforms(known: Excursions, p: Complex) -> Complex:
+def life_transforms(known: Excursions, p: Complexes) -> Complexes:
     """What one life contributes to the dynamic stiffness at Laplace variables `p` in units of rate^2, shape (4, n).
 
     ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of the survivors S by a slider that

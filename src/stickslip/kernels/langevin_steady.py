@@ -1,15 +1,13 @@
 """Ageing contacts at constant velocity, N to infinity: lives are alike, and one life says all."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
 from .hazard import NONE, Hazard, log_rate, rate
 from .langevin import Langevin, Life, age_nodes, between_nodes, life_at, margin_nodes, margin_rates
 from .langevin_survival import P, interpolate, panel_edges, survive
+from .records import Floats
 from .rules import gauss
-
-Floats = NDArray[np.float64]
 
 _GAUSS, _WEIGHT = gauss(8)
 

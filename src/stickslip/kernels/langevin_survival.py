@@ -17,13 +17,11 @@ in the margin, in units of the standard deviation).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
 from .langevin import Life, longest_age
+from .records import Floats
 from .rules import gauss, lobatto
-
-Floats = NDArray[np.float64]
 
 P = 10
 """Order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of the panel before."""

@@ -10,14 +10,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .drive import FINISHED, LOOK, NOWHERE, ON_THE_WAY, STOPPED, Piece, Sampling, drive_at, holds
-from .network import Network, Pull, energies, stretch
-from .records import Record, blank, record
-
-Floats = NDArray[np.float64]
+from .network import Network, stretch
+from .records import Floats, Record, blank, record
 
 SCALARS = 9
 """Numbers that a sample begins with, summed over blocks: spring force, work of drive and push, kinetic energy, energies
@@ -158,20 +155,24 @@ def fill_row(motion: Motion, network: Network, piece: Piece, row: Floats, slidin
     blocks, now = motion.blocks, motion.now
     n = blocks.X.size
     D, _ = drive_at(piece.drive, now.time)
-    here: Pull = energies(network, blocks.X, blocks.V_now, D)
-    stored = 0.0
-    first = SCALARS
+    pulled = pushed = kinetic = springs = bulk = stored = 0.0
     for j in range(n):
-        X, held = blocks.X[j], blocks.held[j]
-        force = element(blocks, j, X, sliding)
-        row[first + j] = X
-        row[first + n + j] = blocks.V_now[j]
-        row[first + 2 * n + j] = held * X - blocks.births[j] + (1.0 - held) * force
-        row[first + 3 * n + j] = held
-        row[first + 4 * n + j] = blocks.broken[j]
+        X, V, held, first = blocks.X[j], blocks.V_now[j], blocks.held[j], SCALARS + j
+        force, pull = element(blocks, j, X, sliding), network.pull[j]
+        row[first], row[first + n], row[first + 3 * n], row[first + 4 * n] = X, V, held, blocks.broken[j]
+        row[first + 2 * n] = held * X - blocks.births[j] + (1.0 - held) * force
         stored += held * X * X - 2.0 * X * blocks.births[j] + blocks.squares[j] + (1.0 - held) * force * force
-    row[0], row[1] = here.force, now.work + here.pushed
-    row[2], row[3], row[4], row[5] = here.kinetic, here.springs, here.bulk, 0.5 * stored
+        kinetic += V * V
+        spring = pull * (D - X) + network.load[j] - network.push[j]
+        pulled += spring
+        if pull > 0.0:
+            springs += spring * spring / pull
+        for m in range(network.spring.shape[1]):
+            y = blocks.X[network.neighbour[j, m]] - X
+            bulk += network.spring[j, m] * y * y
+        pushed += network.push[j] * X
+    row[0], row[1], row[2] = pulled, now.work + pushed, 0.5 * network.mass * kinetic
+    row[3], row[4], row[5] = 0.5 * springs, 0.25 * bulk, 0.5 * stored
     row[6], row[7] = now.damped - now.last_damped, now.viscous - now.last_viscous
     row[8] = now.broken
 

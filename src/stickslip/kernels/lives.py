@@ -8,16 +8,12 @@ of a perturbation ``exp(s t)``, ``q = s/v``, are sums over the nodes.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .growth import LOGARITHMIC, Growth, grown
 from .hazard import BELL, PARABOLIC, TOP, Hazard, log_rate
-from .rules import integrals, radau
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Numbers = Floats | Complexes
+from .records import Complexes, Floats, Mask
+from .rules import dot, integrals, radau, solve
 
 NODES = 8
 FOLDS = 1.75
@@ -40,7 +36,7 @@ class Lives(NamedTuple):
     """
 
     width: Floats
-    fresh: NDArray[np.bool_]
+    fresh: Mask
     x: Floats
     weight: Floats
     survival: Floats
@@ -165,22 +161,16 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
             width[panels], fresh[panels] = h, first
             first = False
             for j in range(NODES):
-                more, slower, push = 0.0, 0.0, 0.0
-                for k in range(NODES):
-                    more += INTEGRAL[j, k] * rate[k]
-                    slower += INTEGRAL[j, k] * older[k]
-                    push += INTEGRAL[j, k] * along[k]
-                integrated[j], aged[j] = broken + h * more, late + h * slower
+                integrated[j], aged[j] = broken + h * dot(INTEGRAL[j], rate), late + h * dot(INTEGRAL[j], older)
                 survival = share * np.exp(-integrated[j])
                 table[0, nodes] = x[j]
                 table[1, nodes] = h * INTEGRAL[NODES - 1, j]
                 table[2, nodes] = survival
                 table[3, nodes] = survival * (integrated[j] - aged[j])
                 table[4, nodes] = along[j]
-                table[5, nodes] = survival * (pushed + h * push)
+                table[5, nodes] = survival * (pushed + h * dot(INTEGRAL[j], along))
                 nodes += 1
-            for k in range(NODES):
-                pushed += h * INTEGRAL[NODES - 1, k] * along[k]
+            pushed += h * dot(INTEGRAL[NODES - 1], along)
             broken, late = integrated[NODES - 1], aged[NODES - 1]
             panels += 1
             here = end if h == end - here else here + h
@@ -211,27 +201,11 @@ def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
                 matrix[i, j] = h * INTEGRAL[i, j] * decay[at + j]
                 value[i] += h * INTEGRAL[i, j] * source[at + j]
             matrix[i, i] += 1.0
-        _solve(matrix, value)
+        solve(matrix, value)
         for i in range(NODES):
             found[at + i] = value[i]
         start = value[NODES - 1]
     return found
-
-
-@inlined
-def _solve(matrix: Numbers, value: Numbers) -> None:
-    """Solve a small system in place, without pivoting: collocation matrices are near the identity or diagonal."""
-    for k in range(NODES):
-        inverse = 1.0 / matrix[k, k]
-        for i in range(k + 1, NODES):
-            factor = matrix[i, k] * inverse
-            for j in range(k + 1, NODES):
-                matrix[i, j] -= factor * matrix[k, j]
-            value[i] -= factor * value[k]
-    for k in range(NODES - 1, -1, -1):
-        for j in range(k + 1, NODES):
-            value[k] -= matrix[k, j] * value[j]
-        value[k] /= matrix[k, k]
 
 
 @inlined
@@ -271,7 +245,7 @@ def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
                         matrix[i, j] = h * INTEGRAL[i, j] * (lives.decay[at + j] + here)
                         value[i] += h * INTEGRAL[i, j] * lives.source[at + j]
                     matrix[i, i] += 1.0
-                _solve(matrix, value)
+                solve(matrix, value)
                 start = value[NODES - 1]
             elif thermal:
                 for j in range(NODES):

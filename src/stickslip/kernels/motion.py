@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .drive import NOWHERE, Piece, Quadratic, Sampling, drive_at, holds
 from .flight import NEAR, Flight, at, energies, take_off
 from .oscillator import Slider
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 
 class Motion:

@@ -7,13 +7,8 @@ contact of a block, as is its mass.
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ._jit import bare, inlined
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
+from ._jit import inlined
+from .records import Floats, Indices
 
 
 class Network(NamedTuple):
@@ -27,16 +22,6 @@ class Network(NamedTuple):
     mass: float
     damping: float
     lag: float  # viscosity of a spring over its stiffness
-
-
-class Pull(NamedTuple):
-    """Energies of the body at a moment, and the force of the driving springs, summed over blocks."""
-
-    force: float
-    kinetic: float
-    springs: float
-    bulk: float
-    pushed: float
 
 
 def fastest(network: Network, contacts: float = 1.0) -> float:
@@ -57,22 +42,3 @@ def stretch(network: Network, Z: Floats, j: int) -> float:
     for m in range(network.spring.shape[1]):
         force += network.spring[j, m] * (Z[network.neighbour[j, m]] - Z[j])
     return force
-
-
-@bare
-def energies(network: Network, X: Floats, V: Floats, D: float) -> Pull:
-    """Energies at displacements `X` and velocities `V`, and the force of the driving springs."""
-    force, kinetic, springs, bulk, pushed = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(X.size):
-        kinetic += V[j] * V[j]
-        if network.pull[j] > 0.0:
-            f = network.pull[j] * (D - X[j]) + network.load[j] - network.push[j]
-            force += f
-            springs += f * f / network.pull[j]
-        else:
-            force += network.load[j] - network.push[j]
-        for m in range(network.spring.shape[1]):
-            y = X[network.neighbour[j, m]] - X[j]
-            bulk += network.spring[j, m] * y * y
-        pushed += network.push[j] * X[j]
-    return Pull(force, 0.5 * network.mass * kinetic, 0.5 * springs, 0.25 * bulk, pushed)

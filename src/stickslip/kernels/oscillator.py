@@ -52,15 +52,10 @@ class Load(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """Motion of the slider over some time: where it ends, the lowest and highest position on the way, work, losses.
-
-    `work` is that of the drive, `squares` the integral of the squared velocity.
-    """
+    """Motion of the slider over some time: where it ends, work of the drive, integral of the squared velocity."""
 
     X: float
     V: float
-    low: float
-    high: float
     work: float
     squares: float
 
@@ -171,21 +166,19 @@ def move(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float)
 def travel(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float) -> Travel:
     """`move`, with what lies on the way.
 
-    The closed form is had by doubling a short time, and the motion is looked at after each doubling. A step may be long
-    against the relaxation of the slider, and the slider may turn within: what the ends do not tell, these moments do,
-    as each comes soon after the one before, measured by what has not decays by then.
+    The closed form is had by doubling a short time, and the motion is looked at after each doubling: a step may be long
+    against the relaxation of the slider, but each moment comes soon after the one before, measured by what has not
+    decayed by then.
     """
-    D, velocity = drive_at(drive, start.time)
-    X, V, acceleration, length = start.X, start.V, drive.acceleration, D - start.X
     if is_rigid(slider):
-        y, v = length + dt * (velocity + 0.5 * dt * acceleration), velocity + dt * acceleration
-        turn = _turning_point(V, y, v, dt)
-        return Travel(X + y, v, X + min(0.0, y, turn), X + max(0.0, y, turn), 0.0, 0.0)
+        return Travel(*drive_at(drive, start.time + dt), 0.0, 0.0)
+    D, velocity = drive_at(drive, start.time)
+    V, acceleration, length = start.V, drive.acceleration, D - start.X
     eta, w, constant, linear, quadratic = _equation(slider, drive, start, load)
     doublings = _doublings(dt, eta, w)
     t = dt * 0.5**doublings
     found = _short_response(t, eta, w)
-    begin = y = low = high = work = squares = 0.0
+    begin = y = work = squares = 0.0
     u, v = velocity, V
     for i in range(doublings + 1):
         if i > 0:
@@ -196,8 +189,6 @@ def travel(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: floa
         y1 = V * found[1] + constant * found[2] + linear * found[3] + quadratic * found[4]
         v1 = V * found[0] + constant * found[1] + linear * found[2] + quadratic * found[3]
         u1 = velocity + t * acceleration
-        turn = y + _turning_point(v, y1 - y, v1, part)
-        low, high = min(low, y1, turn), max(high, y1, turn)
         # Quadratures from both ends, of fourth order.
         mean = (y1 - y) / part
         pulled = length + begin * (velocity + 0.5 * begin * acceleration) - y
@@ -206,41 +197,18 @@ def travel(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: floa
         work += slider.stiffness * part * (0.5 * (pulled * u + pulled1 * u1) + part / 12.0 * (rate - rate1))
         squares += part * ((2.0 * (v * v + v1 * v1) - v * v1) / 15.0 + mean * (1.2 * mean - 0.2 * (v + v1)))
         y, u, v = y1, u1, v1
-    return Travel(X + y, v, X + low, X + high, work, squares)
+    return Travel(start.X + y, v, work, squares)
 
 
 @jit
-def _turning_point(V: float, y1: float, V1: float, dt: float) -> float:
-    """Displacement where the velocity changes sign on a cubic of these ends; 0 where it does not."""
-    if V * V1 > 0.0 or V1 == 0.0:
-        return 0.0
-    mean = y1 / dt
-    a, b = 3.0 * (V + V1) - 6.0 * mean, 6.0 * mean - 4.0 * V - 2.0 * V1
-    if V == 0.0:  # it starts the way of b
-        u = -b / a if b * V1 < 0.0 else 0.0
-    else:
-        root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
-        # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
-        u = -2.0 * V / (b + math.copysign(root, -V))
-    return dt * u * (V + u * (b / 2.0 + u * a / 3.0))
-
-
-@jit
-def slow_path(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> tuple[float, float, float]:
-    """Coefficients of the parabola, from the slider's position, that a damped slider ends on.
+def free_amplitude(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> float:
+    """Amplitude of the free oscillation, or of the creep, about the parabola that a damped slider ends on.
 
     The slider must be held: by a positive stiffness of spring and contacts together.
     """
     eta, w, constant, linear, quadratic = _equation(slider, drive, start, load)
     p2 = 0.5 * quadratic / w
     p1 = (linear - 2.0 * eta * p2) / w
-    return (constant - eta * p1 - 2.0 * p2) / w, p1, p2
-
-
-@jit
-def free_amplitude(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> float:
-    """Amplitude of the free oscillation, or of the creep, about the slow path."""
-    p0, p1, _ = slow_path(slider, drive, start, load)
-    half, w = 0.5 * slider.damping, (slider.stiffness + load.stiffness) / slider.mass
-    rate = start.V - p1 - half * p0
-    return math.sqrt(p0 * p0 + rate * rate / max(abs(w - half * half), 1e-6 * w))
+    p0 = (constant - eta * p1 - 2.0 * p2) / w
+    rate = start.V - p1 - 0.5 * eta * p0
+    return math.sqrt(p0 * p0 + rate * rate / max(abs(w - 0.25 * eta * eta), 1e-6 * w))

@@ -6,24 +6,20 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .cohorts import COHORT_ROWS, MASS, PLACE, REACH, WHOLE, Reading
 from .drive import STILL, Quadratic
 from .oscillator import Slider
-from .records import Record, blank, record
+from .records import Floats, Record, blank, record
 from .rules import NODE, WEIGHT, P, Q
 from .survival import Table, values_at
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Delays(NamedTuple):
     """Times until a broken contact re-attaches; none: it never does."""
 
-    time: Array  # shape (n,): given times, 0 for at once
-    weight: Array  # shape (n,): the fraction of what breaks that re-attaches after each
+    time: Floats  # shape (n,): given times, 0 for at once
+    weight: Floats  # shape (n,): the fraction of what breaks that re-attaches after each
     continuous: Table  # survival of the times of the rest that re-attaches
     fraction: float  # of that rest
     grain: float  # a part of the motion that is longer has to be cut
@@ -35,9 +31,9 @@ class Delays(NamedTuple):
 class Newborn(NamedTuple):
     """Stretchings along the motion with which contacts attach, the fraction of them, and that over their survival."""
 
-    stretching: Array
-    fraction: Array
-    mass: Array
+    stretching: Floats
+    fraction: Floats
+    mass: Floats
 
 
 class Accuracy(NamedTuple):
@@ -116,30 +112,29 @@ class State(NamedTuple):
     """
 
     motion: Record  # record of MOTION
-    cohorts: Array  # shape (5, room, Q), see `cohorts`
-    panels: Array  # shape (room, WAITING + n_delays + Q)
-    cursor: IntArray  # shape (n_delays,): panel of the time one delay ago
-    front: IntArray  # shape (n_delays,): first of the rough moments of which not all has re-attached yet
-    extremes: Array  # places where the slider has turned and that it has not passed since
-    rough: Array  # ring of moments at which what breaks has no smooth rate
+    cohorts: Floats  # shape (5, room, Q), see `cohorts`
+    panels: Floats  # shape (room, WAITING + n_delays + Q), in order of time
+    extremes: Floats  # places where the slider has turned and that it has not passed since
+    rough: Floats  # ring of moments at which what breaks has no smooth rate
     used: Record  # record of COUNTS
 
 
 class Work(NamedTuple):
     """Room to calculate in."""
 
-    nodes: Record  # AT_NODE, shape (P + 3,): start and nodes; then the start before it is changed, and a place between
-    values: Array  # shape (P + 3, fields): the same numbers as a matrix
+    nodes: Record  # AT_NODE, shape (P + 2,): start and nodes; then the start before it is changed
+    values: Floats  # shape (P + 2, fields): the same numbers as a matrix
     curves: Record  # of the polynomials through them, by name
-    coefficients: Array  # the same as a matrix
+    coefficients: Floats  # the same as a matrix
     before: Record  # MOTION, shape (1,): motion at the start of a step
-    matrix: Array  # shape (P, P + 1)
+    matrix: Floats  # shape (P, P)
+    right: Floats  # shape (P,)
     reading: Reading
     fluctuation: Record  # record of FLUCTUATION
 
 
-FIRST, BETWEEN = P + 1, P + 2
-"""Rows of the nodes behind the last."""
+FIRST = P + 1
+"""Row of the nodes behind the last."""
 WAITING = 3 + P + Q
 """First of the columns of panels that count contacts."""
 
@@ -160,8 +155,8 @@ EVENT = 0.1
 def initial_state(
     table: Table,
     delays: Delays,
-    stretching: Array,
-    weight: Array,
+    stretching: Floats,
+    weight: Floats,
     *,
     velocity: float = 0.0,
     rate: float = 0.0,
@@ -197,6 +192,6 @@ def initial_state(
     panels[:count, 1] = step
     panels[:count, 2 : 3 + P] = rate * (panels[:count, :1] + step * NODE)
     panels[:count, 3 + P : WAITING] = rate * step * WEIGHT
-    zeros = np.zeros(delays.time.size, np.int64)
-    used.cohorts, used.panels, used.rough = n, count, 1
-    return State(motion, cohorts, panels, zeros, zeros.copy(), np.zeros(64), np.zeros(64), used)
+    rough = np.full(64, -math.inf)
+    used.cohorts, used.panels, used.rough, rough[0] = n, count, 1, 0.0
+    return State(motion, cohorts, panels, np.zeros(64), rough, used)

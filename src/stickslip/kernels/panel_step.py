@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ._jit import bare, inlined
 from .cohorts import force_at, gather
 from .drive import drive_at
 from .oscillator import is_rigid
 from .panel_state import FIRST, MOST_SWEEPS, NEGLIGIBLE, NOT_CONVERGED, Case, Delays, State, Work
 from .reattachment import all_reattachment, known_reattachment
-from .records import Record
-from .rules import COLLOCATION, INCREASE, LAST, NODE, PART, SLOPES, P, Q
+from .records import Floats, Record
+from .rules import COLLOCATION, INCREASE, LAST, NODE, PART, SLOPES, P, Q, dot, solve
 from .survival import value_at
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @inlined
-def _unresolved(row: Array) -> float:
+def _unresolved(row: Floats) -> float:
     """Error of the polynomial through the nodes, from the decay of its last coefficients, each with its neighbours."""
-    a = b = c = 0.0
-    for k in range(P + 1):
-        a += LAST[2, k] * row[k]
-        b += LAST[1, k] * row[k]
-        c += LAST[0, k] * row[k]
-    a, b, c = abs(a), abs(b), abs(c)
+    a, b, c = abs(dot(LAST[2], row)), abs(dot(LAST[1], row)), abs(dot(LAST[0], row))
     if b > 0.0:
         a = max(a, b * min(b / c, 1.0) if c > 0.0 else b)  # a kink may lie where the last one has a zero
     return a if a >= b else max(a * a / b, 0.03 * b)
@@ -56,10 +45,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
         y = nodes[k].x
         F = A = E = lost = 0.0
         for j in range(Q):
-            reattached = b = 0.0
-            for a in range(1, P + 1):
-                reattached += INCREASE[k - 1, j, a] * nodes[a].reattached
-                b += PART[k - 1, j, a] * nodes[a].x
+            reattached, b = dot(INCREASE[k - 1, j], nodes.reattached), dot(PART[k - 1, j], nodes.x)
             for i in range(newborn.stretching.size):
                 x = y - b + way * newborn.stretching[i]
                 m = reattached * newborn.fraction[i]
@@ -143,10 +129,7 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
     nodes = work.nodes
     nodes[0] = nodes[FIRST]
     for k in range(P + 1):
-        rate = 0.0
-        for a in range(P + 1):
-            rate += SLOPES[k, a] * nodes[a].broken
-        held = 1.0 / (1.0 + delays.mean * max(rate / dt, 0.0))
+        held = 1.0 / (1.0 + delays.mean * max(dot(SLOPES[k], nodes.broken) / dt, 0.0))
         nodes[k].force *= held
         nodes[k].attached *= held
         nodes[k].slope *= held
@@ -154,54 +137,22 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
 
 
 @bare
-def _solve(matrix: Array) -> None:
-    """Gaussian elimination with pivots; the last column becomes the solution."""
-    for c in range(P):
-        best = c
-        for r in range(c + 1, P):
-            if abs(matrix[r, c]) > abs(matrix[best, c]):
-                best = r
-        if best != c:
-            for k in range(c, P + 1):
-                matrix[c, k], matrix[best, k] = matrix[best, k], matrix[c, k]
-        one = 1.0 / matrix[c, c]
-        for r in range(c + 1, P):
-            f = matrix[r, c] * one
-            if f != 0.0:
-                for k in range(c + 1, P + 1):
-                    matrix[r, k] -= f * matrix[c, k]
-    for c in range(P - 1, -1, -1):
-        total = matrix[c, P]
-        for k in range(c + 1, P):
-            total -= matrix[c, k] * matrix[k, P]
-        matrix[c, P] = total / matrix[c, c]
-
-
-@bare
 def _newton(state: State, work: Work, case: Case, dt: float) -> float:
     """Move the slider at the nodes by one step of Newton's method; the largest change of place."""
-    nodes, matrix, slider = work.nodes, work.matrix, case.slider
+    nodes, matrix, V, slider = work.nodes, work.matrix, work.right, case.slider
     K, M, eta = slider.stiffness, slider.mass, slider.damping
-    V0 = state.motion.velocity
     for r in range(P):
-        rhs = 0.0
         for c in range(P):
-            rhs += COLLOCATION[r, c] * nodes[c + 1].work
             total = 0.0
             for k in range(P):
                 total += COLLOCATION[r, k] * (K + nodes[k + 1].slope) * COLLOCATION[k, c]
             matrix[r, c] = dt * (eta * COLLOCATION[r, c] + dt / M * total)
         matrix[r, r] += 1.0
-        matrix[r, P] = V0 + dt / M * rhs
-    _solve(matrix)
+        V[r] = state.motion.velocity + dt / M * dot(COLLOCATION[r], nodes.work[1:])
+    solve(matrix, V)
     change = 0.0
     for r in range(P):
-        nodes[r + 1].v = matrix[r, P]
-    for r in range(P):
-        y = 0.0
-        for c in range(P):
-            y += COLLOCATION[r, c] * nodes[c + 1].v
-        y *= dt
+        nodes[r + 1].v, y = V[r], dt * dot(COLLOCATION[r], V)
         change = max(change, abs(y - nodes[r + 1].x))
         nodes[r + 1].x = y
     return change

@@ -21,7 +21,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import panel_state
 from ._jit import bare, jit
@@ -32,11 +31,8 @@ from .oscillator import is_rigid
 from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, State, Work
 from .panel_step import element_at, heading, only_lose, reach, try_step
 from .reattachment import forget, mark_rough, next_front
-from .records import Record, blank
-from .rules import INCREASE, INTEGRAL, MONOMIAL, NODE, PART, P, Q, along, fit
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from .records import Floats, Record, blank
+from .rules import INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
 
 # What ends a step: nothing but its length; or the slider turns, it passes the last place where it turned, or detached
 # contacts begin to slide. `FAILS` if even the smallest one has no solution.
@@ -48,12 +44,12 @@ class Wanted(NamedTuple):
 
     until: float
     stop: Stop
-    times: Array
+    times: Floats
     rows: Record
 
 
 @bare
-def _crossing(row: Array, curve: Array, level: float, sign: float) -> float:
+def _crossing(row: Floats, curve: Floats, level: float, sign: float) -> float:
     """First place, in (0, 1], where values at the nodes cross a level, in the direction of `sign`; 2 if nowhere."""
     for k in range(1, P + 1):
         if (row[k] - level) * sign > 0.0:
@@ -81,14 +77,9 @@ def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
         work.curves[k].damped = 0.0 if math.isinf(K) else slider.mass * slider.damping * nodes[k].v ** 2
         work.curves[k].lost = nodes[k].force * nodes[k].v
     for k in range(P + 1):
-        w = d = f = 0.0
-        for a in range(P + 1):
-            w += INTEGRAL[k, a] * work.curves[a].work
-            d += INTEGRAL[k, a] * work.curves[a].damped
-            f += INTEGRAL[k, a] * work.curves[a].lost
-        nodes[k].work = dt * w
-        nodes[k].damped = dt * d
-        nodes[k].lost = dt * f - nodes[k].stored + nodes[0].stored
+        nodes[k].work = dt * dot(INTEGRAL[k], work.curves.work)
+        nodes[k].damped = dt * dot(INTEGRAL[k], work.curves.damped)
+        nodes[k].lost = dt * dot(INTEGRAL[k], work.curves.lost) - nodes[k].stored + nodes[0].stored
 
 
 @bare
@@ -116,11 +107,8 @@ def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None
         for i in range(newborn.stretching.size):
             x0 = newborn.stretching[i]
             for j in range(Q):
-                m = b = 0.0
-                for a in range(1, P + 1):
-                    m += INCREASE[P - 1, j, a] * nodes[a].reattached
-                    b += PART[P - 1, j, a] * nodes[a].x
-                b -= way * x0
+                m = dot(INCREASE[P - 1, j], nodes.reattached)
+                b = dot(PART[P - 1, j], nodes.x) - way * x0
                 cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = origin + b, m * newborn.mass[i]
                 cohorts[REACH, kept, j] = max(abs(y - b), abs(x0))
                 cohorts[WHOLE, kept, j] = 1.0
@@ -129,10 +117,7 @@ def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None
     n = state.used.panels
     if not case.delays.memoryless and (case.delays.time.size > 0 or case.delays.fraction > 0.0):
         for j in range(Q):
-            m = 0.0
-            for a in range(1, P + 1):
-                m += INCREASE[P - 1, j, a] * nodes[a].broken
-            state.panels[n, 3 + P + j] = m
+            state.panels[n, 3 + P + j] = dot(INCREASE[P - 1, j], nodes.broken)
         state.panels[n, 0], state.panels[n, 1] = motion.time, dt
         for k in range(P + 1):
             state.panels[n, 2 + k] = motion.broken + nodes[k].broken
@@ -170,26 +155,14 @@ def _spring(row: Record, case: Case) -> None:
 
 
 @bare
-def _between(work: Work, u: float) -> Record:
-    """Values of all polynomials, of which the coefficients are known, at ``0 <= u <= 1``."""
-    values, coefficients = work.values, work.coefficients
-    for row in range(panel_state.SAMPLED_ROWS):
-        values[panel_state.BETWEEN, row] = coefficients[P, row]
-    for a in range(P - 1, -1, -1):
-        for row in range(panel_state.SAMPLED_ROWS):
-            values[panel_state.BETWEEN, row] = values[panel_state.BETWEEN, row] * u + coefficients[a, row]
-    return work.nodes[panel_state.BETWEEN]
-
-
-@bare
 def _sample(row: Record, t: float, start: Record, state: State, work: Work, case: Case, dt: float) -> None:
-    here = _between(work, (t - start.time) / dt)
+    curves, u = work.curves, (t - start.time) / dt
     row.time = t
-    row.position, row.velocity = start.position + here.x, here.v
-    row.contact_force = here.force
-    row.attached = min(max(here.attached, 0.0), 1.0)  # a polynomial overshoots
-    row.work, row.damped = start.work + here.work, start.damped + here.damped
-    row.lost, row.stored = start.lost + here.lost, here.stored
+    row.position, row.velocity = start.position + along(curves.x, u), along(curves.v, u)
+    row.contact_force = along(curves.force, u)
+    row.attached = min(max(along(curves.attached, u), 0.0), 1.0)  # a polynomial overshoots
+    row.work, row.damped = start.work + along(curves.work, u), start.damped + along(curves.damped, u)
+    row.lost, row.stored = start.lost + along(curves.lost, u), along(curves.stored, u)
     if case.finite.contacts > 0.0:
         deviate(row, t, start, state.motion, work, case)
     _spring(row, case)
@@ -380,12 +353,8 @@ def _sample_all(state: State, work: Work, case: Case, wanted: Wanted, dt: float,
     motion, used, start = state.motion, state.used, work.before[0]
     times, rows = wanted.times, wanted.rows
     if used.sampled < times.size and times[used.sampled] < end:
-        for a in range(P + 1):
-            for row in range(panel_state.SAMPLED_ROWS):
-                c = 0.0
-                for b in range(P + 1):
-                    c += MONOMIAL[a, b] * work.values[b, row]
-                work.coefficients[a, row] = c
+        for i in range(panel_state.SAMPLED_ROWS):
+            fit(work.values[:, i], work.coefficients[:, i])
     while used.sampled < times.size and times[used.sampled] < end:
         row = rows[used.sampled]
         _sample(row, times[used.sampled], start, state, work, case, dt)
@@ -473,7 +442,7 @@ def _take(state: State, work: Work, case: Case, dt: float, event: int, room: int
 
 
 def advance(
-    state: State, case: Case, until: float, times: Array, stop: Stop = Stop(), max_steps: int = 2**62
+    state: State, case: Case, until: float, times: Floats, stop: Stop = Stop(), max_steps: int = 2**62
 ) -> tuple[State, Record, int]:
     """Go on from a state, which is not changed, under one piece of the drive that ends at the time `until`.
 
@@ -497,10 +466,10 @@ def advance(
 def _room_to_work(state: State) -> Work:
     room = state.cohorts.shape[1]
     reading = Reading(np.zeros((3, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64))
-    values, coefficients = np.zeros((P + 3, len(panel_state.AT_NODE))), np.zeros((P + 1, len(panel_state.AT_NODE)))
+    values, coefficients = np.zeros((P + 2, len(panel_state.AT_NODE))), np.zeros((P + 1, len(panel_state.AT_NODE)))
     nodes, curves = (matrix.view(panel_state.AT_NODE)[:, 0].view(np.recarray) for matrix in (values, coefficients))
-    before, matrix = blank(MOTION, 1), np.zeros((P, P + 1))
-    return Work(nodes, values, curves, coefficients, before, matrix, reading, blank(panel_state.FLUCTUATION))
+    before, matrix, right = blank(MOTION, 1), np.zeros((P, P)), np.zeros(P)
+    return Work(nodes, values, curves, coefficients, before, matrix, right, reading, blank(panel_state.FLUCTUATION))
 
 
 def _with_room(state: State, case: Case) -> State:

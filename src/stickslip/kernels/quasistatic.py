@@ -11,18 +11,14 @@ the stiffness of its block, unless it slides on the way ahead.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from . import drive
 from ._jit import bare, inlined
 from .blocks import Draws, State, attach_contact, break_contact, look_ahead
 from .drive import NOWHERE, Piece, Sampling, drive_at, holds
 from .leapfrog import element, fill_row, slide
 from .network import Network, stretch
+from .records import Floats
 from .tournament import smallest, winner
-
-Floats = NDArray[np.float64]
 
 LET_GO, DRIVEN = range(2)
 _ON_THE_EDGE = 1e-10

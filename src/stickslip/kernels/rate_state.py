@@ -1,11 +1,9 @@
 """A spring-slider with rate-and-state friction: the forward model of velocity steps and holds."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 AGEING = 0
 SLIP = 1

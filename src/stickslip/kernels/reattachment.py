@@ -4,33 +4,34 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ._jit import bare, inlined
 from .panel_state import Delays, State, Work
-from .rules import GAUSS, INCREASE, NODE, P, Q, between
+from .records import Floats
+from .rules import GAUSS, INCREASE, NODE, P, Q, between, dot
 from .survival import value_at
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @bare
-def _broken_at(state: State, i: int, t: float) -> float:
-    """Mass broken up to time `t`, which is before now; the cursor of delay `i` follows."""
-    panels, n = state.panels, state.used.panels
-    k = state.cursor[i]
-    while k < n - 1 and panels[k + 1, 0] <= t:
-        k += 1
-    while k > 0 and panels[k, 0] > t:
-        k -= 1
-    state.cursor[i] = k
-    return in_panel(panels, k, t)
+def _panel_at(state: State, t: float) -> int:
+    """Panel of a time before now; the first one for all before it."""
+    low, high = 0, state.used.panels
+    while high - low > 1:
+        middle = (low + high) // 2
+        if state.panels[middle, 0] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @inlined
-def in_panel(panels: Array, k: int, t: float) -> float:
+def _broken_at(state: State, t: float) -> float:
+    """Mass broken up to a time before now."""
+    return in_panel(state.panels, _panel_at(state, t), t)
+
+
+@inlined
+def in_panel(panels: Floats, k: int, t: float) -> float:
     """Mass broken up to a time by the polynomial of a panel; before and after it, up to its ends."""
     return between(panels[k, 2 : 3 + P], min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0))
 
@@ -46,13 +47,13 @@ def known_reattachment(state: State, work: Work, delays: Delays, dt: float) -> N
         tau, weight = delays.time[i], delays.weight[i]
         if tau == 0.0:
             continue
-        start = _broken_at(state, i, t - tau)
+        start = _broken_at(state, t - tau)
         for k in range(1, P + 1):
             at = t - tau + NODE[k] * dt
             if at >= t:
                 nodes[k].known += weight * (state.motion.broken - start)
             else:
-                nodes[k].known += weight * (_broken_at(state, i, at) - start)
+                nodes[k].known += weight * (_broken_at(state, at) - start)
     if delays.fraction > 0.0:
         _add_spread_delays(state, work, delays, dt)
 
@@ -98,9 +99,7 @@ def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
         for k in range(1, P + 1):
             total = 0.0
             for j in range(Q):
-                m = 0.0
-                for a in range(1, P + 1):
-                    m += INCREASE[k - 1, j, a] * nodes[a].broken
+                m = dot(INCREASE[k - 1, j], nodes.broken)
                 total += m * (1.0 - value_at(delays.continuous, NODE[k] * (1.0 - GAUSS[j]) * dt))
             nodes[k].reattached += delays.fraction * total
 
@@ -109,16 +108,11 @@ def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
 def next_front(state: State, delays: Delays, t: float, smallest: float) -> float:
     """The next time at which what broke at a rough moment re-attaches."""
     front = math.inf
-    n = state.used.rough
-    size = state.rough.size
-    for i in range(delays.time.size):
-        k = state.front[i]
-        while k < n and state.rough[k % size] + delays.time[i] <= t + smallest:
-            k += 1
-        state.front[i] = k
-        if k < n:
-            front = min(front, state.rough[k % size] + delays.time[i])
-    return float(front)
+    for delay in delays.time:
+        for moment in state.rough:
+            if moment + delay > t + smallest:
+                front = min(front, moment + delay)
+    return front
 
 
 @bare
@@ -128,8 +122,6 @@ def mark_rough(state: State, t: float) -> None:
     if n == 0 or state.rough[(n - 1) % size] < t:
         state.rough[n % size] = t
         state.used.rough = n + 1
-        for i in range(state.front.size):
-            state.front[i] = max(state.front[i], n + 1 - size)
 
 
 @bare
@@ -139,11 +131,8 @@ def forget(state: State, delays: Delays, spare: int) -> bool:
     if n == state.panels.shape[0]:
         first = n - 1
         t = state.motion.time
-        for i in range(delays.time.size):
-            k = state.cursor[i]
-            while k > 0 and state.panels[k, 0] > t - delays.time[i]:
-                k -= 1
-            first = min(first, k)
+        for delay in delays.time:
+            first = min(first, _panel_at(state, t - delay))
         if delays.fraction > 0.0:
             while first > 0 and state.panels[first, 0] + state.panels[first, 1] > t - delays.continuous.top:
                 first -= 1
@@ -152,7 +141,5 @@ def forget(state: State, delays: Delays, spare: int) -> bool:
         for k in range(first, n):
             for a in range(state.panels.shape[1]):
                 state.panels[k - first, a] = state.panels[k, a]
-        for i in range(state.cursor.size):
-            state.cursor[i] = max(state.cursor[i] - first, 0)
         state.used.panels = n - first
     return bool(state.used.cohorts + spare <= state.cohorts.shape[1])

@@ -1,8 +1,16 @@
-"""Records of numbers, which kernels read and write by name: ``motion.time``."""
+"""Arrays of numbers, and records of them, which kernels read and write by name: ``motion.time``."""
 
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Counts = NDArray[np.int64]
+Indices = NDArray[np.int32]
+Mask = NDArray[np.bool_]
+Records = NDArray[np.void]
 
 Record: TypeAlias = Any
 """A record, or an array of records: numpy's stubs know no fields."""

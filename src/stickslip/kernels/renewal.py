@@ -26,16 +26,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from .records import Floats, Mask
 
 NOTHING = 1e-18
 """Survival below which a distribution is taken to have ended."""
 
-Density = Callable[[Array], Array]
-Excess = Callable[[Array, int], Array]
+Density = Callable[[Floats], Floats]
+Excess = Callable[[Floats, int], Floats]
 
 
 class Contacts(NamedTuple):
@@ -43,29 +41,29 @@ class Contacts(NamedTuple):
 
     density: Density  # ``P_c(x)`` at ``x >= 0``
     excess: Excess  # ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for n = 0, 1, 2; order 0 is ``J_c``
-    stretching: Array  # nodes of the initial stretchings, any sign
-    weight: Array  # of sum 1
-    reach: Array  # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is read to the letter
-    shift: Array  # distances ``v tau_d >= 0`` travelled before a broken contact re-attaches; 0: at once; none: never
-    fraction: Array  # of sum 1
-    born: Array = np.zeros(1)  # nodes of the stretchings at re-attachment
-    born_weight: Array = np.ones(1)  # of sum 1
+    stretching: Floats  # nodes of the initial stretchings, any sign
+    weight: Floats  # of sum 1
+    reach: Floats  # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is read to the letter
+    shift: Floats  # distances ``v tau_d >= 0`` travelled before a broken contact re-attaches; 0: at once; none: never
+    fraction: Floats  # of sum 1
+    born: Floats = np.zeros(1)  # nodes of the stretchings at re-attachment
+    born_weight: Floats = np.ones(1)  # of sum 1
 
 
 class ReAttached(NamedTuple):
     """What all but the initial contacts contribute, on a uniform grid from 0: continuous functions."""
 
     spacing: float  # between points
-    values: Array  # shape (4, n): force, attached fraction, breaking rate and stiffness
+    values: Floats  # shape (4, n): force, attached fraction, breaking rate and stiffness
 
 
 class Response(NamedTuple):
     """The interface under rigid motion, per contact."""
 
-    force: Array  # ``F_c/N`` in units of ``f_s``, Eq. (4)
-    attached: Array  # fraction
-    rate: Array  # breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2)
-    stiffness: Array  # ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force; no numerical derivative
+    force: Floats  # ``F_c/N`` in units of ``f_s``, Eq. (4)
+    attached: Floats  # fraction
+    rate: Floats  # breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2)
+    stiffness: Floats  # ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force; no numerical derivative
 
 
 def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
@@ -96,7 +94,7 @@ def _carried(contacts: Contacts) -> float:
     return float(contacts.born_weight @ contacts.born)
 
 
-def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
+def observe(contacts: Contacts, re_attached: ReAttached, X: Floats) -> Response:
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions up to the distance of `solve`.
 
     The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to sixth
@@ -117,7 +115,7 @@ def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
     )
 
 
-def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Array, breaking: Array) -> Array:
+def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Floats, breaking: Floats) -> Floats:
     """Contacts that re-attach per contact and unit displacement: the breaking rate, each delay earlier."""
     total = np.zeros_like(breaking)
     for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
@@ -132,13 +130,13 @@ def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Array, breaking
 
 
 class _Initial(NamedTuple):
-    force: Array
-    broken: Array
-    rate: Array
-    stiffness: Array
+    force: Floats
+    broken: Floats
+    rate: Floats
+    stiffness: Floats
 
 
-def _initial(contacts: Contacts, X: Array) -> _Initial:
+def _initial(contacts: Contacts, X: Floats) -> _Initial:
     """The contacts of the start: those still there, and those that break for the first time."""
     known = contacts.reach[:, None]
     values = np.zeros((4, X.size))
@@ -152,7 +150,7 @@ def _initial(contacts: Contacts, X: Array) -> _Initial:
     return _Initial(*values)
 
 
-def _initial_breaks(contacts: Contacts, X: Array) -> Array:
+def _initial_breaks(contacts: Contacts, X: Floats) -> Floats:
     broken = np.full_like(X, contacts.weight.sum())
     for block in _blocks(contacts, X):
         inside, _, survivors, _ = _survivors(contacts, X[block])
@@ -160,13 +158,13 @@ def _initial_breaks(contacts: Contacts, X: Array) -> Array:
     return broken
 
 
-def _blocks(contacts: Contacts, X: Array) -> list[slice]:
+def _blocks(contacts: Contacts, X: Floats) -> list[slice]:
     """Parts of the positions for which a table by node of the start and position takes some 10 MB."""
     size = max(1_000_000 // contacts.stretching.size, 1)
     return [slice(begin, begin + size) for begin in range(0, X.size, size)]
 
 
-def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]:
+def _survivors(contacts: Contacts, X: Floats) -> tuple[Mask, Floats, Floats, Floats]:
     """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its distribution."""
     inside = X + contacts.stretching.min() < _end(contacts)
     x = contacts.stretching[:, None] + X[inside]
@@ -186,7 +184,7 @@ def _at_once(contacts: Contacts) -> float:
     return float(contacts.fraction[contacts.shift == 0].sum())
 
 
-def solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
+def solve_once(contacts: Contacts, first: Floats, distance: float) -> Floats:
     """Second-order solution on the uniform grid on which the first breaks ``m_0`` are given.
 
     Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the breaking rate,
@@ -218,7 +216,7 @@ WRAPPED = 1e-13
 """What wraps around is damped by this; rounding errors grow by its fourth root, at most."""
 
 
-def _antiderivatives(contacts: Contacts, path: Array, end: float) -> Array:
+def _antiderivatives(contacts: Contacts, path: Floats, end: float) -> Floats:
     """Second antiderivatives, zero where the path begins with their slope, of the four kernels that act on ``m``.
 
     With `G` the fraction of those born that has broken on a path, and ``x G`` what it held: of ``G'`` it is ``Int G``
@@ -244,7 +242,7 @@ def _antiderivatives(contacts: Contacts, path: Array, end: float) -> Array:
     return total
 
 
-def _interpolate(values: Array, where: Array) -> Array:
+def _interpolate(values: Floats, where: Floats) -> Floats:
     """Values at fractional indices along the last axis, by polynomials through the six nearest points."""
     count = values.shape[-1]
     degree = min(5, count - 1)

@@ -5,11 +5,11 @@ what happens in it: the integral of anything smooth over the panel is a sum over
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
+from .records import Complexes, Floats
 
-Array = NDArray[np.float64]
+Numbers = Floats | Complexes
 
 P = 5
 """Nodes of a step behind its start; its order is ``P + 1``."""
@@ -17,27 +17,27 @@ Q = 4
 """Nodes that stand for what attaches in a step; they integrate polynomials up to order ``2 Q - 1``."""
 
 
-def _powers(nodes: Array) -> Array:
+def _powers(nodes: Floats) -> Floats:
     """Coefficients of the polynomials that are 1 at one node and 0 at the others."""
     return np.ascontiguousarray(np.linalg.inv(np.vander(nodes, increasing=True)))
 
 
-def _values(nodes: Array, points: Array) -> Array:
+def _values(nodes: Floats, points: Floats) -> Floats:
     return np.asarray(np.vander(points, nodes.size, increasing=True) @ _powers(nodes))
 
 
-def _slopes(nodes: Array, points: Array) -> Array:
+def _slopes(nodes: Floats, points: Floats) -> Floats:
     power = np.arange(nodes.size)
     return np.asarray((power * points[:, None] ** np.maximum(power - 1, 0)) @ _powers(nodes))
 
 
-def integrals(nodes: Array) -> Array:
+def integrals(nodes: Floats) -> Floats:
     """Integrals from 0 to each node of the polynomials that are 1 at one node and 0 at the others."""
     power = np.arange(1, nodes.size + 1)
     return np.ascontiguousarray((nodes[:, None] ** power / power) @ _powers(nodes))
 
 
-def radau(count: int) -> Array:
+def radau(count: int) -> Floats:
     """Places on (0, 1] where the Legendre polynomials of the last two orders are equal; the last is 1."""
     difference = np.zeros(count + 1)
     difference[count], difference[count - 1] = 1.0, -1.0
@@ -47,13 +47,13 @@ def radau(count: int) -> Array:
     return np.asarray(places)
 
 
-def gauss(count: int) -> tuple[Array, Array]:
+def gauss(count: int) -> tuple[Floats, Floats]:
     """Nodes and weights of Gauss on (0, 1)."""
     x, weight = np.polynomial.legendre.leggauss(count)
     return 0.5 * (1.0 + x), 0.5 * weight
 
 
-def lobatto(order: int) -> Array:
+def lobatto(order: int) -> Floats:
     """Ends of [0, 1], and where the Legendre polynomial of an order is steepest or lowest."""
     inner = np.polynomial.legendre.Legendre.basis(order).deriv().roots()
     return np.asarray(0.5 * (1.0 + np.concatenate([[-1.0], np.sort(inner.real), [1.0]])))
@@ -82,18 +82,24 @@ LAST = np.ascontiguousarray(_CHEBYSHEV[P - 2 :])
 """Coefficients of the last three Chebyshev polynomials: they tell whether the polynomial is resolved."""
 
 
+@inlined
+def dot(weights: Floats, row: Floats) -> float:
+    """Sum of products."""
+    total = 0.0
+    for i in range(weights.size):
+        total += weights[i] * row[i]
+    return total
+
+
 @bare
-def fit(row: Array, curve: Array) -> None:
+def fit(row: Floats, curve: Floats) -> None:
     """Find the coefficients of the polynomial through values at start and nodes."""
     for a in range(P + 1):
-        c = 0.0
-        for b in range(P + 1):
-            c += MONOMIAL[a, b] * row[b]
-        curve[a] = c
+        curve[a] = dot(MONOMIAL[a], row)
 
 
 @inlined
-def along(curve: Array, u: float) -> float:
+def along(curve: Floats, u: float) -> float:
     """Value at ``0 <= u <= 1`` of a polynomial that `fit` has found."""
     total = curve[P]
     for a in range(P - 1, -1, -1):
@@ -102,7 +108,7 @@ def along(curve: Array, u: float) -> float:
 
 
 @bare
-def between(row: Array, u: float) -> float:
+def between(row: Floats, u: float) -> float:
     """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes; that at the start stays exact."""
     total, base = 0.0, row[0]
     for a in range(P, 0, -1):
@@ -114,7 +120,24 @@ def between(row: Array, u: float) -> float:
 
 
 @inlined
-def value(row: Array, curve: Array, u: float) -> float:
+def solve(matrix: Numbers, value: Numbers) -> None:
+    """Solve a small system in place, without pivoting: collocation matrices are near the identity or diagonal."""
+    n = value.size
+    for k in range(n):
+        inverse = 1.0 / matrix[k, k]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] * inverse
+            for j in range(k + 1, n):
+                matrix[i, j] -= factor * matrix[k, j]
+            value[i] -= factor * value[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            value[k] -= matrix[k, j] * value[j]
+        value[k] /= matrix[k, k]
+
+
+@inlined
+def value(row: Floats, curve: Floats, u: float) -> float:
     """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes, which it leaves in `curve`."""
     fit(row, curve)
     return along(curve, u)

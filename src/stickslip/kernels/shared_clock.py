@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .boxes import CHANCE, Rule
@@ -25,9 +24,8 @@ from .event_queue import Queue, size, used
 from .growth import LOGARITHMIC
 from .hazard import BELL
 from .motion import Motion
+from .records import Floats
 from .tournament import enter, play, smallest, tournaments, winner
-
-Floats = NDArray[np.float64]
 
 _LAG = 30.0
 """Widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again."""

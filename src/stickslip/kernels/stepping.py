@@ -10,13 +10,11 @@ between two steps is taken up there again: neither its pauses nor its samples ch
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
 from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
 from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, move
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 # First entries of the state of every solver: the slider, and what breaking took from the force per time.
 TIME, POSITION, VELOCITY, LOSS = range(4)

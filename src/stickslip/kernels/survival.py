@@ -7,24 +7,25 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
+from .records import Floats
 from .rules import GAUSS, WEIGHT
 
-Array = NDArray[np.float64]
 DEGREE = 5
 
 
 class Table(NamedTuple):
     """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a cell that holds a knot has two."""
 
-    pieces: Array  # shape (n_cells, 2, 2 + DEGREE + 1): left end and one over the width of each piece; its coefficients
-    split: Array  # shape (n_cells,): where the second piece of a cell begins; infinite if there is none
+    pieces: (
+        Floats  # shape (n_cells, 2, 2 + DEGREE + 1): left end and one over the width of each piece; its coefficients
+    )
+    split: Floats  # shape (n_cells,): where the second piece of a cell begins; infinite if there is none
     inverse: float  # one over the width of a cell
     bottom: float  # below it the function is 1
     top: float  # from it on the function is 0
-    knots: Array  # where the slope jumps, between 0 and `top`
+    knots: Floats  # where the slope jumps, between 0 and `top`
 
 
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
@@ -33,7 +34,7 @@ _CHECK = (np.arange(DEGREE) + 1.0) / (DEGREE + 1)
 
 
 def tabulate(
-    function: Callable[[Array], Array], top: float, knots: Array, tolerance: float = 2e-13, most: int = 2**14
+    function: Callable[[Floats], Floats], top: float, knots: Floats, tolerance: float = 2e-13, most: int = 2**14
 ) -> Table:
     """Tabulate a function from 0 to `top`, in cells so narrow that it is met to the tolerance, or in the most."""
     count = 64
@@ -97,12 +98,12 @@ def value_and_slope(table: Table, x: float) -> tuple[float, float]:
 
 
 @bare
-def _fill(table: Table, x: Array, values: Array) -> None:
+def _fill(table: Table, x: Floats, values: Floats) -> None:
     for i in range(x.size):
         values[i] = value_at(table, x[i])
 
 
-def values_at(table: Table, x: Array) -> Array:
+def values_at(table: Table, x: Floats) -> Floats:
     """Values at many places."""
     values = np.empty(x.size)
     _fill(table, x, values)

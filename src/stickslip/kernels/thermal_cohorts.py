@@ -22,20 +22,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
 from .growth import EXPONENTIAL, Growth, grown, threshold_at
 from .hazard import Hazard, rate
-from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, travel
-from .records import Record, blank, record
+from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, travel
+from .records import Floats, Record, blank, record
 from .rules import gauss
 from .survival import Table, value_at, values_at
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOTION = record(
     "position velocity contact_force attached stored work damped broken time",
@@ -71,8 +67,8 @@ class Model(NamedTuple):
     thresholds: Table  # survival of strengths
     thermal: Table  # ``J(u)`` from `low` on, where one number is enough
     low: float
-    node: Array  # shape (n,): strengths at which the hazard is followed; none where one number is enough
-    weight: Array  # shape (n,)
+    node: Floats  # shape (n,): strengths at which the hazard is followed; none where one number is enough
+    weight: Floats  # shape (n,)
     width: float  # stretching over which rates change
 
 
@@ -88,9 +84,9 @@ class State(NamedTuple):
     """All that the next step needs."""
 
     motion: Record  # record of MOTION
-    cohort: Array  # shape (ROWS, room)
-    run: Array  # shape (room, nodes or 1): by cohort ``ln G``, or ``H`` at the nodes
-    trial: Array  # the same at the end of a step under trial
+    cohort: Floats  # shape (ROWS, room)
+    run: Floats  # shape (room, nodes or 1): by cohort ``ln G``, or ``H`` at the nodes
+    trial: Floats  # the same at the end of a step under trial
     history: History
     used: Record  # record of COUNTS
 
@@ -110,7 +106,7 @@ class _Work(NamedTuple):
     """Room to calculate in: the motion at the start of a step, and what is due."""
 
     before: Record
-    due: Array
+    due: Floats
 
 
 class _Trial(NamedTuple):
@@ -275,8 +271,8 @@ def untouched(model: Model) -> float:
 
 
 @bare
-def _move(case: Case, motion: Record, load: Load, dt: float) -> tuple[float, float, float, float]:
-    """Position and velocity of the slider a time `dt` later, work of the drive, integral of the squared velocity."""
+def _move(case: Case, motion: Record, load: Load, dt: float) -> Travel:
+    """Move the slider on for a time `dt`."""
     slider, drive = case.slider, case.drive
     X, V = motion.position, motion.velocity
     if not is_rigid(slider) and slider.mass == 0.0:  # in balance
@@ -285,9 +281,8 @@ def _move(case: Case, motion: Record, load: Load, dt: float) -> tuple[float, flo
         X1 = X + (K * (D - X) - load.force + load.loss * dt) / (K + load.stiffness)
         D0, velocity0 = drive_at(drive, motion.time)
         work = 0.5 * dt * K * ((D0 - X) * velocity0 + (D - X1) * velocity)
-        return X1, (X1 - X) / dt, work, 0.0
-    moved = travel(slider, drive, Motion(motion.time, X, V), load, dt)
-    return moved.X, moved.V, moved.work, moved.squares
+        return Travel(X1, (X1 - X) / dt, work, 0.0)
+    return travel(slider, drive, Motion(motion.time, X, V), load, dt)
 
 
 @bare
@@ -505,7 +500,7 @@ def _planned(state: State, case: Case, work: _Work, left: float, smallest: float
 
 
 @bare
-def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times: Array, rows: Record) -> int:
+def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times: Floats, rows: Record) -> int:
     """Take steps until there is a reason to come back."""
     motion, used = state.motion, state.used
     smallest = 1e-13 * max(1.0, abs(until))
@@ -538,7 +533,7 @@ def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times:
 
 
 def advance(
-    state: State, case: Case, until: float, times: Array, stop: Stop = Stop(), max_steps: int = 2**62
+    state: State, case: Case, until: float, times: Floats, stop: Stop = Stop(), max_steps: int = 2**62
 ) -> tuple[State, Record, int]:
     """Go on from a state, which is not changed, under one piece of the drive; as `panels.advance`."""
     state = copy.deepcopy(state)
@@ -563,7 +558,7 @@ def advance(
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def initial_state(model: Model, delays: Delays, x: Array, weight: Array, since: float, velocity: float) -> State:
+def initial_state(model: Model, delays: Delays, x: Floats, weight: Floats, since: float, velocity: float) -> State:
     """Put a slider at 0 on contacts of these stretchings, whose thresholds lie beyond them; the rest is detached."""
     count = x.size
     state = _empty(model, delays, 2 * count + 256, 0.0)

@@ -7,11 +7,9 @@ goes stale and nothing is ever full.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-
-Floats = NDArray[np.float64]
+from .records import Floats
 
 
 def tournaments(count: int, slots: int) -> Floats:

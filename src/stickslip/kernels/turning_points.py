@@ -6,9 +6,9 @@ The same few lines pick the slips of a measured trace, of a simulated one, and t
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._jit import jit
+from .records import Counts, Floats
 
 NOTHING, PEAK, TROUGH = 0, 1, 2
 
@@ -45,7 +45,7 @@ def turn(state: Zigzag, at: int, value: float, drop: float, rise: float) -> Zigz
 
 
 @jit
-def pick(force: NDArray[np.float64], drop: float, rise: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def pick(force: Floats, drop: float, rise: float) -> tuple[Counts, Counts]:
     """Indices of the peaks and of the troughs after them; a drop that the trace cuts off is left out."""
     peaks = np.empty(force.size // 2 + 1, np.int64)
     troughs = np.empty(force.size // 2 + 1, np.int64)
@@ -73,11 +73,11 @@ class Sampling(NamedTuple):
 
 @jit
 def observe(
-    peaks: NDArray[np.float64],
-    troughs: NDArray[np.float64],
+    peaks: Floats,
+    troughs: Floats,
     sampling: Sampling,
     rng: np.random.Generator,
-    seen: NDArray[np.float64],
+    seen: Floats,
 ) -> int:
     """Sample a saw of these peaks and troughs, add noise, pick it; return how many slips were seen, of those wanted.
 
@@ -107,16 +107,3 @@ def observe(
             i += 1
         begin = end
     return count
-
-
-@jit
-def larger(peaks: NDArray[np.float64], troughs: NDArray[np.float64], drop: float, rise: float) -> int:
-    """How many slips are left of a series, after which the force rises again, where only larger drops count."""
-    count = 0
-    state = START
-    for n in range(peaks.size):
-        for value in (peaks[n], troughs[n]):
-            state = turn(state, n, value, drop, rise)
-            if state.found == TROUGH:
-                count += 1
-    return count + 1 if state.falling else count

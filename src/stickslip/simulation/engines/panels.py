@@ -136,7 +136,6 @@ class Panels(Cohorts):
             past[:, 0] = now - ratio * (now - past[:, 0])
             past[:, 1] *= ratio
             state.rough[:] = now - ratio * (now - state.rough)
-            state.cursor[:] = 0
             turned._case = turned._case._replace(delays=delays)
         if interface.thresholds != self._interface.thresholds:
             distribution = interface.threshold_distribution
