@@ -22,7 +22,7 @@ changes = st.lists(st.tuples(st.integers(0, 10_000), st.floats(0, 1) | st.just(m
 @settings(max_examples=100)
 @given(st.sampled_from([1, 2, 7, 8, 9, 63, 64, 65, 600]), changes)
 def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
-    trees = tournament.tournaments(2, slots)
+    trees = tournament.tournaments(np.full((2, slots), math.inf))
     numbers = np.full(slots, np.inf)
     for slot, value in steps:
         numbers[slot % slots] = value
@@ -30,7 +30,7 @@ def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
         assert tournament.smallest(trees[1]) == numbers.min()
         assert tournament.winner(trees[1], slots) == np.argmin(numbers)
     played = trees.copy()
-    played[:, slots:] = -1.0
+    played[:, :-slots] = -1.0
     tournament.play(played, slots)
     assert np.array_equal(played, trees)  # the other one has not changed
     assert trees.shape[1] >= slots

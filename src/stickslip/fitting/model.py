@@ -107,7 +107,7 @@ def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array
     contacts = max(round(float(values[0])), 1)
     model = Arrest(contacts, *(float(value) for value in values[1:]))
     peaks, troughs = np.empty(count), np.empty(count)
-    most, queue = math.ceil(_PER_SLIP * contacts * count), tournaments(1, contacts)[0]
+    most, queue = math.ceil(_PER_SLIP * contacts * count), tournaments(np.full((1, contacts), np.inf))[0]
     found = slips(model, FLOOR, most, rng, peaks, troughs, queue)
     return peaks[:found], troughs[:found]
 

@@ -10,6 +10,7 @@ Per block: births and thresholds of all contacts, and three tournaments (`tourna
 behind and for re-attachments. What a contact loses when it attaches counts as broken.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece
 from .leapfrog import Motion, at_rest, begin_step, end_step, slide
 from .network import Network
 from .records import Counts, Floats
-from .tournament import enter, play, smallest, tournaments, winner
+from .tournament import enter, smallest, tournaments, winner
 
 
 class Draws(NamedTuple):
@@ -65,27 +66,12 @@ def make_state(
     n, N = birth.shape
     attached = threshold > 0
     motion = at_rest(X, V, sliding, anchored)
-    ahead, behind, attach = tournaments(n, N), tournaments(n, N), tournaments(n, N)
-    ahead[:, :N] = np.where(attached, birth + threshold, np.inf)
-    behind[:, :N] = np.where(attached, threshold - birth, np.inf)
-    attach[:, :N] = waiting
-    for tree in (ahead, behind, attach):
-        play(tree, N)
-    contacts = Contacts(
-        birth=birth,
-        threshold=threshold,
-        tree_ahead=ahead,
-        tree_behind=behind,
-        tree_attach=attach,
-        ahead=ahead[:, -1].copy(),
-        behind=behind[:, -1].copy(),
-        next_attach=attach[:, -1].copy(),
-        impulse=np.zeros(n),
-        breaks=np.zeros(n, np.int64),
-        attached=attached.sum(axis=1),
-        next_threshold=np.zeros(n, np.int64),
-        next_delay=np.zeros(n, np.int64),
-    )
+    keys = np.where(attached, [birth + threshold, threshold - birth], np.inf)
+    ahead, behind, attach = (tournaments(numbers) for numbers in (*keys, waiting))
+    breaks, thresholds, delays = np.zeros((3, n), np.int64)
+    first = ahead[:, 0].copy(), behind[:, 0].copy(), attach[:, 0].copy()
+    counts = breaks, attached.sum(axis=1), thresholds, delays
+    contacts = Contacts(birth, threshold, ahead, behind, attach, *first, np.zeros(n), *counts)
     state = State(motion, contacts)
     motion.blocks.held[:] = attached.sum(axis=1) / N
     for j in range(n):
@@ -112,6 +98,26 @@ def look_ahead(contacts: Contacts, j: int) -> None:
     contacts.ahead[j] = smallest(contacts.tree_ahead[j])
     contacts.behind[j] = smallest(contacts.tree_behind[j])
     contacts.next_attach[j] = smallest(contacts.tree_attach[j])
+
+
+@inlined
+def next_threshold(contacts: Contacts, j: int, draws: Draws) -> float:
+    """Threshold of the next contact that attaches on a block; NaN if there is none left."""
+    if contacts.next_threshold[j] == draws.thresholds.shape[1]:
+        return math.nan
+    contacts.next_threshold[j] += 1
+    return float(draws.thresholds[j, contacts.next_threshold[j] - 1])
+
+
+@inlined
+def next_delay(contacts: Contacts, j: int, draws: Draws) -> float:
+    """Delay of the next contact that breaks on a block; NaN if there is none left."""
+    if not math.isnan(draws.fixed_delay):
+        return draws.fixed_delay
+    if contacts.next_delay[j] == draws.delays.shape[1]:
+        return math.nan
+    contacts.next_delay[j] += 1
+    return float(draws.delays[j, contacts.next_delay[j] - 1])
 
 
 @inlined
@@ -177,29 +183,19 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
             break
         x = X + V * at
         if until_attach <= until_break:
-            if contacts.next_threshold[j] == draws.thresholds.shape[1]:
+            threshold = next_threshold(contacts, j, draws)
+            if math.isnan(threshold):
                 why = THRESHOLDS_USED_UP
                 break
-            threshold = draws.thresholds[j, contacts.next_threshold[j]]
-            contacts.next_threshold[j] += 1
             gain = attach_contact(state, j, x, threshold, slide(state.motion, j, x, sliding))
         else:
-            delay = draws.fixed_delay
-            if delay != delay:
-                if contacts.next_delay[j] == draws.delays.shape[1]:
-                    why = DELAYS_USED_UP
-                    break
-                delay = draws.delays[j, contacts.next_delay[j]]
-                contacts.next_delay[j] += 1
-            force = slide(state.motion, j, x, sliding)
-            if V > 0.0:
-                gain = break_contact(
-                    state, j, winner(contacts.tree_ahead[j], contacts.birth.shape[1]), t + at, force, delay
-                )
-            else:
-                gain = -break_contact(
-                    state, j, winner(contacts.tree_behind[j], contacts.birth.shape[1]), t + at, -force, delay
-                )
+            delay = next_delay(contacts, j, draws)
+            if math.isnan(delay):
+                why = DELAYS_USED_UP
+                break
+            way, tree = (1.0, contacts.tree_ahead[j]) if V > 0.0 else (-1.0, contacts.tree_behind[j])
+            slot, force = winner(tree, contacts.birth.shape[1]), slide(state.motion, j, x, sliding)
+            gain = way * break_contact(state, j, slot, t + at, way * force, delay)
         contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
         state.motion.now.spent += 8
     look_ahead(contacts, j)

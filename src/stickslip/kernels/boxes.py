@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .growth import EXPONENTIAL, Growth, ageing_time, threshold_at
-from .hazard import Hazard, largest_rate, rate, steepness
+from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, largest_rate, rate, steepness, threshold_at
 from .records import Floats
 
 CHANCE = 0.2

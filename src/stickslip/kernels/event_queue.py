@@ -69,14 +69,9 @@ def make_queue(capacity: int, bins: int, width: float, entry: np.dtype[np.void] 
 def clear(queue: Queue, key: float) -> None:
     """Empty the queue and put the bin of `key` in use."""
     queue.newest[:] = -1
-    counts = queue.counts
-    counts[_FREE] = -1
-    counts[_UNUSED] = 0
-    counts[_SIZE] = 0
-    counts[BIN] = math.floor(key * queue.per_bin)
-    counts[FIRST] = 0
-    counts[LAST] = 0
-    counts[MOVED] = 0
+    queue.counts[:] = 0
+    queue.counts[_FREE] = -1
+    queue.counts[BIN] = math.floor(key * queue.per_bin)
 
 
 @inlined

@@ -53,7 +53,7 @@ from .motion import (
 from .oscillator import Slider
 from .records import Counts, Floats, Records
 from .shared_clock import Clock, is_shared
-from .tournament import enter, play, smallest, tournaments, winner
+from .tournament import enter, smallest, tournaments, winner
 
 # Fields used together lie together: two contacts a cache line.
 CONTACT = np.dtype([*ENTRY.descr, ("birth", float), ("threshold", float)])
@@ -67,9 +67,7 @@ _TRIES = 64
 """Thresholds from which a newborn without strength may choose."""
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The state
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- The state
 
 
 class Draws(NamedTuple):
@@ -163,14 +161,13 @@ def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
     """Return the boxes of contacts that have attached at the times `since`; drawn as soon as the state goes on."""
     N, m, held = state.size, state.motion[0], attached_places(state)
     contacts = state.ahead.entries
-    slots, of, times = contacts["slot"][held], np.zeros(N, BOX), tournaments(1, N)
+    slots, of, times = contacts["slot"][held], np.zeros(N, BOX), np.full((1, N), np.inf)
     # Thresholds that have grown may hold contacts beyond their strengths.
     stretched = np.abs(m.position - contacts["birth"][held])
     of["since"], of["reach"][slots] = since, np.maximum(contacts["threshold"][held], stretched)
     if not (shared := is_shared(rule)):
         times[0, slots] = m.time
-        play(times, N)
-    boxes = Boxes(rule, of, times[0], own, 1.0, shared_clock.make_clock(N if shared else 0))
+    boxes = Boxes(rule, of, tournaments(times)[0], own, 1.0, shared_clock.make_clock(N if shared else 0))
     _look_again(state, boxes)
     # Twice as stiff as now only by a rare choice of the strongest.
     return boxes._replace(stiffest=2.0 * m.stiffness / max(m.attached, 1)) if rule.as_stiff else boxes
@@ -213,9 +210,7 @@ def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Contacts attach, break, and get boxes
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- Contacts attach, break, and get boxes
 
 
 @inlined
@@ -328,7 +323,7 @@ def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
     m, contact = state.motion[0], state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
     x, age = m.position - contact["birth"], m.time - own["since"]
-    if boxes.times[contact["slot"]] <= m.time and own["most"] != 0.0:
+    if boxes.times[contact["slot"] - state.size] <= m.time and own["most"] != 0.0:
         if own["most"] < 0.0:
             return True
         threshold = threshold_now(boxes.rule, contact["threshold"], age)
@@ -434,9 +429,7 @@ def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constan
         _leave(state, place, draws, boxes, c)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The detached contacts
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- The detached contacts
 
 
 class _Edges(NamedTuple):
@@ -523,9 +516,7 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
     return True
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The engine
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- The engine
 
 
 @inlined

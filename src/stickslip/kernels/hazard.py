@@ -1,9 +1,11 @@
-"""Rates at which contacts break by thermal activation."""
+"""How contacts come to break: rates of thermal activation, and thresholds that grow with age by a fixed rule."""
 
 import math
 from typing import NamedTuple
 
-from ._jit import inlined
+import numpy as np
+
+from ._jit import inlined, jit
 
 BELL, PARABOLIC, BARRIER = range(3)
 
@@ -72,3 +74,47 @@ def steepness(hazard: Hazard, x: float, threshold: float) -> float:
         return hazard.scale / max(x, math.sqrt(hazard.scale))
     left = max(1.0 - x / threshold, (1.0 / hazard.scale) ** (1.0 / hazard.power))
     return float(threshold / (hazard.scale * hazard.power * left ** (hazard.power - 1.0)))
+
+
+EXPONENTIAL, LOGARITHMIC = range(2)
+
+
+class Growth(NamedTuple):
+    """How thresholds grow with age.
+
+    `kind` `EXPONENTIAL`: from a newborn's threshold to the strength, ``f = s - (s - second) exp(-first age)``;
+    `LOGARITHMIC`: from the strength, ``f = s + first ln(1 + age/second)``. With `first` 0 thresholds do not grow.
+    """
+
+    kind: int
+    first: float
+    second: float
+
+
+FIXED = Growth(LOGARITHMIC, 0.0, 1.0)
+"""Thresholds that do not grow."""
+
+
+@jit
+def grown(growth: Growth, age: float) -> tuple[float, float, float, float]:
+    """Factor and addend of a growing threshold, ``f(age) = strength factor + addend``, and the slopes of the two."""
+    if growth.kind == EXPONENTIAL:
+        old = -np.expm1(-growth.first * age)
+        young = 1.0 - old
+        return old, growth.second * young, growth.first * young, -growth.first * growth.second * young
+    return 1.0, growth.first * np.log1p(age / growth.second), 0.0, growth.first / (growth.second + age)
+
+
+@inlined
+def threshold_at(growth: Growth, strength: float, age: float) -> float:
+    """Threshold of a contact of this strength and age."""
+    factor, addend, _, _ = grown(growth, age)
+    return float(strength * factor + addend)
+
+
+@inlined
+def ageing_time(growth: Growth, age: float) -> float:
+    """Time in which a threshold does not grow much more."""
+    if growth.kind == EXPONENTIAL:
+        return 0.25 / growth.first
+    return math.inf if growth.first == 0.0 else age + growth.second

@@ -60,20 +60,10 @@ steps of blocks spent, whether there is a row, and the mode of quasi-static moti
 
 def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
     """Return blocks between two steps, contacts still to be summed; `anchored` is the stretching of their elements."""
-    n = X.size
-    blocks = Blocks(
-        X=X.astype(float),
-        V=V.astype(float),
-        V_now=V.astype(float),
-        held=np.zeros(n),
-        births=np.zeros(n),
-        squares=np.zeros(n),
-        anchor=X - np.clip(anchored, -sliding, sliding),
-        broken=np.zeros(n),
-        first_break=np.full(n, np.nan),
-        first_force=np.full(n, np.nan),
-        half_detached=np.full(n, np.nan),
-    )
+    n, anchor = X.size, X - np.clip(anchored, -sliding, sliding)
+    held, births, squares, broken = np.zeros((4, n))
+    x, v = X.astype(float), V.astype(float)
+    blocks = Blocks(x, v, v.copy(), held, births, squares, anchor, broken, *np.full((3, n), np.nan))
     motion = Motion(blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
     motion.now.block = -1
     return motion

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import inlined, jit
-from .growth import LOGARITHMIC, Growth, grown
-from .hazard import BELL, PARABOLIC, TOP, Hazard, log_rate
+from .hazard import BELL, LOGARITHMIC, PARABOLIC, TOP, Growth, Hazard, grown, log_rate
 from .records import Complexes, Floats, Mask
 from .rules import dot, integrals, radau, solve
 

@@ -13,7 +13,7 @@ import math
 
 from . import drive
 from ._jit import bare, inlined
-from .blocks import Draws, State, attach_contact, break_contact, look_ahead
+from .blocks import Draws, State, attach_contact, break_contact, look_ahead, next_delay, next_threshold
 from .drive import NOWHERE, Piece, Sampling, drive_at, holds
 from .leapfrog import element, fill_row, slide
 from .network import Network, stretch
@@ -152,13 +152,10 @@ def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws)
     tree = state.contacts.tree_ahead[j] if way > 0.0 else state.contacts.tree_behind[j]
     why = drive.ON_THE_WAY
     while smallest(tree) <= way * X:
-        delay = draws.fixed_delay
-        if delay != delay:
-            if state.contacts.next_delay[j] == draws.delays.shape[1]:
-                why = drive.DELAYS_USED_UP
-                break
-            delay = draws.delays[j, state.contacts.next_delay[j]]
-            state.contacts.next_delay[j] += 1
+        delay = next_delay(state.contacts, j, draws)
+        if math.isnan(delay):
+            why = drive.DELAYS_USED_UP
+            break
         force = slide(state.motion, j, X, sliding)
         break_contact(state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.now.time, way * force, delay)
         state.motion.now.mode = LET_GO
@@ -172,11 +169,10 @@ def _attach_due(state: State, sliding: float, draws: Draws) -> int:
     blocks, now = state.motion.blocks, state.motion.now.time
     for j in range(blocks.X.size):
         while state.contacts.next_attach[j] <= now:
-            if state.contacts.next_threshold[j] == draws.thresholds.shape[1]:
+            threshold = next_threshold(state.contacts, j, draws)
+            if math.isnan(threshold):
                 state.motion.now.block = j
                 return drive.THRESHOLDS_USED_UP
-            threshold = draws.thresholds[j, state.contacts.next_threshold[j]]
-            state.contacts.next_threshold[j] += 1
             force = slide(state.motion, j, blocks.X[j], sliding)
             attach_contact(state, j, blocks.X[j], threshold, force)
             look_ahead(state.contacts, j)

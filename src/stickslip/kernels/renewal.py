@@ -70,7 +70,7 @@ def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
     """Solve for the contacts that break and re-attach from 0 to a distance, at so many points and two finer grids."""
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
-    first = _initial_breaks(contacts, np.linspace(0.0, distance, 4 * points + 1))
+    first = _initial(contacts, np.linspace(0.0, distance, 4 * points + 1)).broken
     coarse, middle, fine = (solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
     broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
     if contacts.shift.size == 1 and contacts.shift[0] == 0:
@@ -148,14 +148,6 @@ def _initial(contacts: Contacts, X: Floats) -> _Initial:
         ]
     values[1] += contacts.weight.sum()
     return _Initial(*values)
-
-
-def _initial_breaks(contacts: Contacts, X: Floats) -> Floats:
-    broken = np.full_like(X, contacts.weight.sum())
-    for block in _blocks(contacts, X):
-        inside, _, survivors, _ = _survivors(contacts, X[block])
-        broken[block][inside] -= np.sum(survivors, axis=0)
-    return broken
 
 
 def _blocks(contacts: Contacts, X: Floats) -> list[slice]:

@@ -21,8 +21,7 @@ import numpy as np
 from ._jit import bare, inlined
 from .boxes import CHANCE, Rule
 from .event_queue import Queue, size, used
-from .growth import LOGARITHMIC
-from .hazard import BELL
+from .hazard import BELL, LOGARITHMIC
 from .motion import Motion
 from .records import Floats
 from .tournament import enter, play, smallest, tournaments, winner
@@ -82,7 +81,7 @@ def make_clock(contacts: int) -> Clock:
     window: Any = np.zeros(1, _WINDOW).view(np.recarray)
     dials: Any = np.zeros(2, _DIAL).view(np.recarray)
     window.low, window.high, window.until = -np.inf, np.inf, -np.inf if contacts else np.inf
-    return Clock(window, dials, tournaments(2, max(contacts, 1)))
+    return Clock(window, dials, tournaments(np.full((2, max(contacts, 1)), np.inf)))
 
 
 @inlined
@@ -218,7 +217,7 @@ def _wind(clock: Clock, side: int, rule: Rule, m: Motion, held: Queue, variates:
         contact = held.entries[place]
         if contact["key"] < np.inf:
             rest = contact["threshold"] + (1 - 2 * side) * contact["birth"]
-            variate = variates[m.variates_used]
-            clock.readings[side, contact["slot"]] = _reading(clock, side, rest, rule.hazard.scale, m.time, variate)
+            reading = _reading(clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used])
+            clock.readings[side, contact["slot"] - held.capacity] = reading
             m.variates_used += 1
     play(clock.readings[side : side + 1], held.capacity)

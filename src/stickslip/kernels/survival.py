@@ -68,20 +68,6 @@ def tabulate(
 
 
 @inlined
-def value_at(table: Table, x: float) -> float:
-    """Value at ``x >= 0``."""
-    if x >= table.top:
-        return 0.0
-    i = min(int(x * table.inverse), table.split.size - 1)
-    side = 1 if x >= table.split[i] else 0
-    u = (x - table.pieces[i, side, 0]) * table.pieces[i, side, 1]
-    total = table.pieces[i, side, DEGREE + 2]
-    for k in range(DEGREE + 1, 1, -1):
-        total = total * u + table.pieces[i, side, k]
-    return float(total)
-
-
-@inlined
 def value_and_slope(table: Table, x: float) -> tuple[float, float]:
     """Value and slope at ``x >= 0``."""
     if x >= table.top:
@@ -95,6 +81,12 @@ def value_and_slope(table: Table, x: float) -> tuple[float, float]:
         slope = slope * u + total
         total = total * u + table.pieces[i, side, k]
     return total, slope * scale
+
+
+@inlined
+def value_at(table: Table, x: float) -> float:
+    """Value at ``x >= 0``."""
+    return value_and_slope(table, x)[0]
 
 
 @bare

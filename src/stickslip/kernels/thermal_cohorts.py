@@ -11,8 +11,8 @@ at the same place and time. Each of its contacts keeps its strength, so that wha
 - Otherwise ``H`` is followed at nodes of the strengths.
 
 Within a step the slider moves one way and by less than a fraction of the width over which rates change; in a hold steps
-grow with time. Half of what attaches in a step does so at each of its ends; what of the first half breaks within the
-step is passed on, so that no contact is lost.
+grow with time. What attaches in a step does so in its middle; what of it breaks within the step is passed on, so that
+no contact is lost.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ import numpy as np
 from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
-from .growth import EXPONENTIAL, Growth, grown, threshold_at
-from .hazard import Hazard, rate
+from .hazard import EXPONENTIAL, Growth, Hazard, grown, rate, threshold_at
 from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, travel
 from .records import Floats, Record, blank, record
 from .rules import gauss
@@ -121,13 +120,10 @@ class _Trial(NamedTuple):
     mass: float
     broken: float
     attaching: float
-    young: float
     slid: float
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What survives
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- What survives
 
 
 @inlined
@@ -265,9 +261,7 @@ def untouched(model: Model) -> float:
     return -1e300 if model.node.size == 0 else 0.0
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# A step
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- A step
 
 
 @bare
@@ -300,18 +294,19 @@ def _arrive(state: State, case: Case, known: float, part: float, dt: float, load
         cohort[TRIAL_ALIVE, j] = alive
         old += alive
         force += alive * (X1 - cohort[PLACE, j])
-    # What attaches at the start of the step is the cohort behind the last.
-    j = state.used.cohorts
-    cohort[PLACE, j], cohort[SINCE, j], cohort[REACH, j] = X, now, 0.0
+    # What attaches is the cohort behind the last.
+    j, middle, when = state.used.cohorts, X + 0.5 * dX, now + 0.5 * dt
+    cohort[PLACE, j], cohort[SINCE, j], cohort[REACH, j] = middle, when, 0.0
     state.run[j, :] = untouched(model)
-    young = follow(state, model, j, now, dt, X, dX)
-    fragile = 0.5 * (1.0 - young)
-    broken = (motion.attached - old + fragile * known) / (1.0 - fragile * part)
+    young = follow(state, model, j, when, 0.5 * dt, middle, 0.5 * dX)
+    broken = (motion.attached - old + (1.0 - young) * known) / (1.0 - (1.0 - young) * part)
     attaching = known + part * broken
-    mass = old + 0.5 * attaching * (1.0 + young)
-    force += 0.5 * attaching * young * dX
+    cohort[MASS, j] = cohort[ALIVE, j] = attaching
+    cohort[TRIAL_ALIVE, j] = attaching * young
+    mass = old + attaching * young
+    force += attaching * young * 0.5 * dX
     slid = min(max(motion.slid + dX, -case.f_d), case.f_d)
-    return _Trial(dt, X1, V1, work, squares, force, mass, broken, attaching, young, slid)
+    return _Trial(dt, X1, V1, work, squares, force, mass, broken, attaching, slid)
 
 
 @bare
@@ -373,37 +368,29 @@ def _commit(state: State, case: Case, trial: _Trial, load: Load) -> None:
     motion, cohort, f_d = state.motion, state.cohort, case.f_d
     X, now = motion.position, motion.time
     dX, end = trial.X - X, now + trial.dt
-    half = 0.5 * trial.attaching
     before, out = motion.slid, 1.0 - motion.attached
     middle = 0.5 * (before + trial.slid)
     lost = stored = 0.0
-    kept, fresh = 0, False
+    kept = 0
     for j in range(state.used.cohorts + 1):
-        alive, mass = cohort[TRIAL_ALIVE, j], cohort[MASS, j]
-        if j == state.used.cohorts:
-            if fresh:
-                break
-            alive, mass = half * trial.young, half
-            lost += 0.5 * (0.25 * dX * dX - middle * middle) * (half - alive)
-        else:
-            x = X + 0.5 * dX - cohort[PLACE, j]
-            lost += 0.5 * (x * x - middle * middle) * (cohort[ALIVE, j] - alive)
-            if cohort[SINCE, j] == now and cohort[PLACE, j] == X:  # attached at the end of the step before
-                fresh = True
-                alive += half * trial.young
-                mass += half
-                lost += 0.5 * (0.25 * dX * dX - middle * middle) * half * (1.0 - trial.young)
+        place, alive, mass = cohort[PLACE, j], cohort[TRIAL_ALIVE, j], cohort[MASS, j]
+        x = X + 0.5 * dX - place
+        lost += 0.5 * (x * x - middle * middle) * (cohort[ALIVE, j] - alive)
         if alive <= 0.0:
             continue
-        stored += 0.5 * (trial.X - cohort[PLACE, j]) ** 2 * alive
-        cohort[PLACE, kept], cohort[SINCE, kept] = cohort[PLACE, j], cohort[SINCE, j]
-        cohort[MASS, kept], cohort[ALIVE, kept] = mass, alive
-        cohort[REACH, kept] = cohort[TRIAL_REACH, j]
+        stored += 0.5 * (trial.X - place) ** 2 * alive
+        if j == state.used.cohorts and _is_near(cohort, kept - 1, case, place, alive):
+            part = alive / (cohort[ALIVE, kept - 1] + alive)
+            cohort[SINCE, kept - 1] += part * (cohort[SINCE, j] - cohort[SINCE, kept - 1])
+            cohort[MASS, kept - 1] += mass
+            join(cohort, kept - 1, place, alive, cohort[TRIAL_REACH, j])
+            continue
+        cohort[PLACE, kept], cohort[SINCE, kept], cohort[MASS, kept] = place, cohort[SINCE, j], mass
+        cohort[ALIVE, kept], cohort[REACH, kept] = alive, cohort[TRIAL_REACH, j]
         for k in range(state.run.shape[1]):
             state.run[kept, k] = state.trial[j, k]
         kept += 1
     state.used.cohorts = kept
-    _settle(state, case, trial.X, end, half)
     slides = abs(dX - (trial.slid - before))
     lost += out * f_d * slides + 0.5 * middle * middle * trial.attaching
     motion.broken += lost
@@ -426,23 +413,11 @@ def _commit(state: State, case: Case, trial: _Trial, load: Load) -> None:
     history.entered[0] = n + 1
 
 
-@bare
-def _settle(state: State, case: Case, X: float, now: float, mass: float) -> None:
-    """Add what attaches at the end of a step: to the youngest cohort if that is small and near, else as a new one."""
-    cohort, j = state.cohort, state.used.cohorts - 1
-    if mass <= 0.0:
-        return
-    near = 0.1 * case.limits.reach * case.model.width
-    if j >= 0 and cohort[ALIVE, j] + mass < 0.1 * case.limits.broken and abs(X - cohort[PLACE, j]) < near:
-        part = mass / (cohort[ALIVE, j] + mass)
-        cohort[SINCE, j] += part * (now - cohort[SINCE, j])
-        cohort[MASS, j] += mass
-        join(cohort, j, X, mass, cohort[REACH, j])
-        return
-    j += 1
-    cohort[PLACE, j], cohort[SINCE, j], cohort[MASS, j], cohort[ALIVE, j], cohort[REACH, j] = X, now, mass, mass, 0.0
-    state.run[j, :] = untouched(case.model)
-    state.used.cohorts = j + 1
+@inlined
+def _is_near(cohort: Floats, j: int, case: Case, place: float, mass: float) -> bool:
+    """Whether a cohort is so small, and so near to a place, that what attaches there may join it."""
+    near, small = 0.1 * case.limits.reach * case.model.width, 0.1 * case.limits.broken
+    return bool(j >= 0 and cohort[ALIVE, j] + mass < small and abs(place - cohort[PLACE, j]) < near)
 
 
 @bare
@@ -553,9 +528,7 @@ def advance(
     return state, rows[: state.used.sampled], reason
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The beginning
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- The beginning
 
 
 def initial_state(model: Model, delays: Delays, x: Floats, weight: Floats, since: float, velocity: float) -> State:

@@ -1,9 +1,9 @@
 """Tournaments: the smallest of N numbers is always known, and so is whose it is; changing one costs a few comparisons.
 
-A tournament is one array: the numbers of the N slots, then the smallest of each eight of them, of each eight of those,
-and so on; the last entry is the smallest of all. Eight numbers are a cache line, so a change reads one line a level.
-Many small tournaments lie side by side in a matrix, where a bucket queue for each would be mostly empty bins. Nothing
-goes stale and nothing is ever full.
+A tournament is one array, a tree whose nodes hold the smallest of eight each: the first entry is the smallest of all,
+that at ``i`` the smallest of those from ``8 i + 1`` on, and the last N are the numbers of the slots. Eight numbers are
+a cache line, so a change reads about one line a level. Many small tournaments lie side by side in a matrix, where a
+bucket queue for each would be mostly empty bins. Nothing goes stale and nothing is ever full.
 """
 
 import numpy as np
@@ -12,70 +12,61 @@ from ._jit import bare, inlined
 from .records import Floats
 
 
-def tournaments(count: int, slots: int) -> Floats:
-    """Return `count` tournaments in which every slot holds infinity."""
-    size, level = slots, slots
-    while level > 1:
-        level = (level + 7) // 8
-        size += level
-    return np.full((count, size), np.inf)
+def tournaments(numbers: Floats) -> Floats:
+    """Return a tournament of each row of numbers, which may be infinite."""
+    count, slots = numbers.shape
+    above, level = 0, 1
+    while level < slots:
+        above += level
+        level *= 8
+    trees = np.empty((count, above + slots))
+    trees[:, above:] = numbers
+    play(trees, slots)
+    return trees
 
 
 @inlined
 def smallest(tree: Floats) -> float:
     """Smallest number."""
-    return float(tree[tree.size - 1])
+    return float(tree[0])
 
 
 @inlined
 def winner(tree: Floats, slots: int) -> int:
     """Slot of the smallest number; of the first among equals."""
-    least = tree[tree.size - 1]
-    levels, level = 0, slots
-    while level > 1:
-        level = (level + 7) // 8
-        levels += 1
-    node = 0
-    for depth in range(levels - 1, -1, -1):
-        base, level = 0, slots
-        for _ in range(depth):
-            base += level
-            level = (level + 7) // 8
-        node *= 8
-        while tree[base + node] != least:
+    above, node = tree.size - slots, 0
+    while node < above:
+        node = 8 * node + 1
+        while tree[node] != tree[0]:
             node += 1
-    return node
+    return node - above
+
+
+@inlined
+def _least(tree: Floats, node: int) -> float:
+    """Smallest of the eight below a node."""
+    least = np.inf
+    for i in range(8 * node + 1, min(8 * node + 9, tree.size)):
+        least = min(least, tree[i])
+    return least
 
 
 @inlined
 def enter(tree: Floats, slots: int, slot: int, value: float) -> None:
     """Give a slot another number."""
-    tree[slot] = value
-    base, level, node = 0, slots, slot
-    while level > 1:
-        node //= 8
-        first = base + 8 * node
-        base += level
-        least = tree[first]
-        for i in range(first + 1, min(first + 8, base)):
-            least = min(least, tree[i])
-        if tree[base + node] == least:
+    node = tree.size - slots + slot
+    tree[node] = value
+    while node > 0:
+        node = (node - 1) // 8
+        least = _least(tree, node)
+        if tree[node] == least:
             break
-        tree[base + node] = least
-        level = (level + 7) // 8
+        tree[node] = least
 
 
 @bare
 def play(trees: Floats, slots: int) -> None:
     """Set up all tournaments anew from the numbers of their slots."""
-    for j in range(trees.shape[0]):
-        base, level = 0, slots
-        while level > 1:
-            above = (level + 7) // 8
-            for node in range(above):
-                least = np.inf
-                for i in range(base + 8 * node, min(base + 8 * node + 8, base + level)):
-                    least = min(least, trees[j, i])
-                trees[j, base + level + node] = least
-            base += level
-            level = above
+    for tree in trees:
+        for node in range(tree.size - slots - 1, -1, -1):
+            tree[node] = _least(tree, node)

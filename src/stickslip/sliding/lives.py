@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.kernels import lives as kernel
-from stickslip.kernels.growth import EXPONENTIAL, FIXED, LOGARITHMIC, Growth
-from stickslip.kernels.hazard import BARRIER, BELL, NONE, PARABOLIC, Hazard
+from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
 from stickslip.kernels.lives import INTEGRAL, NODE, Lives, relax, rule
 from stickslip.model import (
     AgeingModel,
