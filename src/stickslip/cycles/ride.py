@@ -113,8 +113,8 @@ class Ride:
         # A slip takes about half a period of the slider on its spring; a cap keeps very quick slips affordable.
         count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES))
         times = begin + duration * np.arange(1, count + 1) / count
-        leg, samples = Leg(self.drive, begin + duration, times, Stop()), np.empty((count, len(engine.columns)))
-        follow_leg(engine, leg, samples)
+        leg = Leg(self.drive, begin + duration, times, Stop())
+        samples, _ = follow_leg(engine, leg)
         return np.stack([times, slider.stiffness * (leg.drive_position(times) - samples[:, 0]), samples[:, 1]])
 
     def turned(self, rig: Rig) -> Ride:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
 from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
 from stickslip.progress import Progress
 from stickslip.simulation.engines import Engine, Leg, Stretchings
-from stickslip.simulation.engines.base import MOTION
-
-Array = NDArray[np.float64]
+from stickslip.simulation.engines.base import MOTION, Array
 
 
 @dataclass(frozen=True)
@@ -47,8 +44,7 @@ def follow(
     numbers of the run stop being finite.
     """
     report, total = progress or (lambda _: None), drive.duration
-    rows = np.empty((times.size, len(engine.columns)))
-    drive_velocity, drive_position = np.empty((2, times.size))
+    parts: list[tuple[Array, ...]] = []
     snapshots: list[tuple[float, Stretchings]] = []
     filled = 0
     for piece in drive.pieces:
@@ -57,38 +53,28 @@ def follow(
         motion = Quadratic(begin, position, piece.start, piece.acceleration)
         last = np.searchsorted(times, end * (1 + 1e-12), side="right")
         leg = Leg(motion, end, times[filled:last], _stop(piece.until, X), looks[len(snapshots) :])
-        count, seen = follow_leg(engine, leg, rows[filled:], lambda t: report(min(t / total, 1.0)))
-        sampled = slice(filled, filled + count)
-        drive_position[sampled] = leg.drive_position(times[sampled])
-        drive_velocity[sampled] = leg.drive_velocity(times[sampled])
+        rows, seen = follow_leg(engine, leg, lambda t: report(min(t / total, 1.0)))
+        at = leg.times[: len(rows)]
+        parts.append((at, rows, motion.velocity + motion.acceleration * (at - begin), leg.drive_position(at)))
         snapshots += zip(leg.looks, seen, strict=False)
-        filled += count
+        filled += len(rows)
         position = float(leg.drive_position(np.asarray(engine.here()[0])))
     report(1.0)
-    kept = slice(filled)
-    return Track(
-        columns=engine.columns,
-        times=times[kept],
-        rows=rows[kept],
-        drive_velocity=drive_velocity[kept],
-        drive_position=drive_position[kept],
-        snapshots=tuple(snapshots),
-    )
+    times, rows, velocity, place = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Track(engine.columns, times, rows, velocity, place, tuple(snapshots))
 
 
-def follow_leg(
-    engine: Engine, leg: Leg, rows: Array, report: Progress = lambda _: None
-) -> tuple[int, list[Stretchings]]:
-    """Follow a leg to its end, and fill `rows`; returns how many are filled, and what the looks have seen."""
-    filled, seen, over = 0, list[Stretchings](), False
+def follow_leg(engine: Engine, leg: Leg, report: Progress = lambda _: None) -> tuple[Array, list[Stretchings]]:
+    """Follow a leg to its end; returns a row for each sample that was passed, and what the looks have seen."""
+    parts, seen, filled, over = list[Array](), list[Stretchings](), 0, False
     while not over:
         passed = engine.advance(leg._replace(times=leg.times[filled:], looks=leg.looks[len(seen) :]))
         _check_finite(engine, leg, leg.times[filled:], passed.rows)
-        rows[filled : filled + len(passed.rows)] = passed.rows
+        parts.append(passed.rows)
         filled, over = filled + len(passed.rows), passed.over
         seen += passed.looks
         report(engine.here()[0])
-    return filled, seen
+    return np.concatenate(parts), seen
 
 
 def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:

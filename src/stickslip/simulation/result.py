@@ -6,17 +6,17 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from stickslip.model import ElasticBody, Sheet, Slider
 from stickslip.simulation.engines import Stretchings
+from stickslip.simulation.engines.base import Array
 from stickslip.simulation.engines.blocks import FIELDS, SCALARS
 from stickslip.simulation.follow import Track
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 Labelled = tuple[str | tuple[str, ...], Array, dict[str, str]]
 """A variable as `xarray.Dataset` takes it: dimensions, values, attributes."""
 

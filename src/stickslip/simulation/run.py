@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
@@ -22,6 +21,7 @@ from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.engines.base import Array
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of
 from stickslip.simulation.work import Work, course_of
@@ -29,7 +29,6 @@ from stickslip.simulation.work import Work, course_of
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 _NUMBERS = 2e6
 """Samples of an elastic slider, times its blocks, if nothing is said."""

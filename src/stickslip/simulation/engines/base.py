@@ -10,14 +10,14 @@ import copy
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, shown
-from stickslip.kernels.drive import Quadratic, Stop
+from stickslip.errors import InputError, UndecidedError, shown
+from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
 from stickslip.model import ElasticBody, FromRest, FromSliding, Interface, Prestressed, Slider, Start
@@ -59,10 +59,6 @@ class Leg(NamedTuple):
         """Position of the drive at times `t`."""
         since = t - self.drive.start
         return np.asarray(self.drive.position + since * (self.drive.velocity + 0.5 * self.drive.acceleration * since))
-
-    def drive_velocity(self, t: Array) -> Array:
-        """Velocity of the drive at times `t`."""
-        return np.asarray(self.drive.velocity + self.drive.acceleration * (t - self.drive.start))
 
 
 class Stretchings(NamedTuple):
@@ -210,9 +206,7 @@ class Engine(Protocol):
         return copy.deepcopy(self)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The register
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- The register
 
 E = TypeVar("E", bound=type)
 
@@ -281,24 +275,18 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
 
     if kind not in known:
         return InputError(f"method = {shown(method)}: is not for a {body}; {use(()) or 'there is none'}")
-    for size in range(1, len(parts) + 1):
-        for first, *others in combinations(parts, size):
-            if _engine(kind, interface, [first, *others], elastic):
-                continue
-            remedy = use(parts)
+    for first, *others in chain(*(combinations(parts, size) for size in range(1, len(parts) + 1))):
+        if not _engine(kind, interface, [first, *others], elastic):
+            who, leave = name, "leave it out"
             if others:
                 who, leave = f"{name} together with {' and '.join(map(said, others))}", "leave one out"
-            elif use([first]) or not elastic:
-                who, leave = name, "leave it out" if use([first]) else "no solver takes it; leave it out"
-            else:
-                who, leave = f"a {body}", "leave it out"
-            return InputError(f"Interface.{said(first)}: not available with {who}; {remedy or leave}")
+            elif not use([first]):
+                who, leave = (f"a {body}", leave) if elastic else (name, f"no solver takes it; {leave}")
+            return InputError(f"Interface.{said(first)}: not available with {who}; {use(parts) or leave}")
     return InputError(f"{name}: is only for contacts that age, or at a temperature; use MasterEquation")
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What engines share
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- What engines share
 
 
 def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
@@ -318,3 +306,44 @@ def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ..
             pass
         seen.append(aside.stretchings())
     return tuple(seen)
+
+
+class Cohorts(Engine):
+    """Contacts that attached together, as one; a class says which kernel follows them, and what it is told.
+
+    Their state has a record of motion, and no kernel changes it.
+    """
+
+    columns = COLUMNS
+    angle = 0.1
+    kernel: ClassVar[Callable[..., Any]]
+    """Goes on from a state, in a case, to a time, with samples and a condition, by so many steps."""
+    steps: ClassVar[int]
+    """Steps in an advance."""
+    state: Any
+    _case: Any
+    _method: Any
+
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the slider."""
+        return float(self.state.motion.time), float(self.state.motion.position)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(self.state.motion.contact_force)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps."""
+        before, case = self.copy(), self._case._replace(drive=leg.drive)
+        self.state, records, reason = type(self).kernel(self.state, case, leg.end, leg.times, leg.stop, self.steps)
+        if reason == UNSOLVED:
+            raise UndecidedError(
+                f"{self._method}: no step, however short, can be solved from here on; use another rtol, or Contacts"
+            )
+        # Records of motion begin with what a run samples.
+        rows = np.asarray(records).view(float).reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
+        return Advance(rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED)
+
+    def copy(self) -> Self:
+        """Return an engine in the same state that goes its own way."""
+        return copy.copy(self)

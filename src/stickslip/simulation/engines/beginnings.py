@@ -6,16 +6,13 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.kernels.survival import Table, tabulate
 from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.engines.base import Beginning
-
-Array = NDArray[np.float64]
+from stickslip.simulation.engines.base import Array, Beginning
 
 
 def generators(seed: int, count: int = 3) -> list[np.random.Generator]:

@@ -7,23 +7,12 @@ from abc import abstractmethod
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.kernels import block_cohorts, blocks, quasistatic
+from stickslip.kernels import block_cohorts, blocks, drive, quasistatic
 from stickslip.kernels.blocks import Draws
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays, longer
-from stickslip.kernels.drive import (
-    DELAYS_USED_UP,
-    LOOK,
-    NO_HISTORY,
-    NO_ROOM,
-    PAUSED,
-    THRESHOLDS_USED_UP,
-    UNSOLVED,
-    Piece,
-    Sampling,
-)
+from stickslip.kernels.drive import Piece, Sampling
 from stickslip.kernels.leapfrog import Motion, at_rest
 from stickslip.kernels.network import Network, fastest, stiffest_dashpot
 from stickslip.model import (
@@ -39,11 +28,9 @@ from stickslip.model import (
 )
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
+from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts, survival_of
 from stickslip.simulation.work import Course, Part, breaking
-
-Array = NDArray[np.float64]
 
 SCALARS = (
     "spring_force",
@@ -212,8 +199,8 @@ class ElasticEngine(Engine):
         rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
         coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
         held = sparse.diags_array(body.pulled + coupling.sum(axis=0)) - coupling
-        drive = float(force.sum() / body.pulled.sum())
-        X = np.asarray(spsolve(held.tocsc(), body.pulled * drive - force)).reshape(body.size)
+        driven = float(force.sum() / body.pulled.sum())
+        X = np.asarray(spsolve(held.tocsc(), body.pulled * driven - force)).reshape(body.size)
         perturbation = per_block("FromSliding.perturbation", beginning.perturbation, body)
         return X, beginning.velocity * (1.0 + perturbation) * self._slides
 
@@ -288,8 +275,8 @@ class ElasticEngine(Engine):
             pass
         rows = sampling.samples[: self._motion.now.sampled]
         # The next step passes the look; or it is where all ends.
-        seen = looks_aside(self, leg, look if why == LOOK else self.here()[0])
-        return Advance(rows, seen, over=why not in (PAUSED, LOOK))
+        seen = looks_aside(self, leg, look if why == drive.LOOK else self.here()[0])
+        return Advance(rows, seen, over=why not in (drive.PAUSED, drive.LOOK))
 
 
 @solves(Contacts, elastic=True)
@@ -341,18 +328,18 @@ class BlocksOfContacts(ElasticEngine):
 
     def _provide(self, why: int) -> bool:
         contacts, block = self._state.contacts, int(self._motion.now.block)
-        if why == UNSOLVED:
+        if why == drive.UNSOLVED:
             raise InputError(
                 f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
-        if why == THRESHOLDS_USED_UP:
+        if why == drive.THRESHOLDS_USED_UP:
             self._streams.refill(block, 1)
             contacts.next_threshold[block] = 0
-        elif why == DELAYS_USED_UP:
+        elif why == drive.DELAYS_USED_UP:
             self._streams.refill(block, 2)
             contacts.next_delay[block] = 0
-        return why in (THRESHOLDS_USED_UP, DELAYS_USED_UP)
+        return why in (drive.THRESHOLDS_USED_UP, drive.DELAYS_USED_UP)
 
 
 @solves(MasterEquation, elastic=True)
@@ -408,9 +395,9 @@ class BlocksOfCohorts(ElasticEngine):
         return block_cohorts.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
 
     def _provide(self, why: int) -> bool:
-        if why == NO_ROOM:
+        if why == drive.NO_ROOM:
             self._state = block_cohorts.with_room(self._state)
-        elif why == NO_HISTORY:
+        elif why == drive.NO_HISTORY:
             cohorts = self._state.cohorts
             self._state = self._state._replace(cohorts=cohorts._replace(history=longer(cohorts.history)))
-        return why in (NO_ROOM, NO_HISTORY)
+        return why in (drive.NO_ROOM, drive.NO_HISTORY)

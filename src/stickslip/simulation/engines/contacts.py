@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
@@ -31,6 +30,7 @@ from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
+    Array,
     Beginning,
     Engine,
     Individuals,
@@ -42,8 +42,6 @@ from stickslip.simulation.engines.base import (
 from stickslip.simulation.engines.beginnings import first_contacts, generators, lives_met, newborns
 from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
 from stickslip.sliding.lives import growth_of, hazard_of
-
-Array = NDArray[np.float64]
 
 _BLOCK = 16_384
 """Random numbers drawn at once. The same seed gives another run with another length."""
@@ -110,9 +108,9 @@ class EventByEvent(Engine):
         if interface.temperature is not None:
             check_newborns(interface)
         if interface.areas is not None and interface.track_scatter > 0:
+            scatter = f"track_scatter = {interface.track_scatter:g}"
             raise InputError(
-                f"Interface.areas = {interface.areas!r}: not available with Contacts together with track_scatter = "
-                f"{interface.track_scatter:g}, which says nothing of their stiffness; leave one out",
+                f"Interface.areas = {interface.areas!r}: not available together with {scatter}; leave one out",
                 "Interface.areas",
             )
         if interface.newborn is None:
@@ -122,15 +120,12 @@ class EventByEvent(Engine):
             if (lost := 1.0 - float(held[0] - held[1])) > 1e-3:
                 raise InputError(
                     f"Interface.newborn = {interface.newborn}: {100 * lost:.3g} % of the contacts would re-attach "
-                    f"beyond their first threshold, ExponentialGrowth.newborn = {interface.ageing.newborn:g}; "
-                    "narrow it or bring it nearer to 0",
+                    f"beyond ExponentialGrowth.newborn = {interface.ageing.newborn:g}; narrow it",
                     "Interface.newborn",
                 )
         if interface.delay.moment(1) == 0 and (interface.track_scatter > 0 or interface.areas == "site"):
-            other = "track_scatter" if interface.track_scatter > 0 else "areas = 'site'"
             raise InputError(
-                f"Interface.delay = {interface.delay}: with both newborn stretchings and {other} contacts may "
-                "break as soon as they re-attach; give a delay above 0, or leave out one of the two",
+                f"Interface.delay = {interface.delay}: with newborn stretchings, tracks and sites need one above 0",
                 "Interface.delay",
             )
 

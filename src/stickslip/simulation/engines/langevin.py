@@ -6,7 +6,6 @@ import math
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.kernels import stepping
@@ -21,6 +20,7 @@ from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
     MOTION,
     Advance,
+    Array,
     Beginning,
     Engine,
     Individuals,
@@ -34,8 +34,6 @@ from stickslip.simulation.engines.beginnings import first_contacts, generators
 from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
 from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
 from stickslip.sliding.lives import hazard_of
-
-Array = NDArray[np.float64]
 
 _STEP = 0.02
 """Largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements."""

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
@@ -24,12 +23,9 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Beginning, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
-from stickslip.simulation.engines.cohorts import Cohorts
 from stickslip.simulation.work import Course, Part, oscillation, sampling
-
-Array = NDArray[np.float64]
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
@@ -168,9 +164,7 @@ def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     )
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Tables
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------- Tables
 
 
 def _tolerance(rtol: float) -> float:

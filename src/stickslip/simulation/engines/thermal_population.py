@@ -6,33 +6,21 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.kernels import thermal_cohorts as kernel
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
 from stickslip.kernels.survival import Table, tabulate
 from stickslip.kernels.thermal_cohorts import advance
-from stickslip.model import (
-    Barrier,
-    Bell,
-    ExponentialGrowth,
-    Interface,
-    LogarithmicGrowth,
-    MasterEquation,
-    Parabolic,
-)
+from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, MasterEquation, Parabolic
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Beginning, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import survival_of
-from stickslip.simulation.engines.cohorts import Cohorts
 from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
 from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of
-
-Array = NDArray[np.float64]
 
 _NODES = 240
 """Nodes of thresholds, at most, where one number does not do."""
