@@ -187,7 +187,10 @@ def _next_bin(queue: Queue) -> None:
     empty_bins = 0
     while counts[LAST] == 0:
         if empty_bins > queue.newest.size:
-            counts[BIN] = _lowest_bin(queue) - 1
+            lowest = np.inf
+            for place in range(used(queue)):
+                lowest = min(lowest, queue.entries[place]["key"])
+            counts[BIN] = math.floor(lowest * queue.per_bin) - 1
         counts[BIN] += 1
         empty_bins += 1
         if queue.newest[counts[BIN] & last] >= 0:
@@ -218,14 +221,6 @@ def drop(queue: Queue, place: int) -> None:
     """Drop the entry at a place."""
     queue.entries[place]["key"] = np.inf
     queue.counts[_SIZE] -= 1
-
-
-@bare
-def _lowest_bin(queue: Queue) -> int:
-    lowest = np.inf
-    for place in range(used(queue)):
-        lowest = min(lowest, queue.entries[place]["key"])
-    return math.floor(lowest * queue.per_bin)
 
 
 @inlined

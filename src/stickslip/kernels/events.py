@@ -1,12 +1,9 @@
 """N contacts under a slider, event by event: no time step and no loop over contacts.
 
 Between two events the slider is a damped oscillator of known stiffness (the spring and the attached contacts), pulled
-by a known drive: its motion is known in closed form (`flight`). The next event is the earliest of
-
-- the slider reaching the nearest breaking position, ahead (``birth position + threshold``) or behind
-  (``birth position - threshold``),
-- the next re-attachment of a broken contact,
-- the end of the piece of the drive.
+by a known drive: its motion is known in closed form (`flight`). The next event is the earliest of the slider reaching
+the nearest breaking position, ahead (``birth position + threshold``) or behind (``birth position - threshold``), the
+next re-attachment of a broken contact, and the end of the piece of the drive.
 
 Breaking positions and times of re-attachment wait in bucket queues (`event_queue`), whose cost does not grow with the
 number of contacts; the force needs two running sums, whatever that number. Samples are read off the closed form inside
@@ -29,27 +26,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import shared_clock
+from . import motion, shared_clock
 from ._jit import bare, inlined
 from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, threshold_now
 from .drive import ARRESTED, DRAWS_USED_UP, FINISHED, LOOK, PAUSED, STOPPED, Piece, Quadratic, Sampling
 from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
-from .motion import (
-    Constants,
-    Leg,
-    Motion,
-    balance,
-    constants,
-    contact_force,
-    count_in,
-    count_out,
-    fly,
-    leap,
-    sample_until,
-    set_out,
-)
+from .motion import Constants, Leg, Motion
 from .oscillator import Slider
 from .records import Counts, Floats, Records
 from .shared_clock import Clock, is_shared
@@ -185,7 +169,7 @@ def _fill(state: State, birth: Floats, threshold: Floats) -> None:
 
 def force_of(state: State) -> float:
     """Force of the contacts, per contact."""
-    return float(contact_force(state.motion[0], float(state.size)))
+    return float(motion.contact_force(state.motion[0], float(state.size)))
 
 
 def attached_places(state: State) -> Counts:
@@ -365,7 +349,7 @@ def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Const
     birth = m.position
     if draws.stretchings.size:
         birth -= m.direction * draws.stretchings[i]
-    count_in(m, birth, k, c)
+    motion.count_in(m, birth, k, c)
     if boxes is not None:
         boxes.of[slot]["since"] = m.time
     _hold(state, slot, birth, threshold, draws, boxes)
@@ -378,7 +362,7 @@ def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Const
     slot = contact["slot"]
     if boxes is not None and boxes.rule.as_stiff:
         k = contact["threshold"]
-    count_out(m, contact["birth"], k, c)
+    motion.count_out(m, contact["birth"], k, c)
     _drop(state, place)
     delay = draws.fixed_delay
     if math.isnan(delay):
@@ -497,20 +481,20 @@ def _yields(m: Motion, edges: _Edges, side: int, first: float) -> bool:
 def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Boxes | None, c: Constants) -> bool:
     """Take a slider without mass towards its balance; whether something happens on the way there."""
     m = state.motion[0]
-    goal = balance(m, drive, c)
+    goal = motion.balance(m, drive, c)
     if m.slides * (goal - m.position) < 0.0:
         _holds_again(m)
         return True
     edges, behind = _edges(m, False, boxes, c), _first_behind(state)
     side = int(goal > min(ahead, edges.ahead)) - int(goal < max(-behind, edges.behind))
     if side == 0:
-        leap(m, goal, c)
+        motion.leap(m, goal, c)
         return False
     if side == -1 and not m.keeps_behind:
         _keep_behind(state, boxes)
         return True
     first = ahead if side == 1 else behind
-    leap(m, side * min(first, edges.ahead if side == 1 else -edges.behind), c)
+    motion.leap(m, side * min(first, edges.ahead if side == 1 else -edges.behind), c)
     if not _yields(m, edges, side, first):
         _pass(state, side, draws, boxes, c)
     return True
@@ -522,9 +506,9 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
 @inlined
 def _begin(m: Motion, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants) -> tuple[Leg, _Edges]:
     """Motion from here on, if nothing happened."""
-    leg = set_out(m, drive, c)
+    leg = motion.set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
-        leg = set_out(m, drive, c)
+        leg = motion.set_out(m, drive, c)
     if c.rigid or c.massless:
         m.velocity = leg.motion.v
     return leg, _edges(m, arrests and m.breaks > m.breaks_at_arrest, boxes, c)
@@ -628,7 +612,7 @@ def advance(
     m, acceleration, stiffest = state.motion[0], piece.drive.acceleration, 1.0
     if boxes is not None:
         stiffest = boxes.stiffest
-    c = constants(slider, m.sliding_force, float(state.size), stiffest)
+    c = motion.constants(slider, m.sliding_force, float(state.size), stiffest)
     to_go = budget
     while True:
         thresholds, delays, variates = short_of(m, draws, boxes)
@@ -659,9 +643,9 @@ def advance(
         if ends_at > piece.look and leg.t <= piece.look:
             m.looked = leg.X + at(leg.motion, piece.look - leg.t)[0]
             return LOOK
-        if sample_until(m, piece, sampling, leg, min(ends_at, piece.end), c):
+        if motion.sample_until(m, piece, sampling, leg, min(ends_at, piece.end), c):
             return STOPPED
-        fly(m, leg, h, y, u, acceleration, c)
+        motion.fly(m, leg, h, y, u, acceleration, c)
         m.time = ends_at
         if side == _TURN:
             if _stops(m, draws.arrests):

@@ -1,10 +1,9 @@
 """A finite number of contacts on panels: how many of each node break and re-attach in a step is drawn.
 
-The contacts of a node of Gauss attached at one place. Which of them break while the slider stretches them further is
-decided only when it does: of ``n`` that have held up to a stretching ``r``, a binomial number breaks on the way to
-``r'``, each with the probability ``1 - J_c(r')/J_c(r)``. Where they attach, in a step, and how long they wait is
-binomial, too. So the counts have the distribution of independent contacts, at a cost that depends on the number of
-nodes only.
+The contacts of a node of Gauss attached at one place. Of ``n`` that have held up to a stretching ``r`` a binomial
+number breaks on the way to ``r'``, each with the probability ``1 - J_c(r')/J_c(r)``. Where they attach, in a step, and
+how long they wait is binomial, too. So the counts have the distribution of independent contacts, at a cost that depends
+on the number of nodes only.
 
 A step is solved for the mean of what may happen in it, given the counts at its start; its length follows from that
 mean, so that no outcome is ever rejected. Then the counts are drawn. What more or less has broken than on average does

@@ -92,12 +92,6 @@ def longest_age(life: Life) -> float:
 
 
 @jit
-def age_nodes(life: Life, steps: int) -> Floats:
-    """Nodes of the age in units of 1/rate^2, from 0 to where next to nobody survives."""
-    return graded_nodes(longest_age(life), steps, 2.0 / steps)
-
-
-@jit
 def bernoulli(z: float) -> float:
     """Bernoulli function ``z / (exp(z) - 1)``: exponentially fitted fluxes of drift and diffusion between cells."""
     if abs(z) < 1e-3:
@@ -124,10 +118,3 @@ def margin_rates(z: Floats, c: float, up: Floats, down: Floats) -> None:
         width = 0.5 * (z[i + 2] - z[i]) if i + 2 <= m else 0.5 * h
         down[i + 1] = b / (h * width)
     up[m] = 0.0
-
-
-@jit
-def between_nodes(z: Floats, place: float) -> tuple[int, float]:
-    """Node above a place, and its weight in a linear interpolation between the nodes about it."""
-    i = int(np.searchsorted(z, place))
-    return i, (place - z[i - 1]) / (z[i] - z[i - 1])

@@ -4,7 +4,7 @@ import numpy as np
 
 from ._jit import jit
 from .hazard import NONE, Hazard, log_rate, rate
-from .langevin import Langevin, Life, age_nodes, between_nodes, life_at, margin_nodes, margin_rates
+from .langevin import Langevin, Life, graded_nodes, life_at, longest_age, margin_nodes, margin_rates
 from .langevin_survival import P, interpolate, panel_edges, survive
 from .records import Floats
 from .rules import gauss
@@ -22,7 +22,7 @@ def life_moments(
     """Moments of one life at one resolution: cells of the margin and steps of the age; see `steady_moments`."""
     u, delta = life.u, life.delta
     z = margin_nodes(life, cells)
-    age = age_nodes(life, steps)
+    age = graded_nodes(longest_age(life), steps, 2.0 / steps)
     m = z.size - 1
     c0, r = (1.0 - u) / delta, u / delta
     up, down, upper = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
@@ -58,8 +58,8 @@ def life_moments(
             left[i] = b0[i] + upper[i] * left[i + 1]
             work[i] = b1[i] + upper[i] * work[i + 1]
     if life.newborn > 0.0:
-        i, w = between_nodes(z, life.newborn / delta)
-        return (1.0 - w) * left[i - 1] + w * left[i], (1.0 - w) * work[i - 1] + w * work[i]
+        start = life.newborn / delta
+        return float(np.interp(start, z, left)), float(np.interp(start, z, work))
     # Slopes at the boundary, from W'' + c W' + g = 0 there: g = 1 for the life, 0 for the work.
     h = z[1]
     slope = 1.0 / (h * (1.0 - 0.5 * c0 * h))

@@ -4,16 +4,14 @@ While the friction force is linear in the slider's position and quadratic in tim
 
     x'' + eta x' + w x = constant + linear t + quadratic t^2/2
 
-and its motion is known for every sign of ``w``: oscillation, creep and instability. All solvers that take steps of
-time go through `move` or `travel`; the event engine has an expansion of its own in `flight`, which costs a tenth.
-
+and its motion is known for every sign of ``w``: oscillation, creep and instability; `flight` has a quicker expansion.
 Everything is per contact and in natural units (contact stiffness 1), in any unit of time.
 """
 
 import math
 from typing import NamedTuple
 
-from ._jit import jit
+from ._jit import inlined, jit
 from .drive import Quadratic, drive_at
 
 
@@ -77,6 +75,12 @@ Response = tuple[float, float, float, float, float]
 def is_rigid(slider: Slider) -> bool:
     """Whether the slider moves with the drive."""
     return math.isinf(slider.stiffness)
+
+
+@inlined
+def spring_force(slider: Slider, drive: Quadratic, time: float, X: float, friction: float) -> float:
+    """Force of the driving spring; that of the contacts where the slider moves with the drive."""
+    return friction if is_rigid(slider) else slider.stiffness * (drive_at(drive, time)[0] - X)
 
 
 @jit

@@ -2,14 +2,11 @@
 
 A step of time is a panel, on which position, force, and what breaks and attaches are polynomials through its nodes. The
 slider is a damped oscillator under a force that depends on where it is (`cohorts`): equations are met at the nodes of
-Radau, by Newton's method, at any stiffness of spring and contacts. What attaches in a step becomes a cohort of
-nodes of Gauss; what breaks re-attaches after a delay, of given times, or spread by a distribution whose survival is a
-table, too. So the order is that of the polynomials, five, wherever the motion is smooth. It is not where the slider
-turns, where it passes a place at which it has turned before, and where what broke at such a moment re-attaches: steps
-end there.
-
-A step is as long as the tolerance allows: it is tried again, shorter, if the last coefficients of its polynomials do
-not fall far enough, or if what attaches in it is spread too far for the nodes of Gauss.
+Radau, by Newton's method. What attaches in a step becomes a cohort of nodes of Gauss; what breaks re-attaches after a
+delay, of given times or spread by a distribution. So the order is that of the polynomials, five, wherever the motion is
+smooth. It is not where the slider turns, where it passes a place at which it has turned before, and where what broke at
+such a moment re-attaches: steps end there. A step is tried again, shorter, if the last coefficients of its polynomials
+do not fall far enough, or if what attaches in it is spread too far for the nodes of Gauss.
 
 Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and ``k``, any unit of time.
 """
@@ -27,7 +24,7 @@ from ._jit import bare, jit
 from .cohorts import COHORT_ROWS, MASS, PLACE, REACH, WHOLE, Reading, divide, divide_passed, kink_at, merged
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STOPPED, UNSOLVED, Stop, drive_at, holds
 from .finite_population import attach_all, deviate, joined, settle
-from .oscillator import is_rigid
+from .oscillator import is_rigid, spring_force
 from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, State, Work
 from .panel_step import element_at, heading, only_lose, reach, try_step
 from .reattachment import forget, mark_rough, next_front
@@ -143,15 +140,7 @@ def _move(state: State, work: Work, case: Case, dt: float) -> None:
     # What the slider did to the contacts, and they do not store.
     motion.lost += max(nodes[P].lost, 0.0) if only_lose(case) else nodes[P].lost
     motion.stored = nodes[P].stored
-    _spring(motion, case)
-
-
-@bare
-def _spring(row: Record, case: Case) -> None:
-    if is_rigid(case.slider):
-        row.drive_force = row.contact_force
-    else:
-        row.drive_force = case.slider.stiffness * (drive_at(case.drive, row.time)[0] - row.position)
+    motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
 
 
 @bare
@@ -165,7 +154,7 @@ def _sample(row: Record, t: float, start: Record, state: State, work: Work, case
     row.lost, row.stored = start.lost + along(curves.lost, u), along(curves.stored, u)
     if case.finite.contacts > 0.0:
         deviate(row, t, start, state.motion, work, case)
-    _spring(row, case)
+    row.drive_force = spring_force(case.slider, case.drive, row.time, row.position, row.contact_force)
 
 
 @bare
@@ -304,9 +293,7 @@ def _held(state: State, work: Work, case: Case, wanted: Wanted, dt: float) -> fl
         fit(work.nodes.force, work.curves.force)
         X = motion.position + along(work.curves.x, u)
         force = along(work.curves.force, u)
-        if not is_rigid(case.slider):
-            force = case.slider.stiffness * (drive_at(case.drive, times[n])[0] - X)
-        if holds(wanted.stop, X, force):
+        if holds(wanted.stop, X, spring_force(case.slider, case.drive, times[n], X, force)):
             return float(times[n] - motion.time)
         n += 1
     return dt
@@ -386,7 +373,7 @@ def _run(state: State, work: Work, case: Case, wanted: Wanted) -> int:
     counted = case.finite.contacts > 0.0
     spare = panel_state.SPARE + case.newborn.stretching.size
     room = state.cohorts.shape[1] - case.newborn.stretching.size
-    _spring(motion, case)
+    motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
     if is_rigid(case.slider):
         motion.velocity = drive_at(case.drive, motion.time)[1]
         if motion.velocity == 0.0 and case.delays.arrest and used.cohorts + spare <= state.cohorts.shape[1]:
@@ -431,7 +418,7 @@ def _take(state: State, work: Work, case: Case, dt: float, event: int, room: int
     _move(state, work, case, dt)
     if counted:
         settle(state, work, case, dt, start, way)
-        _spring(motion, case)
+        motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
     motion.direction = way
     if event == TURNS:
         _turn(state, work, case, start, dt, room, broke)

@@ -137,6 +137,14 @@ def _go(state: State, network: Network, sliding: float, amount: float, time: flo
 
 
 @inlined
+def _follow(state: State, network: Network, sliding: float, time: float, piece: Piece, room: Floats) -> None:
+    """Let the blocks follow the drive to a time."""
+    now = state.motion.now.time
+    way = drive_at(piece.drive, time)[0] - drive_at(piece.drive, now)[0]
+    _go(state, network, sliding, way, max(time, now), piece, room)
+
+
+@inlined
 def _time_of(piece: Piece, now: float, distance: float) -> float:
     """When the drive has gone a signed distance further."""
     _, v = drive_at(piece.drive, now)
@@ -261,18 +269,14 @@ def advance(
             return drive.LOOK
         while now.sampled < sampling.times.size and sampling.times[now.sampled] <= event:
             k = now.sampled
-            D_before, _ = drive_at(piece.drive, now.time)
-            D_then, v_then = drive_at(piece.drive, sampling.times[k])
-            _go(state, network, sliding, D_then - D_before, max(sampling.times[k], now.time), piece, room)
+            _follow(state, network, sliding, sampling.times[k], piece, room)
             for i in range(n):
-                blocks.V_now[i] = v_then * room[0, i]
+                blocks.V_now[i] = drive_at(piece.drive, sampling.times[k])[1] * room[0, i]
             fill_row(state.motion, network, piece, sampling.samples[k], sliding)
             now.sampled += 1
             if piece.stop.kind != NOWHERE and holds(piece.stop, blocks.X.mean(), sampling.samples[k, 0]):
                 return drive.STOPPED
-        D_before, _ = drive_at(piece.drive, now.time)
-        D_then, _ = drive_at(piece.drive, event)
-        _go(state, network, sliding, D_then - D_before, event, piece, room)
+        _follow(state, network, sliding, event, piece, room)
         if j >= 0:
             if is_break == 1:
                 now.block = j

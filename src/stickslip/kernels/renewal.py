@@ -1,23 +1,19 @@
 """The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by fast convolution.
 
-When the slider is moved at a given velocity, each contact lives on its own: attached at ``x = 0``, it breaks at
-its threshold and re-attaches, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per
-contact up to ``X``, the master equation is one Volterra equation of convolution type::
+When the slider is moved at a given velocity, each contact lives on its own: attached at ``x = 0``, it breaks at its
+threshold and re-attaches, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per contact up to
+``X``, which is continuous even where the breaking rate jumps, the master equation is one Volterra equation::
 
     m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,     P~(x) = mean over delays of P_c(x - s)
 
-``m_0`` counts the first breaks of the contacts that were there at the start; it is known in closed form. The
-number of breaks is continuous even where the breaking rate jumps, and that is why it is the unknown here.
-
-The unknown is taken piecewise linear and each kernel is integrated exactly against it: its weights are the
-second differences of its second antiderivative, which for all kernels needed here is made of
-``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the density cost no order: the
-scheme is second order for every distribution of bounded density, and Richardson extrapolation over three grids makes it
-sixth order for smooth ones.
+``m_0`` counts the first breaks of the contacts that were there at the start; it is known in closed form. The unknown is
+taken piecewise linear and each kernel is integrated exactly against it: its weights are the second differences of its
+second antiderivative, made of ``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the
+density cost no order: the scheme is second order for every distribution of bounded density, and Richardson
+extrapolation over three grids makes it sixth order for smooth ones.
 
 Contacts that re-attach stretched by ``x_0``, with a threshold beyond ``|x_0|``, break after a path ``x_s - x_0``: the
-distribution of paths, a mean over nodes of ``x_0``, takes the place of that of thresholds, and a contact holds ``x_0``
-besides what it has gone.
+distribution of paths, a mean over nodes of ``x_0``, takes the place of that of thresholds.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ import numpy as np
 
 from ._jit import jit
 from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
-from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, move
+from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, move, spring_force
 from .records import Floats
 
 # First entries of the state of every solver: the slider, and what breaking took from the force per time.
@@ -133,10 +133,8 @@ def fill(course: Course, samples: Floats, filled: int, start: Motion, load: Load
         t = course.times[filled] - start.time
         here = move(course.slider, course.drive, start, load, t)
         force = load.force + load.stiffness * (here.X - start.X) - t * (load.loss + 0.5 * load.ramp * t)
-        spring = force
-        if not is_rigid(course.slider):
-            spring = course.slider.stiffness * (drive_at(course.drive, course.times[filled])[0] - here.X)
-        samples[filled, 0], samples[filled, 1], samples[filled, 2] = here.X, here.V, spring
+        samples[filled, 0], samples[filled, 1] = here.X, here.V
+        samples[filled, 2] = spring_force(course.slider, course.drive, course.times[filled], here.X, force)
         samples[filled, 3], samples[filled, 4] = force, attached
         filled += 1
     return filled

@@ -27,7 +27,7 @@ from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
 from .hazard import EXPONENTIAL, Growth, Hazard, grown, rate, threshold_at
-from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, travel
+from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, spring_force, travel
 from .records import Floats, Record, blank, record
 from .rules import gauss
 from .survival import Table, value_at, values_at
@@ -88,6 +88,8 @@ class State(NamedTuple):
     trial: Floats  # the same at the end of a step under trial
     history: History
     used: Record  # record of COUNTS
+    before: Record  # MOTION, shape (1,): motion at the start of a step
+    due: Floats  # shape (1,): what is to have re-attached by its end
 
 
 class Case(NamedTuple):
@@ -99,13 +101,6 @@ class Case(NamedTuple):
     f_d: float
     limits: Limits
     drive: Quadratic = STILL
-
-
-class _Work(NamedTuple):
-    """Room to calculate in: the motion at the start of a step, and what is due."""
-
-    before: Record
-    due: Floats
 
 
 class _Trial(NamedTuple):
@@ -324,11 +319,11 @@ def _friction(trial: _Trial) -> float:
 
 
 @bare
-def _try_step(state: State, case: Case, work: _Work, dt: float) -> tuple[_Trial, Load, float]:
+def _try_step(state: State, case: Case, dt: float) -> tuple[_Trial, Load, float]:
     """Find the end of a step without taking it, the load on the way, and how much too long it is (above 1)."""
     motion, slider, width = state.motion, case.slider, case.model.width
-    part = due(state.history, case.delays, dt, work.due)
-    known = work.due[0] - motion.reattached
+    part = due(state.history, case.delays, dt, state.due)
+    known = state.due[0] - motion.reattached
     load = _load(case, motion, motion.loss)
     trial = _arrive(state, case, known, part, dt, load)
     disagreement = 0.0
@@ -445,27 +440,18 @@ def _sample(row: Record, t: float, before: Record, trial: _Trial, load: Load, af
 
 
 @bare
-def _held(stop: Stop, row: Record, t: float, case: Case) -> bool:
-    """Whether the condition holds at a sample."""
-    spring = row.contact_force
-    if not is_rigid(case.slider):
-        spring = case.slider.stiffness * (drive_at(case.drive, t)[0] - row.position)
-    return holds(stop, row.position, spring)
-
-
-@bare
-def _planned(state: State, case: Case, work: _Work, left: float, smallest: float) -> tuple[_Trial, Load, float]:
+def _planned(state: State, case: Case, left: float, smallest: float) -> tuple[_Trial, Load, float]:
     """Find a step as long as may be, at most `left`: its end, its load and its trouble, NaN if no step helps."""
     motion, slider = state.motion, case.slider
     planned = min(motion.next_step, _longest_step(motion, case))
     while True:
         dt = left if planned > 0.999 * left else (0.5 * left if planned > 0.5 * left else planned)
-        trial, load, trouble = _try_step(state, case, work, dt)
+        trial, load, trouble = _try_step(state, case, dt)
         if motion.velocity * trial.V < 0.0 and slider.mass > 0.0 and not is_rigid(slider):  # a step goes one way
             part = motion.velocity / (motion.velocity - trial.V)
             if 0.05 < part < 0.95:
                 dt = planned = part * dt
-                trial, load, trouble = _try_step(state, case, work, dt)
+                trial, load, trouble = _try_step(state, case, dt)
         if math.isnan(trouble) or trouble <= 1.0 or dt <= smallest:
             break
         planned = dt * max(0.9 / trouble, 0.2)
@@ -475,7 +461,7 @@ def _planned(state: State, case: Case, work: _Work, left: float, smallest: float
 
 
 @bare
-def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times: Floats, rows: Record) -> int:
+def _run(state: State, case: Case, stop: Stop, until: float, times: Floats, rows: Record) -> int:
     """Take steps until there is a reason to come back."""
     motion, used = state.motion, state.used
     smallest = 1e-13 * max(1.0, abs(until))
@@ -485,7 +471,8 @@ def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times:
         while used.sampled < times.size and times[used.sampled] <= motion.time + smallest:
             rows[used.sampled] = motion
             used.sampled += 1
-            if _held(stop, motion, times[used.sampled - 1], case):
+            X, time = motion.position, times[used.sampled - 1]
+            if holds(stop, X, spring_force(case.slider, case.drive, time, X, motion.contact_force)):
                 return STOPPED
         left = until - motion.time
         if left <= smallest:
@@ -494,15 +481,15 @@ def _run(state: State, case: Case, work: _Work, stop: Stop, until: float, times:
             return NO_ROOM
         if stop.kind != NOWHERE and used.sampled < times.size:
             left = min(left, times[used.sampled] - motion.time)
-        trial, load, trouble = _planned(state, case, work, left, smallest)
+        trial, load, trouble = _planned(state, case, left, smallest)
         if math.isnan(trouble):  # the caller is told by where the slider is
             motion.position = math.nan
             return PAUSED
-        work.before[0] = motion
+        state.before[0] = motion
         used.left -= 1
         _commit(state, case, trial, load)
         while used.sampled < times.size and times[used.sampled] < motion.time - smallest:
-            _sample(rows[used.sampled], times[used.sampled], work.before[0], trial, load, motion, case)
+            _sample(rows[used.sampled], times[used.sampled], state.before[0], trial, load, motion, case)
             used.sampled += 1
     return PAUSED
 
@@ -513,10 +500,9 @@ def advance(
     """Go on from a state, which is not changed, under one piece of the drive; as `panels.advance`."""
     state = copy.deepcopy(state)
     rows = np.empty(times.size, MOTION).view(np.recarray)
-    work, reason = _Work(blank(MOTION, 1), np.zeros(1)), NO_ROOM
-    state.used.sampled, state.used.left = 0, max_steps
+    state.used.sampled, state.used.left, reason = 0, max_steps, NO_ROOM
     while reason == NO_ROOM:
-        reason = _run(state, case, work, stop, until, times, rows)
+        reason = _run(state, case, stop, until, times, rows)
         if reason != NO_ROOM:
             break
         if state.used.cohorts + 2 > state.cohort.shape[1]:
@@ -586,8 +572,8 @@ def sliding_state(model: Model, delays: Delays, velocity: float, limits: Limits,
 def _empty(model: Model, delays: Delays, room: int, rate_before: float) -> State:
     """Make room for a state; contacts broke at this rate before."""
     run = np.zeros((room, max(model.node.size, 1)))
-    history = first_history(delays, rate_before, 1024)
-    state = State(blank(MOTION), np.zeros((ROWS, room)), run, run.copy(), history, blank(COUNTS))
+    history, cohort = first_history(delays, rate_before, 1024), np.zeros((ROWS, room))
+    state = State(blank(MOTION), cohort, run, run.copy(), history, blank(COUNTS), blank(MOTION, 1), np.zeros(1))
     state.motion.reattached = -rate_before * float((delays.time * delays.weight).sum())
     return state
 
