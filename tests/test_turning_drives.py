@@ -44,10 +44,10 @@ class Case:
         return math.sqrt((self.slider.stiffness + 1.0) / self.slider.mass)
 
 
-def case_of(seed, softest=0.3):
+def case_of(seed):
     """A random rig whose drive turns round in each of one to three pieces, going far enough to break contacts."""
     rng = np.random.default_rng([seed, 2024])
-    ratio, stiffness, omega = 10 ** rng.uniform([-2, math.log10(softest), 0], [3, 1, 2])
+    ratio, stiffness, omega = 10 ** rng.uniform([-2, math.log10(0.3), 0], [3, 1, 2])
     slider = ss.Slider(stiffness=stiffness, mass=(stiffness + 1.0) / omega**2, damping=2.0 * ratio * omega)
     pieces = []
     for _ in range(rng.integers(1, 4)):
@@ -196,24 +196,6 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
         assert attached == pytest.approx(1.0, abs=1e-11)
     if delay.time == math.inf:  # between the ends of a step of the master equation each value has its error
         assert np.all(np.diff(attached) <= (2.0 * COARSE.rtol if method is COARSE else 1e-12))
-
-
-# ------------------------------------------------------------------------------------------------ one against another
-
-
-@every_rig
-@pytest.mark.eq(1, 2, 3, 4, 11)
-def test_contacts_scatter_about_the_master_equation(seed):
-    """On springs too stiff for an elastic instability, by what independent contacts scatter, and no more."""
-    N = 4000
-    case = case_of(seed, softest=4.0)
-    delay = ss.Delay([0.0, math.inf][seed % 2])
-    many, limit = (run_of(case, delay, method) for method in (ss.Contacts(N, seed=seed), COARSE))
-    # One contact's force has the variance <x^2> - <x>^2. The force of all falls no faster than 1.7/1.4 f_s/x_s, so that
-    # the spring lets what scatters grow by at most K/(K - 1.7/1.4) < 1.5.
-    variance = float((2.0 * limit["contact_energy"] - limit["friction_force"] ** 2).max())
-    apart = float(np.abs(many["friction_force"] - limit["friction_force"]).max())
-    assert apart < 1.5 * 5.0 * math.sqrt(variance / N) + ONE_RUN
 
 
 # ------------------------------------------------------------------------------------------------ ageing contacts

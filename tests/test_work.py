@@ -126,15 +126,6 @@ def test_a_long_run_in_a_pipe_says_how_far_it_is(monkeypatch, capsys):
     assert line.endswith("sweep: 25 %, about 15 min left")
 
 
-@pytest.mark.parametrize(("delay", "breaks"), [(0.0, 1000), (1.0, 500), (float("inf"), 1)])
-def test_contacts_that_wait_break_less_often(delay, breaks):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(delay))
-    body = ss.Chain(blocks=10, coupling=1.0, mass=1.0, damping=1.0, leaf=1.0)
-    rig = ss.Rig(interface, body, ss.constant(1.0, duration=1000.0), method=ss.Contacts(100))
-    part = next(part for part in estimate(rig).parts if part.key == "simulation.contacts")
-    assert f"about {1000 * breaks:.2g} breaks" in part.what
-
-
 @pytest.mark.parametrize("method", [ss.Contacts(20), ss.MasterEquation()])
 def test_stiff_dashpots_ask_for_short_steps(method):
     """In proportion to the viscosity, once they do so more than the springs; a mistaken unit is refused."""
