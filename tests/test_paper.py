@@ -19,8 +19,8 @@ from stickslip.io import datasets as store
 from stickslip.model import Slider
 from stickslip.paper import FIGURES
 from stickslip.paper.cases import FIG2, FIG5
-from stickslip.paper.fig2 import first_instability
 from stickslip.paper.figure import at_most, near, weighed
+from stickslip.paper.instability import first_instability
 from stickslip.rigid import effective_stiffness
 from stickslip.theory import effective_potential
 
@@ -111,7 +111,7 @@ PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
             )
         ),
         # Of the linear critical delay, too, as the paper has it.
-        ("fig6", 9, "linear_by_mass", {}, "sustained_by_mass", PRINTED),
+        ("fig6", 9, "linear", {}, "sustained", PRINTED),
         ("fig7", 12, "sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED),  # smooth again, delays as in the paper
         pytest.param("fig10", 16, "v2", {"rate": 0.8}, math.nan, NOT, marks=pytest.mark.slow),
     ],

@@ -33,12 +33,7 @@ class Study:
 
 def finding(statement: str, *measured: Measured, evidence: str) -> Claim:
     """Return a statement of ours, which holds if every number lies in its band."""
-    return Claim(
-        statement=statement,
-        verdict="reproduced" if all(m.ok for m in measured) else "not reproduced",
-        measured=measured,
-        evidence=evidence,
-    )
+    return Claim(None, statement, measured, evidence=evidence)
 
 
 def held_friction(

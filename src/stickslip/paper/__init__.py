@@ -7,13 +7,13 @@
 >>> all(claim.ok for claim in figure.check(data))
 True
 
-Each figure is a module: data, drawing and claims, joined in a `Figure`. Settled numbers stand in the claims.
+A figure is three functions: data, claims and drawing, joined in a `Figure`. Settled numbers stand in the claims.
 """
 
 from __future__ import annotations
 
 from stickslip.errors import InputError
-from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11
+from stickslip.paper import ageing, delay, instability, ramps, rigid
 from stickslip.paper.figure import Claim as Claim
 from stickslip.paper.figure import Figure as Figure
 from stickslip.paper.figure import Format as Format
@@ -23,8 +23,8 @@ from stickslip.paper.figure import Verdict as Verdict
 from stickslip.paper.figure import places as places
 from stickslip.paper.figure import reproduce as reproduce
 
-_MODULES = (fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11)
-FIGURES: dict[str, Figure] = {module.FIGURE.name: module.FIGURE for module in _MODULES}
+_FIGURES = [figure for room in (rigid, instability, delay, ageing, ramps) for figure in room.FIGURES]
+FIGURES = {figure.name: figure for figure in sorted(_FIGURES, key=lambda figure: int(figure.name[3:]))}
 """The figures by name, ``"fig1"`` and on, in the order of the paper."""
 
 

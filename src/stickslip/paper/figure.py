@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
 
@@ -54,16 +54,12 @@ class Measured:
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        match math.isfinite(self.low), math.isfinite(self.high):
-            case True, True:
-                band = f"{0.5 * (self.low + self.high):.6g} ± {0.5 * (self.high - self.low):.2g}"
-            case True, False:
-                band = f"at least {self.low:.6g}"
-            case False, True:
-                band = f"at most {self.high:.6g}"
-            case _:
-                band = "no bound"
-        return f"{self.name} = {self.value:.6g}{unit} ({band}{'' if self.ok else ': NOT MET'})"
+        bounds = {"at least": self.low, "at most": self.high}
+        band = [f"{words} {bound:.6g}" for words, bound in bounds.items() if math.isfinite(bound)]
+        if len(band) == 2:
+            band = [f"{0.5 * (self.low + self.high):.6g} ± {0.5 * (self.high - self.low):.2g}"]
+        said = f"{self.name} = {self.value:.6g}{unit} ({''.join(band) or 'no bound'}"
+        return f"{said})" if self.ok else f"{said}: NOT MET)"
 
 
 def between(name: str, value: SupportsFloat, low: float, high: float, unit: str = "") -> Measured:
@@ -92,9 +88,9 @@ def extremes(name: str, values: xr.DataArray, low: float, high: float, unit: str
     return [between(f"{name}, {which}", value, low, high, unit) for which, value in found.items()]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, our verdict, and what it rests on.
+    """A claim of the paper, what it rests on, and our verdict.
 
     Attributes
     ----------
@@ -102,24 +98,34 @@ class Claim:
         In the list of the paper's claims that this project checks, 1 to 18; None for a statement outside it.
     statement : str
         What the paper says, in our words.
-    verdict : Verdict
-        What the data say.
     measured : tuple of Measured
+    evidence : str
+        What was done to see it.
+    printed, read : bool
+        Whether the data say so as it is printed, by default if every number lies in its band, and under the reading.
     reading : str
         The reading under which the claim holds, or the range in which; empty where it holds as printed.
     exact : str
         What is right in place of a claim that does not hold.
-    evidence : str
-        What was done to see it.
     """
 
-    number: int | None = None
+    number: int | None
     statement: str
-    verdict: Verdict
     measured: tuple[Measured, ...]
+    _: KW_ONLY
     evidence: str
+    printed: bool | None = None
+    read: bool = True
     reading: str = ""
     exact: str = ""
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the data say."""
+        met = all(m.ok for m in self.measured)
+        if met if self.printed is None else self.printed:
+            return _PRINTED
+        return _READ if self.reading and self.read and met else _NOT
 
     @property
     def settled(self) -> Verdict:
@@ -137,37 +143,22 @@ class Claim:
         return self.statement if self.number is None else f"claim {self.number}: {self.statement}"
 
     def __str__(self) -> str:
-        lines = [f"{'ok' if self.ok else 'FAILED'}  {self.title}", f"    {self.verdict}"]
-        if self.verdict != self.settled:
-            lines[-1] += f" (expected: {self.settled})"
-        elif self.verdict == _NOT:
-            lines[-1] = f"    as expected: {self.verdict}"
-        said = {"reading": self.reading, "exact": self.exact}
-        lines += [f"    {name}: {words}" for name, words in said.items() if words]
-        return "\n".join([*lines, *(f"    {m}" for m in self.measured), f"    evidence: {self.evidence}"])
+        wrong = "" if self.verdict == self.settled else f" (expected: {self.settled})"
+        expected = "as expected: " if self.verdict == self.settled == _NOT else ""
+        said = [f"{name}: {words}" for name in ("reading", "exact") if (words := getattr(self, name))]
+        said = [f"{expected}{self.verdict}{wrong}", *said, *map(str, self.measured), f"evidence: {self.evidence}"]
+        return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *said])
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
+        names = ("number", "statement", "verdict", "settled", "reading", "exact", "evidence", "ok")
         measured = [plain(m) | {"ok": m.ok} for m in self.measured]
-        found: dict[str, Any] = plain(self)
-        return found | {"settled": self.settled, "measured": measured, "ok": self.ok}
+        return {name: getattr(self, name) for name in names} | {"measured": measured}
 
 
-def weighed(
-    number: int | None,
-    statement: str,
-    *measured: Measured,
-    evidence: str,
-    printed: bool | None = None,
-    read: bool = True,
-    reading: str = "",
-    exact: str = "",
-) -> Claim:
-    """A claim with its verdict: unless said otherwise it holds as printed, or else as read, if its numbers are met."""
-    met = all(m.ok for m in measured)
-    found = _PRINTED if (met if printed is None else printed) else _READ if reading and read and met else _NOT
-    said = {"statement": statement, "evidence": evidence, "reading": reading, "exact": exact}
-    return Claim(number=number, verdict=found, measured=measured, **said)
+def weighed(number: int | None, statement: str, *measured: Measured, **said: Any) -> Claim:
+    """A claim by its numbers; what else `Claim` takes follows by name."""
+    return Claim(number, statement, measured, **said)
 
 
 class Figure:
@@ -184,19 +175,16 @@ class Figure:
 
     def __init__(
         self,
-        module: str,
-        doc: str | None,
+        name: str,
         height: float,
         data: Callable[[Progress, bool], xr.Dataset],
+        claims: Callable[[xr.Dataset], Iterable[Claim]],
         drawing: Callable[[Picture, xr.Dataset], None],
-        *claims: Callable[[xr.Dataset], Claim],
     ) -> None:
-        # A module's docstring says the title in its first line, then the caption; the height is in inches.
-        heading, text, *_ = (doc or "").split("\n\n")
-        self.name = module.rpartition(".")[2]
-        self.title = heading.partition(": ")[2].removesuffix(".")
-        self.caption = " ".join(text.split())
-        self._height, self._data, self._drawing, self._claims = height, data, drawing, claims
+        # The drawing's docstring says the title in its first line, then the caption; the height is in inches.
+        title, text, *_ = (drawing.__doc__ or "").split("\n\n")
+        self.name, self.title, self.caption = name, title.removesuffix("."), " ".join(text.split())
+        self._height, self._data, self._claims, self._drawing = height, data, claims, drawing
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
         """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
@@ -228,7 +216,7 @@ class Figure:
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
         """Weigh the data that `compute` gave against the claims of the paper."""
         self._check(data)
-        return tuple(weigh(data) for weigh in self._claims)
+        return tuple(self._claims(data))
 
     def _check(self, data: xr.Dataset) -> None:
         made_by = store.read_provenance(data)
@@ -255,21 +243,17 @@ class Reproduction:
     claims: tuple[Claim, ...]
 
     @property
-    def failed(self) -> tuple[Claim, ...]:
-        """The claims that did not come out as expected."""
-        return tuple(claim for claim in self.claims if not claim.ok)
-
-    @property
     def ok(self) -> bool:
         """Whether every claim came out as expected."""
-        return not self.failed
+        return all(claim.ok for claim in self.claims)
 
     def __str__(self) -> str:
         parts = [f"{self.figure.name}: {self.figure.title}. {self.figure.caption}\n"]
         parts += [f"{claim}\n" for claim in self.claims]
         parts += [*(f"picture: {picture}" for picture in self.pictures), f"data: {self.data}"]
-        if self.failed:
-            parts.append(f"{len(self.failed)} of {len(self.claims)} claims did not come out as expected")
+        if not self.ok:
+            failed = sum(not claim.ok for claim in self.claims)
+            parts.append(f"{failed} of {len(self.claims)} claims did not come out as expected")
         return "\n".join(parts)
 
     def to_dict(self) -> dict[str, object]:

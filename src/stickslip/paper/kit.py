@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.plot.style import DASHED as DASHED
 
 Array = NDArray[np.float64]
 Picture = matplotlib.figure.Figure
