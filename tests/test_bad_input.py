@@ -127,7 +127,6 @@ REFUSED = [
     (lambda: ss.rerun("no"), "no"),
     (lambda: ss.cycles.cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"), "tolerance = '1 m/s'"),
     (lambda: ss.bistable_range(RIG, "velocity", between=(0.6, 1.0), tolerance=[0.1]), "tolerance = "),
-    (lambda: ss.cycles.is_sustained(RIG, patience=True), "patience = True"),
     (lambda: ss.velocity_step(RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
     (lambda: ss.stability_map(RIG, over=("velocity", "load"), values=([1], [1])), "use one of stiffness"),
     # rigs and runs

@@ -210,14 +210,11 @@ def _memory(rig: ss.Rig) -> float:
     return 8.0 * (life / (2.0 * math.pi)) ** 2 / scatter
 
 
-def at(rig: ss.Rig, names: tuple[str, ...], values: tuple[float, ...]) -> ss.Rig:
-    """The rig, in natural units, with parameters given in its own units, at the constant speed it begins with."""
+def at(rig: ss.Rig, name: str, value: float) -> ss.Rig:
+    """The rig, in natural units, with a parameter given in its own units, at the constant speed it begins with."""
     drive = ss.constant(rig.natural.velocity, 100.0 / rig.natural.velocity)
-    there = replace(rig.natural, drive=drive)
-    for name, value in zip(names, values, strict=True):
-        parameter = parameter_named(name)
-        there = parameter.set(there, value / rig.unit(parameter.unit))
-    return there
+    parameter = parameter_named(name)
+    return parameter.set(replace(rig.natural, drive=drive), value / rig.unit(parameter.unit))
 
 
 def disagreements(number: int) -> Iterator[tuple[str, str]]:
@@ -230,13 +227,13 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
     if not found.judged or found.theory_note:
         yield "not judged", ""
         return
-    here = at(rig, (), ())
+    here = at(rig, "velocity", rig.velocity)
     yield from _about_here(found, here)
     for margin in found.margins:
         for edge in (margin.lower, margin.upper):
             if edge is not None:
                 try:
-                    sides = [count_unstable(at(rig, (margin.parameter,), (edge * f,))) == 0 for f in (0.99, 1.01)]
+                    sides = [count_unstable(at(rig, margin.parameter, edge * f)) == 0 for f in (0.99, 1.01)]
                 except ss.InputError:  # at the end of what the theory of ageing covers
                     continue
                 yield "margin", "" if sides[0] != sides[1] else f"{margin.parameter} at {edge:.4g}: stable {sides}"
@@ -245,16 +242,13 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
     for mitigation in found.mitigations:
         yield from _about_a_mitigation(found, mitigation)
     for attempt in found.attempts:
-        there = at(rig, (attempt.parameter,), (attempt.reached,))
-        try:
-            kinds = motion(there)
-        except (TooDear, ss.InputError):
-            yield "attempt, too dear", ""
-            continue
-        if attempt.kind == "undecided":
-            yield "attempt, undecided", ""
-            continue
-        yield "attempt", "" if kinds != {"smooth sliding"} else f"{attempt}: {kinds}"
+        for end in attempt.searched:
+            try:
+                kinds = motion(at(rig, attempt.parameter, end))
+            except (TooDear, ss.InputError):
+                yield "attempt, too dear", ""
+                continue
+            yield "attempt", "" if kinds != {"smooth sliding"} else f"{attempt.parameter} at {end:.4g}: {kinds}"
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
@@ -279,7 +273,7 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
     rig, middle = found.rig, math.sqrt(band.low * band.high)
     if band.high < 1.15 * band.low:
         return
-    there = at(rig, ("velocity",), (middle,))
+    there = at(rig, "velocity", middle)
     try:
         modes = count_unstable(there)
         linear = modes == 0 if band.bistable or band.kind in ("smooth sliding", "stable") else modes > 0
@@ -300,8 +294,7 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
 
 
 def _about_a_mitigation(found: Prediction, mitigation: Mitigation) -> Iterator[tuple[str, str]]:
-    rig, names = found.rig, mitigation.parameters
-    there = at(rig, names, mitigation.stops)
+    there = at(found.rig, mitigation.parameter, mitigation.stops)
     try:
         kinds = [motion(there, seed=seed) for seed in (5000, 6000)]
         bad = [each for each in kinds if "smooth sliding" not in each]
@@ -310,7 +303,7 @@ def _about_a_mitigation(found: Prediction, mitigation: Mitigation) -> Iterator[t
     except (TooDear, ss.InputError):
         yield "decays, too dear", ""
         return
-    yield "decays", f"{names} from {mitigation.values} to {mitigation.stops}: {bad}" if bad else ""
+    yield "decays", f"{mitigation}: {bad}" if bad else ""
 
 
 _FIRST, _LAST = 0, 60

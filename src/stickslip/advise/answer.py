@@ -117,7 +117,7 @@ class Prediction(Foretold):
     mitigations : tuple of Mitigation
         Those that can be turned on a machine first, in each group the smallest first.
     attempts : tuple of Attempt
-        For parameters that give no smooth sliding within the range searched: how far that goes.
+        For parameters that give no smooth sliding: the range searched.
     not_searched : tuple of str
         Parameters whose search was given up for its cost.
     complete : bool

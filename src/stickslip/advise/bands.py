@@ -6,9 +6,9 @@ All along here are factors on what the rig has, so that no unit matters.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -27,16 +27,10 @@ CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
 """What is said of contacts whose linear response is 0."""
 MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
 """What kinds of motion are called in a sentence, where that is another word."""
-Change = tuple[tuple[Parameter, int], ...]
-"""Parameters that are varied together, by one factor, each up (+1) or down (-1)."""
-_PER_DECADE, _DEAR_PER_DECADE = 16, 6
-"""Points at which growing modes are counted; the latter where `is_dear` says so."""
-_NARROW = 1e-3
-"""Where the theory cannot tell of a whole range, the ends of what it can tell are found to this part of the value."""
-_APART = 3.0
-"""Speeds at which runs are made first lie within this factor of each other."""
-_DEAREST = 0.3
-"""Seconds that a first run may take: slow drives of light sliders are told by theory alone."""
+_PER_DECADE, _DEAR_PER_DECADE = 16, 6  # points at which growing modes are counted; the latter where `is_dear` says so
+_NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
+_APART = 3.0  # speeds at which runs are made first lie within this factor of each other
+_DEAREST = 0.3  # seconds that a first run may take: slow drives of light sliders are told by theory alone
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,30 +117,29 @@ def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
     return root.real, abs(root.imag) / (2.0 * math.pi)
 
 
-def factor_of(change: Change) -> Parameter:
-    """Several parameters varied together, as one: the factor, from where they stand."""
+def factor_of(parameter: Parameter, side: int = 1) -> Parameter:
+    """The factor on a parameter, or on side -1 its inverse, as a parameter."""
 
     def varied(rig: Rig, factor: float) -> Rig:
-        for parameter, side in change:
-            rig = parameter.set(rig, parameter.get(rig) * factor**side)
-        return rig
+        return parameter.set(rig, parameter.get(rig) * factor**side)
 
-    return Parameter(name=" and ".join(each.name for each, _ in change), unit="1", get=lambda _rig: 1.0, set=varied)
+    return Parameter(name=parameter.name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
-def stability_along(rig: Rig, change: Change, low: float, high: float) -> tuple[Band, ...]:
-    """Ranges of the factor of a change, rising, in which smooth sliding is stable throughout, or not.
+def stability_along(rig: Rig, parameter: Parameter, low: float, high: float, side: int = 1) -> tuple[Band, ...]:
+    """Ranges of the factor on a parameter, rising, in which smooth sliding is stable throughout, or not.
 
     Stable ranges narrower than a sixteenth of a decade may be missed.
     """
-    factor, density = factor_of(change), _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
+    factor, density = factor_of(parameter, side), _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
     try:
         found = search(factor, rig.natural, low, high, density=density, edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
         if high < (1.0 + _NARROW) * low or all(by_theory(factor.set(rig, end)) == "unknown" for end in (low, high)):
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
-        return joined([*stability_along(rig, change, low, middle), *stability_along(rig, change, middle, high)])
+        parts = [stability_along(rig, parameter, *ends, side) for ends in ((low, middle), (middle, high))]
+        return joined(chain.from_iterable(parts))
     ends = [low, *(edge.value for edge in found.edges), high]
     growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
     kinds = ["unstable" if modes else "stable" for modes in growing]
@@ -212,13 +205,19 @@ class Survey:
         sides = zip([(0.0, ""), *seen], seen, [*seen[1:], (0.0, "?")], strict=False)
         return [each for one, each, two in sides if not (each[1] == band.kind and one[1] == two[1] != band.kind)]
 
+    def _changes(self, band: Band) -> Iterator[tuple[float, str, float, str]]:
+        """Neighbours with different motion."""
+        for (left, one), (right, two) in pairwise(self._seen(band)):
+            if one != two:
+                yield left, one, right, two
+
     def _widest_change(self) -> float | None:
         """Middle of the neighbours with different motion that are furthest apart; None where all changes are found."""
         changes = [
             (right / left, math.sqrt(left * right))
             for band in self._linear
-            for (left, one), (right, two) in pairwise(self._seen(band))
-            if one != two and band.kind not in (one, two) and math.log(right / left) > 2.0 * PRECISION
+            for left, one, right, two in self._changes(band)
+            if band.kind not in (one, two) and math.log(right / left) > 2.0 * math.log1p(PRECISION)
         ]
         return max(changes)[1] if changes else None
 
@@ -229,15 +228,15 @@ class Survey:
         """
         parts: list[Band] = []
         for band in self._linear:
-            seen, begin, found = self._seen(band) or [(band.low, band.kind)], band.low, True
-            for (left, one), (right, two) in pairwise(seen):
-                if one != two:
-                    near = math.log(right / left) <= 2.0 * PRECISION
-                    first, last = left * (1.0 + PRECISION), right / (1.0 + PRECISION)
-                    first, last = [math.sqrt(left * right)] * 2 if near else (first, last)
-                    parts += [_part(band, one, begin, first, found, near), replace(band, low=first, high=last)]
-                    begin, found = last, near
-            parts.append(_part(band, seen[-1][1], begin, band.high, found, True))
+            begin, found = band.low, True
+            for left, one, right, _ in self._changes(band):
+                first, last = left * (1.0 + PRECISION), right / (1.0 + PRECISION)
+                if near := first >= last:
+                    first = last = math.sqrt(left * right)
+                parts += [_part(band, one, begin, first, found, near), replace(band, low=first, high=last)]
+                begin, found = last, near
+            last_kind = ([(0.0, band.kind), *self._seen(band)])[-1][1]
+            parts.append(_part(band, last_kind, begin, band.high, found, True))
         return joined(parts)
 
 

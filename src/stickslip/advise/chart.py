@@ -42,14 +42,12 @@ def chart(
     """
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
-    report = progress or (lambda _share: None)
-    natural, (first, second) = rig.natural, map(parameter_named, over)
-    one, other = first.name, second.name
-    here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in (first, second)}
-    widest = {"std": WIDEST_STD}
-    ends = [(value / around, min(value * around, widest.get(name, math.inf))) for name, value in here.items()]
-    grids = [np.geomspace(low, high, max(points // 2, 4)) for low, high in ends]
-    found = stability.stability_map(natural, over=(one, other), values=(grids[0], grids[1]), growth=True)
+    report, natural = progress or (lambda _share: None), rig.natural
+    here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in map(parameter_named, over)}
+    one, other = here
+    ends = [(v / around, min(v * around, WIDEST_STD if name == "std" else math.inf)) for name, v in here.items()]
+    low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
+    found = stability.stability_map(natural, over=(one, other), values=(low, high), growth=True)
     report(0.7)
     edge = stability.boundary(natural, over=(one, other), between=(ends[0], ends[1]))
     edges = {name: f"edge_{name}" for name in (one, other, "frequency")}

@@ -14,7 +14,7 @@ from stickslip.advise.runs import Steady, Trials, cost_of, cycle_of, trial
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime
 from stickslip.measure.arrays import Trace
-from stickslip.model import Chain, Delay, ElasticBody, OnArrest
+from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY
 from stickslip.model.rig import Rig
@@ -24,22 +24,17 @@ from stickslip.simulation import Recording
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import count_unstable
 
+# Seconds, by estimate, for the first run, and for all runs; the part of the rest that goes to other speeds.
 _FIRST, _ALL, _FOR_SPEEDS = 0.8, 15.0, 0.25
-"""Seconds, by estimate, for the first run, and for all runs; the part of the rest that goes to other speeds."""
-_DEARER = 10.0
-"""How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
-_FEWEST_CYCLES = 3.3
-"""The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
-_LONGEST, _MOST_RUNS = 100.0, 30
-"""For a run that is made twice as long, again and again, and for those that tell noise from oscillation."""
+_DEARER = 10.0  # times as much for contacts that age or break by heat, whose runs cost up to a hundred times as much
+_FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
+_LONGEST, _MOST_RUNS = 100.0, 30  # seconds for a run that is made longer until it can be told, and how often
+_MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
+_DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
 NO_THEORY_OF_ARREST = (
     "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
     "are judged by runs, and where stick-slip decays, the slider slides with no contact attached"
 )
-_MODES, _WAVES = 64, 5
-"""Modes of an elastic slider that are counted, the softest; those that are told of, of different stiffness."""
-_DELAYS = (0.01, 10.0)
-"""Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
 
 def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = None) -> Prediction | ElasticPrediction:
@@ -85,7 +80,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     modes, note = _linear(rig)
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
     if not note:
-        bands = stability_along(rig, ((VELOCITY, 1),), low, high)
+        bands = stability_along(rig, VELOCITY, low, high)
     report(0.2)
     recording, seen, state = _watch(rig, part(report, 0.2, 1.0))
     if modes:  # what grows is no transient
@@ -132,8 +127,8 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     if found.ill:
         trials.left += (1.0 - _FOR_SPEEDS) * left
         found = mitigated(found, trials, part(report, 0.4, 0.9))
-        cured = [each.stops[0] for each in found.mitigations if each.parameters == (VELOCITY.name,)]
-        survey.known |= {speed / rig.velocity: "smooth sliding" for speed in cured}
+        cured = [each.stops / rig.velocity for each in found.mitigations if each.parameter == VELOCITY.name]
+        survey.known |= dict.fromkeys(cured, "smooth sliding")
         survey.look(trials, part(report, 0.9, 1.0))
     report(1.0)
     return replace(found, bands=scaled(survey.bands(), rig.velocity))
@@ -182,13 +177,13 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     """What the verdict would be with delays between a hundredth and ten times the time to the breaking displacement."""
     time = rig.interface.threshold_distribution.moment(1) / rig.natural.velocity
     supposed = replace(rig, interface=replace(rig.interface, delay=Delay(time)))
-    return scaled(stability_along(supposed, ((DELAY, 1),), *_DELAYS), time * rig.unit("time"))
+    return scaled(stability_along(supposed, DELAY, *_DELAYS), time * rig.unit("time"))
 
 
 def _margins(rig: Rig) -> Iterator[Margin]:
     """The nearest limits of linear stability about where each parameter stands, as far as theory has no gap."""
     for parameter in (each for each in PARAMETERS if has(rig, each)):
-        bands = stability_along(rig, ((parameter, 1),), *reach(rig, parameter))
+        bands = stability_along(rig, parameter, *reach(rig, parameter))
         for known, group in groupby(bands, key=lambda band: band.kind != "unknown"):
             about = list(group)
             if known and about[0].low <= 1.0 < about[-1].high:
@@ -212,28 +207,28 @@ def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     low, high = _speeds_searched(rig)
     found = ElasticPrediction(rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity))
     stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, _MODES)
-    sliding = [replace(rig, slider=slider, drive=constant(rig.natural.velocity)) for slider in sliders]
-    first = [i for i in range(len(sliders)) if sliders[i] not in sliders[:i]]  # modes come in pairs of one stiffness
     if respond(rig.interface).inert:
         return replace(found, theory_note=CANNOT_GROW)
+    # Modes come in pairs of one stiffness.
+    first = {slider: i for i, slider in reversed([*enumerate(sliders)])}
+    sliding = {slider: replace(rig, slider=slider, drive=constant(rig.natural.velocity)) for slider in sliders}
 
-    def wave(i: int) -> WaveAnswer:
-        report(0.1 + 0.9 * first.index(i) / _WAVES)
-        growth, frequency = fastest_mode(sliding[i])
-        bands = stability_along(sliding[i], ((VELOCITY, 1),), low, high)
-        told = scaled((band for band in bands if band.kind == "unstable"), rig.velocity)
+    def wave(slider: Slider) -> WaveAnswer:
+        i, (growth, frequency) = first[slider], fastest_mode(sliding[slider])
+        report((i + 1) / (i + 2))
+        bands = stability_along(sliding[slider], VELOCITY, low, high)
         return WaveAnswer(
             name=_name(float(wavelength[i]), float(coupling[i]), rig.slider),
             wavelength=float(wavelength[i]),
             stiffness=float(stiffness[i]) * rig.unit("k"),
             growth=growth,
             frequency=frequency,
-            speeds=tuple(band.ends for band in told),
+            speeds=tuple(band.ends for band in scaled(bands, rig.velocity) if band.kind == "unstable"),
         )
 
     try:
-        grows = {sliders[i]: count_unstable(sliding[i]) > 0 for i in first}
-        waves = tuple(wave(i) for i in first[:_WAVES])
+        grows = {slider: count_unstable(there) > 0 for slider, there in sliding.items()}
+        waves = tuple(wave(slider) for slider in [*sliding][:_WAVES])
         critical = critical_length(rig) if isinstance(rig.slider, Chain) else None
     except UndecidedError as reason:
         return replace(found, theory_note=str(reason))

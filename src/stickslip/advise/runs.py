@@ -21,24 +21,17 @@ from stickslip.simulation import Recording, estimate, record
 from stickslip.stability import growth_rate
 
 OSCILLATES = ("stick-slip", "sustained oscillation")
-_CYCLES = 12.0
-"""A run lasts a dozen cycles of the slowest oscillation that the rig can have ..."""
-_SHORTEST, _RINGING = 60.0, 10.0
-"""... at least this far, in mean thresholds, and until the free slider has rung out, in units of ``1/eta``."""
-_DECAYS, _LONGEST = 6.0, 4.0
-"""A last test lasts for so many times 1/decay rate, but not for more than so many runs."""
-_MOST_RUNS = 4
-"""How often a run that cannot be judged is made, each time at least twice as long."""
-_NO_NOISE = 2.0 * SLIP_VELOCITY
-"""Times the velocity of the drive that no noise of contacts in smooth sliding reaches."""
-_PARTS = 10
-"""Parts of a run over which the error of a variance is told."""
-_TWICE = math.log(2.0)
-"""Between as much variance and four times as much."""
-_READING = 0.006
-"""Seconds that it takes to set up a run and to read it."""
+# A run lasts a dozen cycles of the slowest oscillation that the rig can have, at least this far in mean thresholds, and
+# until the free slider has rung out, in units of 1/eta.
+_CYCLES, _SHORTEST, _RINGING = 12.0, 60.0, 10.0
+_DECAYS, _LONGEST = 6.0, 4.0  # a last test: so many times 1/decay rate, but not more than so many runs
+_MOST_RUNS = 4  # how often a run that cannot be judged is made, each time at least twice as long
+_NO_NOISE = 2.0 * SLIP_VELOCITY  # velocities of the drive that no noise of contacts in smooth sliding reaches
+_PARTS = 10  # of a run, over which the error of a variance is told
+_TWICE = math.log(2.0)  # between as much variance and four times as much
+_READING = 0.006  # seconds that it takes to set up a run and to read it
+# Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 _SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
-"""Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do."""
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
 
 Steady = Literal["stays", "leaves", "noise"]

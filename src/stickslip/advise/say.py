@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 from typing import TYPE_CHECKING
 
 from stickslip.advise.bands import MOTIONS, within
@@ -137,11 +136,9 @@ def _by_speed(found: Prediction) -> Iterator[str]:
 def _over_its_range(found: Prediction, low: float, high: float) -> str:
     """The motion over the range of speeds at which the rig works, were each of them to last."""
     rig, inside = found.rig, within(found.bands, low, high)
-    motions = [(motion, next(bands).low) for motion, bands in groupby(inside, key=lambda band: band.motion)]
-    words = [f"{motion} from {_speed(rig, begin)}" for motion, begin in motions]
-    words = [f"{motions[0][0]} throughout"] if len(motions) == 1 else words
+    words = ", ".join(f"{band.motion} from {_speed(rig, band.low)}" for band in inside)
     whose = "over its range" if rig.operation.between is not None else "along its drive"
-    return f"{whose}, {_speed(rig, low)} to {_speed(rig, high)}: {', '.join(words) or 'undecided'}"
+    return f"{whose}, {_speed(rig, low)} to {_speed(rig, high)}: {words or 'undecided'}"
 
 
 # What it rests on, and what would stop it
@@ -197,26 +194,20 @@ def mitigations(found: Prediction) -> Iterator[str]:
     trouble = {"smooth sliding": "the instability", "sustained oscillation": "the oscillation"}
     decays = f"{trouble.get(found.regime.kind, 'stick-slip')} decays even from rest"
     for each in found.mitigations:
-        title = " and ".join(parameter_named(name).title for name in each.parameters)
-        now, goal = (_amounts(found.rig, each.parameters, values) for values in (each.values, each.stops))
-        yield f"{title}: from {now} to {goal}, and {decays}"
+        now, goal = (_value(found.rig, each.parameter, value) for value in (each.value, each.stops))
+        yield f"{parameter_named(each.parameter).title}: from {now} to {goal}, and {decays}"
 
 
-def _amounts(rig: Rig, names: tuple[str, ...], values: tuple[float, ...]) -> str:
-    words = " and ".join(amount(rig, name, value) for name, value in zip(names, values, strict=True))
-    if names != ("damping",):
-        return words
-    return f"{words} (damping ratio {values[0] / rig.unit('1/time') / (2.0 * rig.slider.frequency):.3g})"
+def _value(rig: Rig, parameter: str, value: float) -> str:
+    ratio = value / rig.unit("1/time") / (2.0 * rig.slider.frequency)
+    return amount(rig, parameter, value) + (f" (damping ratio {ratio:.3g})" if parameter == "damping" else "")
 
 
 def attempts(found: Prediction) -> Iterator[str]:
     """How far each parameter goes that does not give smooth sliding within the range searched."""
     for each in found.attempts:
-        there = f"{'up' if each.reached > each.value else 'down'} to {amount(found.rig, each.parameter, each.reached)}"
-        after = (
-            f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * found.relative_amplitude:.0f} %"
-        )
-        yield f"{parameter_named(each.parameter).title}: no smooth sliding found {there}; there {each.kind}, {after}"
+        low, high = (amount(found.rig, each.parameter, value) for value in each.searched)
+        yield f"{parameter_named(each.parameter).title}: no smooth sliding found from {low} to {high}"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:

@@ -21,11 +21,10 @@ from stickslip.cycles.branch import cycle_branch
 from stickslip.cycles.edges import Edge, Interval
 from stickslip.cycles.persistence import Sustained, sustained
 from stickslip.cycles.ride import METHOD
-from stickslip.cycles.verdict import PATIENCE, Verdict, is_sustained
+from stickslip.cycles.verdict import Verdict, is_sustained
 
 __all__ = [
     "METHOD",
-    "PATIENCE",
     "BistableRange",
     "Edge",
     "Interval",

@@ -15,7 +15,7 @@ from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
-from stickslip.stability import Crossings, critical
+from stickslip.stability import Crossing, Crossings, critical
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -96,57 +96,45 @@ def bistable_range(
     """
     span = Span.of(rig, parameter, between, tolerance=tolerance, step=step)
     crossings = critical(rig, span.parameter, between=(span.low, span.high))
-    bands: list[Interval] = []
-    notes: list[str] = []
-    if crossings.edges:
-        bands, notes = _beside_boundaries(span, crossings)
-    elif crossings.unstable_at_ends[0]:
-        notes = ["smooth sliding is unstable all the way: only stick-slip persists"]
-    else:  # a cycle apart from any boundary
+    found: list[Interval | str] = []
+    ends = [span.low, *(edge.value for edge in crossings.edges), span.high]
+    for i, edge in enumerate(crossings.edges):
+        each = _beside(span, edge, ends[i] if edge.loses_stability else ends[i + 2])
+        found += [each] if each not in found else []  # a band between two boundaries is seen from both
+    if crossings.unstable_at_ends[0] and not found:
+        found = ["smooth sliding is unstable all the way: only stick-slip persists"]
+    elif not found:  # a cycle apart from any boundary
         try:
             first = first_point(span)
             low, high = (carried(span, first, until)[1] for until in (span.low, span.high))
-            bands = [Interval(low=low, high=high)]
+            found = [Interval(low=low, high=high)]
         except UndecidedError as reason:
-            notes = [str(reason)]
+            found = [str(reason)]
     return BistableRange(
         parameter=span.parameter.name,
         unit=span.unit,
         searched=(span.low, span.high),
-        bands=tuple(bands),
+        bands=tuple(each for each in found if isinstance(each, Interval)),
         crossings=crossings,
-        notes=tuple(notes),
+        notes=tuple(each for each in found if isinstance(each, str)),
     )
 
 
-def _beside_boundaries(span: Span, crossings: Crossings) -> tuple[list[Interval], list[str]]:
-    """Bands that end at a linear boundary, and what was found where there is none."""
-    bands: list[Interval] = []
-    notes: list[str] = []
-    name, outermost = span.parameter.name, (span.low, span.high)
-    ends = [span.low, *(edge.value for edge in crossings.edges), span.high]
-    for i, edge in enumerate(crossings.edges):
-        downwards = edge.loses_stability  # smooth sliding is stable below
-        furthest = ends[i] if downwards else ends[i + 2]
-        first = span.settled(min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high))
-        boundary = f"the linear boundary {name} = {span.said(edge.value)}"
-        if not first.verdict.has_cycle:
-            notes.append(f"at {name} = {span.said(first.value)}, next to {boundary}: {first.verdict}")
-            continue
-        _, end = carried(span, first, furthest)
-        width = math.log(edge.value / end.value) * (1 if downwards else -1)
-        gone = end.kind == "shrinks to nothing"
-        if gone or width <= (4 if end.kind == "undecided" else 1) * span.tolerance:
-            what = end.kind if gone else f"persists to {span.said(end.persists_at)} at most"
-            notes.append(f"beyond {boundary} the cycle {what}: no band")
-            continue
-        linear = Edge.of("linear", edge.value)
-        if end.kind == "end of range" and furthest not in outermost:
-            end = Edge.of("linear", furthest)  # the same band as that of the next boundary
-        band = Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
-        if band not in bands:
-            bands.append(band)
-    return bands, notes
+def _beside(span: Span, edge: Crossing, furthest: float) -> Interval | str:
+    """The band from a linear boundary on towards a value, or why there is none."""
+    downwards = edge.loses_stability  # smooth sliding is stable below
+    boundary = f"the linear boundary {span.parameter.name} = {span.said(edge.value)}"
+    first = span.settled(min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high))
+    if not first.verdict.has_cycle:
+        return f"next to {boundary}: {first.verdict}"
+    _, end = carried(span, first, furthest)
+    width = math.log(edge.value / end.value) * (1 if downwards else -1)
+    if end.kind == "shrinks to nothing" or width <= (4 if end.kind == "undecided" else 1) * span.tolerance:
+        return f"beyond {boundary} the cycle persists to {span.said(end.persists_at)} at most: no band"
+    linear = Edge.of("linear", edge.value)
+    if end.kind == "end of range" and furthest not in (span.low, span.high):
+        end = Edge.of("linear", furthest)
+    return Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
 
 
 def bistable_region(

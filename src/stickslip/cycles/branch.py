@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from stickslip.cycles.edges import Edge, Point, Span, halved
@@ -78,34 +77,26 @@ def cycle_branch(
     first = first_point(span, begin)
     (down, low_end), (up, high_end) = (carried(span, first, until) for until in (span.low, span.high))
     points = [*reversed(down), *up[1:]]
-    columns = {
-        name: labelled(title, along, [of(p) for p in points], unit) for name, (title, unit, of) in _COLUMNS.items()
-    }
     arguments = {"rig": rig.natural, "parameter": along, "between": [span.low / size, span.high / size]}
     attributes: dict[str, float | str] = {"provenance": store.provenance("cycle_branch", arguments)}
     for name, edge in (("low", low_end), ("high", high_end)):
         attributes |= {f"{name}_end": edge.kind}
         attributes |= {f"{name}_decays_at": edge.decays_at, f"{name}_persists_at": edge.persists_at}
-    place = labelled(along, along, [p.value / size for p in points], span.parameter.unit)
-    return rig.in_its_units(xr.Dataset(columns, coords={along: place}, attrs=attributes))
-
-
-_COLUMNS: dict[str, tuple[str, str, Callable[[Point], float]]] = {
-    "amplitude": ("peak to peak of the spring force, per contact", "f_s", lambda p: p.look.amplitude),
-    "period": ("period of the cycle", "time", lambda p: p.look.period),
-    "largest_velocity": (
-        "largest velocity of the slider",
-        "x_s/time",
-        lambda p: p.ride.drive.velocity * p.verdict.largest_velocity,
-    ),
-    "mean_force": ("mean spring force, per contact", "f_s", lambda p: p.look.mean_force),
-    "linearly_unstable": (
-        "whether smooth sliding is unstable by linear theory",
-        "1",
-        lambda p: math.nan if p.verdict.linearly_unstable is None else float(p.verdict.linearly_unstable),
-    ),
-}
-"""Title, natural unit and value of each column of a branch."""
+    speeds = [p.ride.drive.velocity * rig.unit("velocity") for p in points]
+    fastest = [p.verdict.largest_velocity * speed for p, speed in zip(points, speeds, strict=True)]
+    unstable = [math.nan if (grows := p.verdict.linearly_unstable) is None else float(grows) for p in points]
+    columns = {
+        "amplitude": ("peak to peak of the spring force", "f_s", [p.verdict.peak_to_peak for p in points]),
+        "period": ("period of the cycle", "time", [p.verdict.period for p in points]),
+        "largest_velocity": ("largest velocity of the slider", "velocity", fastest),
+        "mean_force": ("mean spring force", "f_s", [p.verdict.mean_force for p in points]),
+        "linearly_unstable": ("whether smooth sliding is unstable by linear theory", "1", unstable),
+        along: (along, span.parameter.unit, [p.value for p in points]),
+    }
+    named = {
+        name: labelled(title, along, values, rig.unit_name(unit)) for name, (title, unit, values) in columns.items()
+    }
+    return xr.Dataset(named, attrs=attributes)
 
 
 def first_point(span: Span, begin: float | None = None) -> Point:

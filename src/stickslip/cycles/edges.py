@@ -10,7 +10,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from stickslip.answers import Answer
-from stickslip.cycles.ride import METHOD, Look, Ride, check_rig
+from stickslip.cycles.ride import METHOD, Ride, check_rig
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import number
 from stickslip.model import FromRest, Start
@@ -115,7 +115,6 @@ class Point(NamedTuple):
 
     value: float
     verdict: Verdict
-    look: Look
     ride: Ride
 
 
@@ -167,20 +166,12 @@ def halved(
 ) -> tuple[float, float]:
     """Halve between a value at which a test fails and one at which it holds, to a width of the logarithm.
 
-    Where `probe` cannot tell, and returns None, the change is bracketed as closely as can be.
+    It ends where `probe` cannot tell, and returns None.
     """
-    doubt: tuple[float, ...] = ()  # where it cannot tell, from the end towards `fails_at` to the other
-    while True:
-        spans = [(fails_at, doubt[0]), (doubt[-1], holds_at)] if doubt else [(fails_at, holds_at)]
-        one, two = max(spans, key=lambda span: abs(math.log(span[0] / span[1])))
-        if abs(math.log(one / two)) <= tolerance:
-            return fails_at, holds_at
-        middle = math.sqrt(one * two)
+    while abs(math.log(fails_at / holds_at)) > tolerance:
+        middle = math.sqrt(fails_at * holds_at)
         answer = probe(middle)
         if answer is None:
-            first, last = doubt or (middle, middle)
-            doubt = (middle, last) if one == fails_at else (first, middle)
-        elif answer:
-            holds_at = middle
-        else:
-            fails_at = middle
+            break
+        fails_at, holds_at = (fails_at, middle) if answer else (middle, holds_at)
+    return fails_at, holds_at

@@ -100,16 +100,15 @@ def sustained(
             known[value] = span.settled(value).verdict
         return known[value].sustained
 
-    count = max(2, math.ceil(points * math.log10(span.high / span.low)) + 1)
-    values = span.grid(count)
+    values = span.grid(max(2, math.ceil(points * math.log10(span.high / span.low)) + 1))
     decided = [value for value in values if persists(value) is not None]
-    edges = [Edge.of("end of range", decided[0])] if decided and persists(decided[0]) else []
+    ends = [Edge.of("end of range", value) if persists(value) else None for value in decided]
+    edges = [edge for edge in ends[:1] if edge]
     for one, two in itertools.pairwise(decided):
         if persists(one) != persists(two):
             fails_at, holds_at = (two, one) if persists(one) else (one, two)
             edges.append(Edge.of("decay", *halved(persists, fails_at, holds_at, span.tolerance)))
-    if decided and persists(decided[-1]):
-        edges.append(Edge.of("end of range", decided[-1]))
+    edges += [edge for edge in ends[-1:] if edge]
     return Sustained(
         parameter=span.parameter.name,
         unit=span.unit,

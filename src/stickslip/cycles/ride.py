@@ -22,12 +22,9 @@ Array = NDArray[np.float64]
 
 METHOD = MasterEquation(rtol=1e-4)
 """The largest error that keeps the settled numbers; see `stickslip.cycles`."""
-MOST_TURNS = 1e11
-"""Angle of a free oscillation of the slider in one cycle, above which times are not known to a part of a radian."""
-MOST_SAMPLES = 100_000
-"""In one cycle: they cost little beside the steps of a slider that rings, and say nothing if it rings between them."""
-LOOK = 3.0
-"""Cycles, by their expected length, between two looks at the amplitude."""
+MOST_TURNS = 1e11  # of a free oscillation in one cycle, in radian, above which times are not known to a part of one
+MOST_SAMPLES = 100_000  # in a cycle: beside the steps of a slider that rings they cost little
+LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude
 
 
 def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
@@ -55,7 +52,6 @@ class Look(NamedTuple):
     period: float
     fastest: float
     mean_force: float
-    travel: float
     cycles: Array
 
 
@@ -89,9 +85,8 @@ class Ride:
 
     def look(self) -> tuple[Ride, Look]:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
-        travel, (stiffness, velocity) = LOOK * self.cycle, (self.rig.slider.stiffness, self.drive.velocity)
-        engine = self.engine.copy()
-        rows = self._samples(engine, travel / velocity)
+        stiffness, velocity, engine = self.rig.slider.stiffness, self.drive.velocity, self.engine.copy()
+        rows = self._samples(engine, LOOK * self.cycle / velocity)
         # One by one cycles go on from look to look; what the look shows is its own.
         joined = rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         completed, rest = _cycles(joined, stiffness, velocity)
@@ -103,9 +98,9 @@ class Ride:
             oscillation = float(np.ptp(force))
             if oscillation > TINY:  # cycles longer than expected
                 ride = replace(ride, cycle=2.0 * ride.cycle)
-            return ride, Look(oscillation, math.nan, fastest, float(force.mean()), travel, completed[0])
+            return ride, Look(oscillation, math.nan, fastest, float(force.mean()), completed[0])
         oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
-        return ride, Look(float(oscillation), float(period), fastest, float(mean), travel, completed[0])
+        return ride, Look(float(oscillation), float(period), fastest, float(mean), completed[0])
 
     def _samples(self, engine: Panels, duration: float) -> Array:
         """Follow the drive; times, spring force and slider velocity of fine samples, as rows."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.cycles.ride import METHOD, Look, Ride, check_rig
-from stickslip.errors import InputError, UndecidedError, whole
+from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Delay, FromRest, MasterEquation, Start
@@ -21,8 +21,7 @@ from stickslip.stability import count_unstable
 
 Array = NDArray[np.float64]
 
-PATIENCE = 60
-"""Looks after which what has not settled is undecided, unless its trend tells."""
+PATIENCE = 60  # looks after which what has not settled is undecided, unless its trend tells
 
 
 class Settles(NamedTuple):
@@ -70,12 +69,10 @@ class Verdict(Answer):
         Of the spring force, in the unit of force: where it settles; if it scatters, the median of the last looks.
     period : float
         In time; NaN without complete cycles.
+    mean_force : float
+        Of the spring, at the last look.
     largest_velocity : float
         Of the slider, in velocities of the drive, at the last look.
-    change : float
-        Of ln(peak to peak) from the last look but one to the last; NaN with one look.
-    travel : float
-        Of the drive, in the unit of length, up to the verdict.
     linearly_unstable : bool or None
         Whether smooth sliding is unstable by itself there; None on its very boundary, and if there is no steady
         sliding.
@@ -86,9 +83,8 @@ class Verdict(Answer):
     reason: str
     peak_to_peak: float
     period: float
+    mean_force: float
     largest_velocity: float
-    change: float
-    travel: float
     linearly_unstable: bool | None
 
     @property
@@ -105,7 +101,6 @@ def is_sustained(
     *,
     start: Start = FromRest(),
     method: MasterEquation = METHOD,
-    patience: int = PATIENCE,
 ) -> Verdict:
     """Tell whether an oscillation persists from a start, at a constant velocity of the drive.
 
@@ -125,13 +120,12 @@ def is_sustained(
         `FromRest` contacts with a narrow distribution are the paper's start; ``FromSliding(perturbation=...)`` asks for
         small perturbations.
     method : MasterEquation
-    patience : int
-        Looks after which to give up, at 3 cycles each; up to five times as many while the amplitude drifts one way.
 
     Returns
     -------
     Verdict
-        Undecided where the amplitude still drifts after all looks, and its trend does not tell where to.
+        Undecided where the amplitude still drifts after 60 looks, three times as many where it drifts one way, and its
+        trend does not tell where to.
 
     Raises
     ------
@@ -147,10 +141,10 @@ def is_sustained(
     ('stick-slip', 'smooth sliding')
     """
     check_rig(rig, start, method)
-    return settle(Ride.begin(rig, start, method), whole("patience", patience, at_least=1))[0]
+    return settle(Ride.begin(rig, start, method))[0]
 
 
-def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Look, Ride]:
+def settle(ride: Ride) -> tuple[Verdict, Ride]:
     """Go on until it is clear whether the oscillation persists."""
     rig, looks, growing = ride.rig, list[Look](), linearly_unstable(ride.rig)
     floor = TINY * _friction(rig)
@@ -158,10 +152,9 @@ def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Look, Ride]:
     while fate is None:
         ride, look = ride.look()
         looks.append(look)
-        fate = _fate(rig, looks, floor, growing, patience)
+        fate = _fate(rig, looks, floor, growing)
     answer, amplitude, reason = fate
-    last = looks[-1]._replace(amplitude=amplitude)
-    fastest = max(look.fastest for look in looks[-2:])
+    last, fastest = looks[-1], max(look.fastest for look in looks[-2:])
     kind: Kind = "undecided"
     if answer is False:
         kind = "smooth sliding"
@@ -173,12 +166,11 @@ def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Look, Ride]:
         reason=reason,
         peak_to_peak=amplitude * rig.unit("f_s"),
         period=last.period * rig.unit("time"),
+        mean_force=last.mean_force * rig.unit("f_s"),
         largest_velocity=fastest,
-        change=math.log(amplitude / looks[-2].amplitude) if len(looks) > 1 and amplitude > 0 else math.nan,
-        travel=sum(look.travel for look in looks) * rig.unit("x_s"),
         linearly_unstable=growing,
     )
-    return verdict, last, ride
+    return verdict, ride
 
 
 def linearly_unstable(rig: Rig) -> bool | None:
@@ -197,9 +189,7 @@ def _friction(rig: Rig) -> float:
     return kinetic_friction(interface, rig.natural.velocity)
 
 
-def _fate(
-    rig: Rig, looks: list[Look], floor: float, growing: bool | None, patience: int
-) -> tuple[bool | None, float, str] | None:
+def _fate(rig: Rig, looks: list[Look], floor: float, growing: bool | None) -> tuple[bool | None, float, str] | None:
     """Whether it persists, its amplitude, and why, as soon as the looks tell."""
     size = np.array([look.amplitude for look in looks])
     now = float(size[-1])
@@ -222,7 +212,7 @@ def _fate(
         return fate(True, "scatters about {} without a trend", float(np.median(size[-8:])))
     # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
-    if len(looks) < (5 * patience if growing else 3 * patience if drifts else patience):
+    if len(looks) < PATIENCE * (5 if growing else 3 if drifts else 1):
         return None
     if growing:
         return fate(True, "has not settled, {} so far, but smooth sliding is unstable by linear theory")

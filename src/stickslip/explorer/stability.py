@@ -125,16 +125,14 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
     mitigations = []
     for each in found.mitigations:
-        pairs = zip(each.parameters, each.values, each.stops, strict=True)
+        change = f"{parameter_named(each.parameter).title} × {each.stops / each.value:.2g}"
+        before, after = (advise.say.amount(rig, each.parameter, value) for value in (each.value, each.stops))
         step = {
-            "title": f"{_change(each)}: {trouble} decays even from a start at rest",
-            "to": ", ".join(
-                f"{advise.say.amount(rig, name, before)} to {advise.say.amount(rig, name, value)}"
-                for name, before, value in pairs
-            ),
-            "values": dict(zip(each.parameters, each.stops, strict=True)),
+            "title": f"{change}: {trouble} decays even from a start at rest",
+            "to": f"{before} to {after}",
+            "values": {each.parameter: each.stops},
         }
-        mitigations.append({"parameters": list(each.parameters), "steps": [step]})
+        mitigations.append({"parameters": [each.parameter], "steps": [step]})
     yield {
         "name": rig.name,
         "verdict": found.verdict,
@@ -147,9 +145,3 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "not_searched": " ".join(advise.say.not_searched(found)),
         "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }
-
-
-def _change(mitigation: advise.Mitigation) -> str:
-    """By which factors parameters are changed, in words."""
-    named = zip(mitigation.parameters, mitigation.values, mitigation.stops, strict=True)
-    return " and ".join(f"{parameter_named(name).title} × {new / old:.2g}" for name, old, new in named)

@@ -120,7 +120,7 @@ def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
 
 def _margins(ax: Axes, answer: Prediction) -> None:
     """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
-    stops = {each.parameters[0]: each for each in answer.mitigations if each.stops and len(each.parameters) == 1}
+    stops = {each.parameter: each.stops / each.value for each in answer.mitigations}
     names = list(dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops]))
     widest = 1.0
     for k, margin in enumerate(answer.margins):
@@ -132,8 +132,8 @@ def _margins(ax: Axes, answer: Prediction) -> None:
             if edge is not None:
                 ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
     mark: Any = {"color": VERMILLION, "markersize": 5, "markeredgecolor": "white", "clip_on": False}
-    for name, each in stops.items():
-        ax.plot(each.stops[0] / each.values[0], names.index(name), "D", label="mitigation (simulated)", **mark)
+    for name, factor in stops.items():
+        ax.plot(factor, names.index(name), "D", label="mitigation (simulated)", **mark)
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest))
     ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
