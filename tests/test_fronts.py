@@ -81,15 +81,10 @@ def test_published_numbers_of_the_lattice(groups, prestress, expected):
 
 @pytest.mark.parametrize(("prestress", "expected"), [(0.5, 1 / 5), (0.6, 1 / 2), (0.8, 11 / 13)])
 def test_the_continuum_in_closed_form(prestress, expected):
-    assert speed(bar(0.01, 0.0025, 0.1), prestress, blocks="continuum") == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("leaf", [0.0, 0.25])
-def test_bulk_viscosity_in_the_continuum_is_the_limit_of_fine_blocks(leaf):
-    """The same bar in blocks of a sixteenth and a thirty-second of the screening length, errors of second order."""
-    rigs = [bar(k, leaf * k, 2 * leaf * math.sqrt(k), 0.3 / math.sqrt(k)) for k in (0.00390625, 0.0009765625)]
-    coarse, fine = (speed(rig, 0.6) for rig in rigs)
-    assert fine + (fine - coarse) / 3 == pytest.approx(speed(rigs[1], 0.6, blocks="continuum"), abs=1e-5)
+    """Of thresholds nearly alike, and of fine blocks: a sixteenth and a thirty-second of the screening length."""
+    assert speed(bar(0.01, 0.0025, 0.1, std=1e-4), prestress) == pytest.approx(expected, rel=1e-6)
+    coarse, fine = (speed(bar(k, k / 4, math.sqrt(k)), prestress) for k in (0.00390625, 0.0009765625))
+    assert fine + (fine - coarse) / 3 == pytest.approx(expected, abs=1e-4)
 
 
 def test_sliding_force_strength_and_rows_enter_through_the_prestress_alone_and_units_scale():
@@ -110,6 +105,7 @@ NAGUMO = [  # prestress, standard deviation, sliding force, speed over that of s
     (0.6, 0.01, 0.0, 0.50000),
     (0.6, 0.2, 0.0, 0.49135),
     (0.8, 0.1, 0.0, 0.85876),
+    (0.8, 0.2, 0.0, 0.83755),  # just before the contacts ahead give way by themselves
     (0.6, 0.1, 0.425, 0.49862),
 ]
 
@@ -120,9 +116,7 @@ def test_fronts_with_a_distribution_of_thresholds(prestress, std, sliding, expec
     assert speed(rig, prestress) == pytest.approx(expected, abs=6e-6)
 
 
-def test_limits_of_a_narrow_distribution_and_of_soft_leaf_springs():
-    narrow, alike = bar(0.01, 0.0025, 0.1, std=1e-4), bar(0.01, 0.0025, 0.1)
-    assert speed(narrow, 0.7) == pytest.approx(speed(alike, 0.7, blocks="continuum"), rel=1e-6)
+def test_the_limit_of_soft_leaf_springs():
     none, soft = (bar(0.01, leaf, 0.1, std=0.1) for leaf in (0.0, 1e-8))
     assert 0 < speed(none, 0.3) == pytest.approx(speed(soft, 0.3), rel=1e-5)
     assert elastic.front_threshold(none) == 0.0
@@ -142,13 +136,12 @@ def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std, lea
     assert (tau - 0.2) ** 2 == pytest.approx(leaf / (1 + leaf) * mean_square, rel=1e-6)
 
 
-@pytest.mark.parametrize("std", [0.0, 0.1])
-def test_no_front_below_the_threshold(std):
-    rig = bar(0.01, 0.0025, 0.1, std=std)
+def test_no_front_below_the_threshold():
+    rig = bar(0.01, 0.0025, 0.1, std=0.1)
     least = elastic.front_threshold(rig)
     below = elastic.front_speed(rig, prestress=0.99 * least)
     assert (below.exists, float(below)) == (False, 0.0)
-    assert 0 < speed(rig, 1.001 * least, blocks="continuum") < 0.02
+    assert 0 < speed(rig, 1.001 * least) < 0.02
 
 
 @pytest.mark.parametrize(

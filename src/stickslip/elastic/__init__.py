@@ -8,13 +8,5 @@ from stickslip.elastic.front_speed import Front, front_speed, front_threshold
 from stickslip.elastic.modes import CriticalLength, critical_length, modes
 from stickslip.elastic.precursors import precursor_force, screening_length
 
-__all__ = [
-    "CriticalLength",
-    "Front",
-    "critical_length",
-    "front_speed",
-    "front_threshold",
-    "modes",
-    "precursor_force",
-    "screening_length",
-]
+__all__ = ["CriticalLength", "Front", "critical_length", "front_speed", "front_threshold", "modes", "precursor_force"]
+__all__ += ["screening_length"]

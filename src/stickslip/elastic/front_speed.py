@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Annotated, Literal, get_args
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 from scipy.optimize import minimize_scalar
 
 from stickslip.answers import Answer
-from stickslip.elastic.lattice import Groups, continuum_prestress, lattice_prestress
+from stickslip.elastic.lattice import lattice_prestress
 from stickslip.elastic.precursors import elastic_parts, screening_length
 from stickslip.elastic.threshold_front import Medium, rising, shoot, threshold
-from stickslip.errors import InputError, number, shown
+from stickslip.errors import InputError, number
 from stickslip.model import ElasticBody, Interface, Rig
 from stickslip.model.records import Number, rescaled
-
-Blocks = Literal["lattice", "continuum"]
 
 SLOWEST = 0.01
 """Speed, in units of that of sound, below which no front in a lattice is looked for."""
@@ -39,7 +37,8 @@ class Front(Answer):
     screening_length : float
         In blocks.
     blocks : {"lattice", "continuum"}
-        What the theory takes the blocks for.
+        What the theory takes the blocks for: "continuum", small compared with the screening length, if thresholds have
+        a standard deviation.
     caveats : tuple of str
         What of the rig lies outside the range of the theory.
     """
@@ -49,7 +48,7 @@ class Front(Answer):
     prestress: float
     threshold: float
     screening_length: float
-    blocks: Blocks
+    blocks: Literal["lattice", "continuum"]
     caveats: tuple[str, ...] = ()
 
     @property
@@ -61,23 +60,21 @@ class Front(Answer):
         return self.speed
 
     def __str__(self) -> str:
-        if not self.exists:
-            why = (
-                f"fronts need more than {self.threshold:.4g}"
-                if self.prestress <= self.threshold
-                else f"above the threshold of fine blocks, {self.threshold:.4g}, but these blocks pin it"
-            )
-            said = f"no front at a prestress of {self.prestress:.4g}: {why}"
-        else:
+        said = f"no front at a prestress of {self.prestress:.4g}: "
+        if self.exists:
             kind = "faster than" if self.speed > self.sound_speed else "slower than"
             said = (
                 f"front at {self.speed:.6g} blocks per time, {self.speed / self.sound_speed:.4g} times the speed of "
                 f"sound ({kind} sound), at a prestress of {self.prestress:.4g} ({self.blocks})"
             )
+        elif self.prestress <= self.threshold:
+            said += f"fronts need more than {self.threshold:.4g}"
+        else:
+            said += f"above the threshold of fine blocks, {self.threshold:.4g}, but these blocks pin it"
         return "; ".join([said, *self.caveats])
 
 
-def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> Front:
+def front_speed(rig: Rig, *, prestress: float) -> Front:
     """Return the speed of a steady slip front along an elastic slider whose contacts are stretched alike.
 
     Behind the front contacts are detached and slide under `Interface.sliding_force`; none re-attaches as it passes.
@@ -93,9 +90,6 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
     prestress : float
         Force of the contacts ahead of the front, above the sliding force ``f_d`` and in units of its difference from
         the mean threshold: ``(tau_0 - f_d)/(f_s - f_d)``, between 0 and 1.
-    blocks : {"lattice", "continuum"}, optional
-        Whether blocks are what they are or small compared with the screening length; by default "lattice" if all
-        thresholds are alike, else "continuum".
 
     Returns
     -------
@@ -106,7 +100,7 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
     ------
     InputError
         If the interface has a mechanism that the theory leaves out, or the thresholds have a standard deviation and
-        the lattice is asked for; in the continuum, if they have one and the bulk is viscous.
+        the bulk is viscous.
 
     Notes
     -----
@@ -127,29 +121,18 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
     body, interface = elastic_parts(rig, "front_speed")
     tau = number("prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)")
     alike = interface.threshold_distribution.single
-    if blocks is not None and str(blocks) not in get_args(Blocks):
-        raise InputError(f"blocks = {shown(blocks)}: must be one of {', '.join(get_args(Blocks))}")
-    if blocks == "lattice" and not alike:
-        raise InputError(
-            "blocks = 'lattice': known only where all thresholds are alike; give thresholds without standard "
-            "deviation, or blocks='continuum'"
-        )
-    kind: Blocks = blocks or ("lattice" if alike else "continuum")
-    if not alike:
-        speed = _of_distribution(body, interface, tau)
-    elif kind == "lattice":
-        speed = _on_lattice(tau, groups(body))
-    else:
-        speed = _in_continuum(tau, groups(body))
+    speed = _on_lattice(tau, body) if alike else _of_distribution(body, interface, tau)
+    length = screening_length(rig)
     front = Front(
         speed=speed * body.sound_speed,
         sound_speed=body.sound_speed,
         prestress=tau,
         threshold=_threshold(body, interface),
-        screening_length=screening_length(rig),
-        blocks=kind,
+        screening_length=length,
+        blocks="lattice" if alike else "continuum",
+        caveats=_caveats(speed * body.sound_speed, length, interface.delay.moment(1)),
     )
-    return rescaled(replace(front, caveats=_caveats(front, interface)), rig.unit)
+    return rescaled(front, rig.unit)
 
 
 def front_threshold(rig: Rig) -> float:
@@ -186,17 +169,6 @@ def front_threshold(rig: Rig) -> float:
     return _threshold(*elastic_parts(rig, "front_threshold"))
 
 
-def groups(body: ElasticBody) -> Groups:
-    """Return what a front along a body depends on."""
-    impedance = math.sqrt(body.mass * body.coupling)
-    return Groups(
-        contacts=1.0 / body.coupling,
-        leaf=body.leaf / body.coupling,
-        damping=body.damping * body.mass / impedance,
-        viscosity=body.viscosity / impedance,
-    )
-
-
 def _threshold(body: ElasticBody, interface: Interface) -> float:
     thresholds, sliding = interface.threshold_distribution, interface.sliding_force
     if thresholds.single:
@@ -205,11 +177,11 @@ def _threshold(body: ElasticBody, interface: Interface) -> float:
     return (found - sliding) / (thresholds.moment(1) - sliding)
 
 
-def _on_lattice(tau: float, chain: Groups) -> float:
+def _on_lattice(tau: float, body: ElasticBody) -> float:
     """Speed of the fastest front, in units of that of sound; 0 if there is none."""
 
     def lack(speed: float) -> float:
-        return lattice_prestress(speed, chain) - tau
+        return lattice_prestress(speed, body) - tau
 
     if lack(1.0) < 0:
         return rising(lack, 1.0, 1.0, 1.25)
@@ -225,15 +197,6 @@ def _on_lattice(tau: float, chain: Groups) -> float:
             return 0.0
         low, before = 0.94 * low, here
     return rising(lack, low, low / 0.94, 1.0 / 0.94)
-
-
-def _in_continuum(tau: float, chain: Groups) -> float:
-    """Speed of the front, in units of that of sound; 0 if there is none."""
-    if tau <= math.sqrt(chain.leaf / (chain.leaf + chain.contacts)):
-        return 0.0
-    if chain.viscosity == 0 and chain.damping == 0:
-        return 1.0
-    return rising(lambda speed: continuum_prestress(speed, chain) - tau, 0.5, 1.0, 2.0)
 
 
 def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> float:
@@ -254,15 +217,13 @@ def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> flo
     return 1.0 / math.sqrt(1.0 + body.mass * body.damping**2 / eigenvalue**2)
 
 
-def _caveats(front: Front, interface: Interface) -> tuple[str, ...]:
+def _caveats(speed: float, length: float, delay: float) -> tuple[str, ...]:
     found = []
-    length = front.screening_length
     if length < 2:
         found.append(f"slow fronts feel the blocks: the screening length is {length:.4g} of them")
-    delay = interface.delay.moment(1)
-    if front.exists and delay * front.speed < 10 * length:
+    if speed > 0 and delay * speed < 10 * length:
         found.append(
             f"contacts re-attach within the front, after {delay:g} on average: the theory leaves that out; it needs a "
-            f"delay of more than {10 * length / front.speed:.3g}"
+            f"delay of more than {10 * length / speed:.3g}"
         )
     return tuple(found)

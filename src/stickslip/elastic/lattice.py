@@ -1,6 +1,7 @@
 """Steady fronts in a chain whose contacts all break at one threshold and stay detached, by the Wiener-Hopf method.
 
-In units of the block spacing and of the time that sound takes from block to block, with ``T = 1/v``,
+In units of the block spacing and of the time that sound takes from block to block, with ``kappa = 1/k_b``,
+``Kh = K/k_b``, ``alpha = eta sqrt(M/k_b)``, ``zeta = c_b/sqrt(M k_b)`` and ``T = 1/v``,
 
     L0(s) = s^2 + alpha s + Kh + (1 + zeta s)(2 - 2 cosh sT),    L1 = L0 + kappa,    G = L0/L1 = G+ G-
 
@@ -13,26 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
+from stickslip.model import ElasticBody
+
 Array = NDArray[np.float64]
-
-
-class Groups(NamedTuple):
-    """What a front in a chain depends on, in units of the block spacing, the coupling and the speed of sound."""
-
-    contacts: float
-    """``kappa = 1/k_b``: the contacts against the bulk."""
-    leaf: float
-    """``Kh = K/k_b``: the leaf springs against the bulk."""
-    damping: float
-    """``alpha = eta sqrt(M/k_b)``."""
-    viscosity: float
-    """``zeta = c_b/sqrt(M k_b)``."""
 
 
 # Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a chain without damping jumps.
@@ -45,12 +34,12 @@ SMOOTH = 2000.0
 
 
 @lru_cache(maxsize=4096)
-def lattice_prestress(speed: float, groups: Groups) -> float:
+def lattice_prestress(speed: float, body: ElasticBody) -> float:
     """Return the prestress of a front of a given speed in a chain; both in units of the front's own.
 
     The speed is in units of that of sound; to 1e-7 down to a hundredth of it.
     """
-    kappa, leaf, alpha, zeta = groups
+    kappa, leaf, alpha, zeta = groups = _groups(body)
     period = 1.0 / speed
     # G has a zero of this order at s = 0, which belongs to G+; it is divided out as s/(s + 1).
     order = 0 if leaf > 0 else 1 if alpha > 0 else 2
@@ -72,21 +61,28 @@ def lattice_prestress(speed: float, groups: Groups) -> float:
     return math.sqrt(slope / (leaf + kappa)) * math.exp((inside + beyond) / math.pi)
 
 
-def _panels(groups: Groups, period: float) -> tuple[Array, float]:
+def _groups(body: ElasticBody) -> tuple[float, float, float, float]:
+    """``kappa``, ``Kh``, ``alpha`` and ``zeta``: contacts, leaf springs, damping and viscosity against the bulk."""
+    impedance = math.sqrt(body.mass * body.coupling)
+    contacts, leaf = 1.0 / body.coupling, body.leaf / body.coupling
+    return contacts, leaf, body.damping * body.mass / impedance, body.viscosity / impedance
+
+
+def _panels(groups: tuple[float, float, float, float], period: float) -> tuple[Array, float]:
     """Frequencies between which the phase is smooth, from 0 on, and the one beyond which it is averaged."""
+    kappa, leaf, alpha, zeta = groups
     turns = np.empty(0)
     if period > 1.0:  # where the real part of L0 turns back: w = T sin(wT)
         grid = np.linspace(0.0, period, int(8 * period * period) + 200)[1:]
         turns = _zeros(lambda w: period * np.sin(w * period) - w, grid)
     marks = [turns]
-    for held in (groups.leaf, groups.leaf + groups.contacts):
+    for held in (leaf, leaf + kappa):
         ends = np.concatenate([[1e-12], turns, [1.001 * math.sqrt(held + 4.0)]])
         marks.append(_zeros(lambda w, held=held: held - w * w + 4.0 * np.sin(0.5 * w * period) ** 2, ends))  # type: ignore[misc]
     steps = np.unique(np.concatenate(marks))
-    if groups.damping == 0 and groups.viscosity == 0:  # the phase is constant between its steps
+    if alpha == zeta == 0:  # the phase is constant between its steps
         return np.concatenate([[0.0], steps]), math.inf
-    rough = SMOOTH * min(1.0, math.sqrt(groups.viscosity)) if groups.viscosity > 0 else 20.0
-    rough = max(rough, 20.0)
+    rough = max(20.0, SMOOTH * min(1.0, math.sqrt(zeta)))
     start = float(np.max(steps, initial=1.0, where=steps < rough))
     panels = [start]
     while panels[-1] < rough:
@@ -99,17 +95,3 @@ def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
     value = function(grid)
     at = np.flatnonzero(value[:-1] * value[1:] < 0)
     return np.asarray(elementwise.find_root(function, (grid[at], grid[at + 1])).x)
-
-
-def continuum_prestress(speed: float, groups: Groups) -> float:
-    """Return the prestress of a front of a given speed in a bar: many blocks to a screening length.
-
-    ``L0`` and ``L1`` are cubics then, and the prestress is the ratio of their only roots with a positive real part;
-    without bulk viscosity ``[alpha + sqrt(alpha^2 + Kh B)]/[alpha + sqrt(alpha^2 + (Kh + kappa) B)]``, ``B = 4 (1/v^2
-    - 1)``, for speeds below that of sound.
-    """
-    kappa, leaf, alpha, zeta = groups
-    bend = 1.0 / speed**2
-    roots = (np.roots([-zeta * bend, 1.0 - bend, alpha, held]) for held in (leaf, leaf + kappa))
-    behind, ahead = (float(np.max(root.real[np.abs(root.imag) <= 1e-9 * np.abs(root)], initial=0.0)) for root in roots)
-    return behind / ahead if ahead > 0 else 1.0

@@ -12,10 +12,9 @@ spring ``Lambda_m``, with the viscosity of the bulk added to its damping.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from scipy.linalg import eigh_tridiagonal
 from stickslip.answers import Answer
 from stickslip.elastic.precursors import elastic_body, links_of
 from stickslip.elastic.threshold_front import rising
-from stickslip.errors import InputError, UndecidedError, whole
+from stickslip.errors import InputError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import rightmost_root
@@ -49,8 +48,8 @@ class CriticalLength(Answer):
         Length beyond which a slider that is pulled at one end is unstable, in the continuum with that end held: a
         quarter of `wavelength` if it is long, ``(pi/2) sqrt(k_b/K_c)``.
     blocks : int
-        The same for the rig's own chain with its side spring: smallest number of blocks that is unstable; 0 if there is
-        none, or the chain is not pulled at one end only.
+        The same for the rig's own chain with its side spring: smallest number of blocks that is unstable, viscosity of
+        the bulk to first order; 0 if there is none, or the chain is not pulled at one end only.
     """
 
     stiffness: float
@@ -110,20 +109,17 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     natural = rig.natural
     of = cache(lambda slider: rightmost_root(replace(natural, slider=slider)))  # modes come in pairs of one stiffness
     root = np.array([of(slider) for slider in each])
-
-    def column(values: Array, unit: str, title: str) -> tuple[str, Array, dict[str, str]]:
-        return "mode", values * rig.unit(unit), {"long_name": title, "units": rig.unit_name(unit)}
-
-    return xr.Dataset(
-        {
-            "stiffness": column(stiffness, "k", "stiffness of the mode"),
-            "coupling": column(coupling, "k", "part of the stiffness that is the bulk's"),
-            "wavelength": ("mode", wavelength, {"long_name": "wavelength", "units": "blocks"}),
-            "growth": column(root.real, "1/time", "growth rate"),
-            "frequency": column(root.imag, "1/time", "angular frequency"),
-        },
-        coords={"mode": np.arange(len(each))},
-    )
+    columns = {
+        "stiffness": (stiffness, "k", "stiffness of the mode"),
+        "coupling": (coupling, "k", "part of the stiffness that is the bulk's"),
+        "wavelength": (wavelength, "blocks", "wavelength"),
+        "growth": (root.real, "1/time", "growth rate"),
+        "frequency": (root.imag, "1/time", "angular frequency"),
+    }
+    found = {
+        name: ("mode", values, {"long_name": title, "units": unit}) for name, (values, unit, title) in columns.items()
+    }
+    return rig.in_its_units(xr.Dataset(found, {"mode": np.arange(len(each))}))
 
 
 def sliders_of(body: ElasticBody, count: int) -> tuple[Array, Array, Array, list[Slider]]:
@@ -189,21 +185,15 @@ def critical_length(rig: Rig) -> CriticalLength:
         stiffness=critical * rig.unit("k"),
         wavelength=math.pi / math.asin(sine) if sine < 1 else 2.0,
         length=0.5 * math.pi * math.sqrt(body.coupling / reach),
-        blocks=_first_unstable(body, spare) if body.side > 0 and body.leaf == 0 and body.ends == "free" else 0,
+        blocks=_first_unstable(body, reach) if body.side > 0 and body.leaf == 0 and body.ends == "free" else 0,
     )
 
 
-def _first_unstable(chain: Chain, spare: Any) -> int:
-    """Smallest number of blocks whose softest mode grows: it softens with every block."""
-
-    def grows(blocks: int) -> bool:
-        stiffness, coupling, _ = _springs(replace(chain, blocks=blocks), 1)
-        return bool(spare(float(coupling[0])) + float(coupling[0]) > float(stiffness[0]))
-
-    high = next((1 << k for k in range(21) if grows(1 << k)), None)
-    if high is None:
-        raise UndecidedError("critical_length: no number of blocks below a million is unstable")
-    return bisect_left(range(high), True, high // 2 + 1, key=grows)
+def _first_unstable(chain: Chain, critical: float) -> int:
+    """The first number of blocks `n` beyond ``cot(q n) = (2 k_b/k_side - 1) tan(q/2)`` at the critical wavenumber."""
+    half = math.asin(min(math.sqrt(critical / (4.0 * chain.coupling)), 1.0 - 1e-9))
+    turned = math.atan2(1.0, (2.0 * chain.coupling / chain.side - 1.0) * math.tan(half))
+    return 1 + math.floor(turned / (2.0 * half))
 
 
 def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:

@@ -16,14 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import odeint
 from scipy.optimize import brentq
 
 from stickslip.model.distributions import Distribution
 
 Array = NDArray[np.float64]
-
-CELLS = 1500
-"""Steps of the shooting on either side of the matching point."""
 
 
 class Medium(NamedTuple):
@@ -104,48 +102,33 @@ def threshold(medium: Medium) -> float:
 
 
 def shoot(medium: Medium) -> float:
-    """Return the eigenvalue `C` of the front; 0 if there is none that advances, infinity if all contacts give way."""
+    """Return the eigenvalue `C` of the front; 0 if there is none that advances, infinity if all contacts give way.
+
+    With ``p = -U'`` the energy ``p^2/2`` grows along `U` by ``C p - excess``; it is carried from either end.
+    """
     if medium.gain <= 0:
         return 0.0
-    prestress, leaf, end = medium.prestress, medium.leaf, medium.rest
+    tiny = 1e-6 * (1.0 + medium.prestress)
     low, high = medium.thresholds.support
-    start, stop = max(prestress, low), min(high, end)
+    start, stop = max(medium.prestress + tiny, low), min(high, medium.rest - tiny)
     x = np.linspace(start, stop, 8001)
-    held = np.flatnonzero(medium.excess(x) < 0)
+    force = medium.excess(x)
+    held = np.flatnonzero(force < 0)
     if held.size == 0:  # the contacts ahead give way by themselves
         return math.inf
-    middle = float(x[held[-1] + 1])
-    rise, fall = np.linspace(start, middle, 2 * CELLS + 1), np.linspace(stop, middle, 2 * CELLS + 1)
-    raising, falling = medium.excess(rise).tolist(), medium.excess(fall).tolist()
-    tiny = 1e-6 * (1.0 + prestress)
-    ahead_slope = float(medium.excess(prestress + tiny)) / tiny
-    behind_slope = -leaf if stop < end else -float(medium.excess(end - tiny)) / tiny
+    middle = x[held[-1] + 1]
+    # Up to there from the places of rest the force is linear.
+    ahead, behind = -force[0] / (start - medium.prestress), force[-1] / (medium.rest - stop)
 
     def mismatch(c: float) -> float:
-        ahead = 0.5 * (c + math.sqrt(c * c - 4 * ahead_slope))
-        behind = 0.5 * (math.sqrt(c * c - 4 * behind_slope) - c)
-        slope = 0.0
-        if stop < end:  # detached contacts only, to the end: exact
-            slope = 2 * float(medium.excess(stop)) / (c + math.sqrt(c * c + 4 * leaf))
-        return _carry(raising, rise, c, ahead, ahead * (start - prestress)) - _carry(falling, fall, c, -behind, slope)
+        def carried(p: float, begin: float) -> float:
+            def growth(energy: Array, u: float) -> float:
+                return c * math.sqrt(2.0 * max(energy[0], 0.0)) - float(np.interp(u, x, force))
+
+            return float(odeint(growth, 0.5 * p * p, [begin, middle], rtol=1e-8, atol=1e-12, mxstep=20_000)[-1, 0])
+
+        first = 0.5 * (c + math.sqrt(c * c + 4.0 * ahead)) * (start - medium.prestress)
+        last = 2.0 * force[-1] / (c + math.sqrt(c * c + 4.0 * behind))
+        return carried(first, start) - carried(last, stop)
 
     return rising(mismatch, 1.0, 1.0, 2.0)
-
-
-def _carry(force: list[float], x: Array, c: float, ratio: float, slope: float) -> float:
-    """Carry ``p = -U'`` along `x` by ``p dp/dU = C p - force`` (Runge-Kutta, with the force at half steps)."""
-    step = float(x[2] - x[0])
-    first = 0
-    if slope == 0.0:  # the point of rest itself: leave it along its own direction
-        slope, first = ratio * step, 1
-    p = slope
-    for i in range(first, len(force) // 2):
-        here, half, there = force[2 * i], force[2 * i + 1], force[2 * i + 2]
-        a = c - here / p
-        b = c - half / max(p + 0.5 * step * a, 1e-300)
-        d = c - half / max(p + 0.5 * step * b, 1e-300)
-        e = c - there / max(p + step * d, 1e-300)
-        p += step * (a + 2 * (b + d) + e) / 6.0
-        if not p > 0.0:
-            return 0.0
-    return p
