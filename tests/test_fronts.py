@@ -50,16 +50,14 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
         return brentq(lambda w: held + 4 * math.sin(w / (2 * v)) ** 2 - w * w, 1e-9, math.sqrt(held + 4) + 1e-9)
 
     def closed(v):
-        ahead = root(leaf + kappa, v)
-        if leaf == 0:
-            return math.sqrt((1 - 1 / v**2) / kappa) * ahead
-        return math.sqrt(leaf / (leaf + kappa)) * ahead / root(leaf, v)
+        behind = root(leaf, v) / math.sqrt(leaf) if leaf else 1 / math.sqrt(1 - 1 / v**2)
+        return root(leaf + kappa, v) / math.sqrt(leaf + kappa) / behind - prestress
 
-    if closed(1.0 + 1e-9) > prestress:
-        assert speed(bar(kappa, leaf), prestress) < 1.0
+    found = speed(bar(kappa, leaf), prestress)
+    if closed(1.0 + 1e-9) > 0:
+        assert found < 1.0
     else:
-        expected = brentq(lambda v: closed(v) - prestress, 1.0 + 1e-9, 20.0, xtol=1e-13)
-        assert speed(bar(kappa, leaf), prestress) == pytest.approx(expected, rel=1e-6)
+        assert found == pytest.approx(brentq(closed, 1.0 + 1e-9, 20.0, xtol=1e-13), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -139,26 +137,20 @@ def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std, lea
 def test_no_front_below_the_threshold():
     rig = bar(0.01, 0.0025, 0.1, std=0.1)
     least = elastic.front_threshold(rig)
-    below = elastic.front_speed(rig, prestress=0.99 * least)
-    assert (below.exists, float(below)) == (False, 0.0)
-    assert 0 < speed(rig, 1.001 * least) < 0.02
+    assert speed(rig, 0.99 * least) == 0.0 < speed(rig, 1.001 * least) < 0.02
 
 
 @pytest.mark.parametrize(
-    ("rig", "prestress", "exists", "words"),
+    ("rig", "prestress", "words"),
     [
-        (bar(0.25, 0.05, 0.3), 0.4, False, "no front"),
-        (bar(0.25, 0.05, 0.3), 0.45, False, "these blocks pin it"),
-        (bar(0.25, 0.05, 0.3), 0.45, False, "screening length is 1.8"),
-        (bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), 0.6, True, "re-attach within the front"),
-        (bar(0.04, 0.01, 0.2, delay=ss.Delay(700.0)), 0.6, True, ""),
+        (bar(0.25, 0.05, 0.3), 0.4, "no front"),
+        (bar(0.25, 0.05, 0.3), 0.45, "these blocks pin it"),
+        (bar(0.25, 0.05, 0.3), 0.45, "screening length is 1.8"),
+        (bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), 0.6, "re-attach within the front"),
     ],
 )
-def test_what_is_said_of_a_front(rig, prestress, exists, words):
-    found = elastic.front_speed(rig, prestress=prestress)
-    assert found.exists == exists
-    assert words in str(found)
-    assert bool(found.caveats) == (bool(words) and exists) or not exists
+def test_what_is_said_of_a_front(rig, prestress, words):
+    assert words in str(elastic.front_speed(rig, prestress=prestress))
 
 
 # ---------------------------------------------------------------- precursors
@@ -215,13 +207,6 @@ def test_a_mode_is_a_rigid_slider_on_its_own_spring():
     rigid = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426))
     assert complex(found.growth[0], found.frequency[0]) == pytest.approx(complex(ss.growth_rate(rigid)), rel=1e-10)
     assert found.growth.values.tolist() == sorted(found.growth.values.tolist(), reverse=True)
-
-
-@pytest.mark.parametrize(("viscosity", "root"), [(0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)])
-def test_a_wave_on_a_ring_is_held_by_its_coupling_and_loses_more_in_a_viscous_bulk(viscosity, root):
-    ring = elastic.modes(sliding(blocks=8, coupling=2.0, leaf=3.0, ends="periodic", viscosity=viscosity))
-    assert float(ring.stiffness[1]) == pytest.approx(4.1716, abs=1e-4)
-    assert complex(ring.growth[1], ring.frequency[1]) == pytest.approx(root, abs=1e-5)
 
 
 @pytest.mark.parametrize("ends", ["free", "periodic"])
@@ -369,7 +354,6 @@ def test_precursors_grow_along_the_line(pulled):
     ("ask", "message"),
     [
         (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: what = 'heat': must be one of velocity"),
-        (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
         (lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))), r"^slip_profiles: .* no event of 3"),
         (ss.plot.front_curve, r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"),
     ],

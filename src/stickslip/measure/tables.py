@@ -73,12 +73,9 @@ def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = N
         if raw.startswith(start):
             try:
                 return reader(raw)
-            except InputError:
-                raise
-            except ImportError:
-                raise InputError(f"is a {kind}; `pip install {package}` to read it, or export it as text") from None
             except Exception as error:  # they let errors of zip, XML, struct and their own through
-                raise InputError(f"is no {kind} that can be read ({error}); export it as text") from None
+                remedy = f"`pip install {package}` to read it, or export it as text"
+                raise InputError(f"is no {kind} that can be read ({error}); {remedy}") from None
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
@@ -316,14 +313,12 @@ def _of_tdms(raw: bytes) -> Table:
     import nptdms
 
     channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
-    lengths = [len(one) if np.issubdtype(one[:].dtype, np.number) else 0 for one in channels]
-    length = mode([*filter(None, lengths)] or [0])
-    found = [one for one, its in zip(channels, lengths, strict=True) if its == length > 0]
-    headings = []
-    for one in found:
-        heading, about = Heading.read(one.name), one.properties
-        unit = str(about.get("unit_string", "") or about.get("NI_UnitDescription", ""))
-        headings.append(Heading(heading.name, unit or heading.unit))
+    channels = [one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)]
+    length = mode(len(one) for one in channels)
+    found = [one for one in channels if len(one) == length]
+    units = [str(one.properties.get("unit_string") or one.properties.get("NI_UnitDescription", "")) for one in found]
+    told = [Heading.read(one.name) for one in found]
+    headings = [Heading(name, unit or own) for (name, own), unit in zip(told, units, strict=True)]
     steps = {float(step) for one in found if (step := one.properties.get("wf_increment"))}
     return Table(
         headings=with_coefficients(headings),
