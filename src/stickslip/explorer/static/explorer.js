@@ -43,7 +43,7 @@ $("glossary-close").onclick = () => $("glossary").close();
 for (const button of document.querySelectorAll("[data-download]")) {
   const form = button.dataset.download;
   button.onclick = () => ask(form, { duration: form !== "toml" && state.shown.run ? lasted() : null });
-  on(form, ({ name, file }) => save(unpacked(file), name, form), complain);
+  on(form, ({ name, file }) => save(unpacked(file), name, form), { refused: complain });
 }
 $("link").onclick = async () => {
   const link = location.origin + location.pathname + address();

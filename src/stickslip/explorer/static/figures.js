@@ -49,7 +49,6 @@ export function draw(id, traces, more) {
   return Plotly.react($(id), traces, layout(more), CONFIG);
 }
 export const restyle = (id, change, traces) => Plotly.restyle($(id), change, traces);
-export const purge = (id) => Plotly.purge($(id));
 
 // ---------------------------------------------------------------------------------------------------- force traces
 
@@ -93,12 +92,13 @@ export function forceLayout(run, friction) {
 
 // --------------------------------------------------------------------------------------------- a cursor over a plot
 
-/* The time under the pointer; null beside the axes. */
-export function timeAt(event, id) {
-  const plot = $(id), frame = plot._fullLayout, box = plot.getBoundingClientRect();
-  if (!frame?.xaxis) return null;
-  const x = event.clientX - box.left - frame.xaxis._offset;
-  return x < 0 || x > frame.xaxis._length ? null : frame.xaxis.p2l(x);
+/* What is under the pointer, and whether that is between the axes; null before there are any. */
+export function pointAt(event, id) {
+  const { xaxis, yaxis } = $(id)._fullLayout ?? {}, box = $(id).getBoundingClientRect();
+  if (!xaxis) return null;
+  const x = event.clientX - box.left - xaxis._offset, y = event.clientY - box.top - yaxis._offset;
+  const inside = x >= 0 && y >= 0 && x <= xaxis._length && y <= yaxis._length;
+  return { x: xaxis.p2l(x), y: yaxis.p2l(y), inside };
 }
 /* A line, and a dot on it, over a plot: the plot need not be drawn again as they move. */
 export function cursorOver(id) {

@@ -2,9 +2,9 @@
 
 import { axis, colour, draw, label, upright } from "./figures.js";
 import { split } from "./fields.js";
-import { $, complainAt, element, field, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
+import { $, complainAt, element, field, list, mark, micro, parts, pretty, save, state, table } from "./page.js";
 import { begin, wait } from "./rig.js";
-import { ask, drop, on, saying } from "./talk.js";
+import { ask, drop, on } from "./talk.js";
 import { source } from "./trace.js";
 
 const SAMPLE = { stiffness: "350", speed: "1.5", mass: "0.0756" };
@@ -37,20 +37,15 @@ const values = () => JSON.stringify(request().options);
 // ------------------------------------------------------------------------------------------------ by closed forms
 
 function compute() {
-  mark("fit", "computing", quick ? "Computing … what stands here is about the values before." : "Reading the slips …");
   if (found && found.of !== values()) mark("posterior", "computing", "These intervals are of the values before: fit again.");
   ask("fit", request());
 }
 on("fit", (reply) => {
   if (reply.readings) read(reply);
-  if (reply.missing) { $("quick").hidden = true; quick = null; mark("fit", "", reply.missing); complainAt("fit-complaint", ""); }
+  if (reply.missing) { quick = null; mark("fit", "none", reply.missing); }
   if (reply.quick) showQuick(reply.quick);
   if (reply.table) offer(reply.table);
-}, (errors) => {
-  complainAt("fit-complaint", saying(errors));
-  mark("fit", "refused", quick ? "Refused: what stands here is about the values before." : "");
-  if (!quick) $("quick").hidden = true;
-});
+}, { about: "fit", whole: (reply) => reply.quick });
 function read({ slips, readings }) {
   list("fit-slips", slips);
   for (const [key, value] of Object.entries(readings)) if (!("own" in inputs[key].dataset)) inputs[key].value = value;
@@ -61,9 +56,6 @@ function showQuick(reply) {
     const [number, typed] = split(input.value);
     if (typed) [input.value, input.nextSibling.textContent] = [number, micro(typed)];
   }
-  complainAt("fit-complaint", "");
-  mark("fit", "");
-  $("quick").hidden = false;
   $("quick-words").textContent = pretty(reply.words);
   table("quick-numbers", reply.numbers);
   list("quick-assumed", reply.assumed.map((text) => `assumed: ${text}`));
@@ -96,32 +88,18 @@ function offer(plan) {
 function fit(size) {
   running = values();
   for (const id of ["fit-coarse", "fit-full"]) $(id).disabled = true;
-  $("fit-stop").hidden = false;
-  $("fit-state").textContent = size.seconds < 1 ? "fitting …" : "simulating, then comparing with the trace …";
-  complainAt("posterior-complaint", "");
-  progress("fit", NaN);
-  if (found) mark("posterior", "computing", "Computing … these intervals are of the fit before.");
   ask("posterior", { ...request(), draws: size.draws });
 }
 on("posterior", (reply) => {
   showPosterior({ ...reply, of: running });
   ended();
-}, (errors) => {
-  complainAt("posterior-complaint", saying(errors));
-  if (found) mark("posterior", "refused", "Refused: these intervals are of the fit before.");
-  ended();
-}, "fit");
-function ended(words = "") {
+}, { about: "posterior", refused: ended });
+function ended() {
   running = "";
-  $("fit-stop").hidden = true;
-  $("fit-state").textContent = words;
-  progress("fit", null);
   if (fitted) compute(); // how long it takes from now on
 }
 function showPosterior(reply) {
   found = reply;
-  mark("posterior", "");
-  $("posterior").hidden = false;
   const rows = reply.parameters.map(({ title, text, says, prior, part }) => {
     const [low, median, high] = part.map((value) => 100 * value), bar = element("span", { className: "range" });
     bar.append(element("i", { style: `left:${low}%;width:${high - low}%` }), element("b", { style: `left:${median}%` }));
@@ -156,11 +134,6 @@ function drawPosterior() {
 }
 $("fit-coarse").onclick = () => fit(sizes[0]);
 $("fit-full").onclick = () => fit(sizes[1]);
-$("fit-stop").onclick = () => stop("Stopped; what was simulated is kept.");
-function stop(words) {
-  drop("posterior");
-  ended(words);
-}
 
 // ----------------------------------------------------------------------------------------------------- what to do
 
@@ -180,9 +153,10 @@ $("fit-save").onclick = () => saveRig(found);
 /* Another trace: its readings are its own; of the sample, the bench is known. */
 function begun(file) {
   fitted = null;
-  if (running) stop("");
+  drop("posterior");
+  running = "";
   quick = found = null;
-  $("posterior").hidden = $("quick").hidden = true;
+  for (const about of ["fit", "posterior"]) mark(about, "none");
   $("fit-none").hidden = file !== null;
   $("fit-found").hidden = file === null;
   fitted = file;
@@ -205,7 +179,6 @@ parts.fit = {
     if (found) drawPosterior();
   },
   close() { $("source").hidden = true; },
-  lost() { if (running) ended("The server is gone."); },
   measured(file) {
     if (state.page === "fit") begun(file);
     else pending = file; // nothing is computed for a page that nobody looks at

@@ -1,31 +1,24 @@
 /* The page Fronts: a bar of blocks, the force at its driving spring, and what happens along it in time. */
 
-import { axis, colour, cursorOver, draw, label, timeAt, upright } from "./figures.js";
+import { axis, colour, cursorOver, draw, label, pointAt, upright } from "./figures.js";
 import { at, numeric, put, short } from "./fields.js";
-import { $, complainAt, element, field, mark, parts, pretty, progress, save, state, table, unpacked } from "./page.js";
-import { ask, drop, on, saying } from "./talk.js";
+import { $, element, field, parts, pretty, save, state, table, unpacked } from "./page.js";
+import { on, onceFor } from "./talk.js";
 
 const { shown } = state;
 const points = ["plot-side", "spacetime"].map(cursorOver);
 const MANY = 1.6; // times sound: slip began in several places at once
 const FAST = 170; // of 255: blocks that slip move at a tenth of the fastest, a third of three decades below
-let fields = {}, bars = [], chain = null, asked = "", event = -1, time = null;
+let fields = {}, bars = [], chain = null, event = -1, time = null;
 
 on("fronts", (reply) => {
-  $("fronts-stop").hidden = true;
   shown.fronts = reply;
   event = -1;
   time = null;
-  complainAt("fronts-complaint", "");
-  mark("fronts", "");
-  $("fronts-found").hidden = false;
   listEvents();
   show();
-}, (errors) => {
-  $("fronts-stop").hidden = true;
-  complainAt("fronts-complaint", saying(errors));
-  mark("fronts", "refused", shown.fronts ? "Refused: what stands here is the bar before." : "");
-}, "fronts");
+}, { about: "fronts" });
+const compute = onceFor("fronts", () => JSON.stringify(chain), () => state.page === "fronts", () => ({ chain }), 0);
 
 // ------------------------------------------------------------------------------------------------------- the bar
 
@@ -37,7 +30,7 @@ function offer(found, mine) {
 function choose(index) {
   chain = structuredClone(bars[index].document);
   rebuild();
-  if (state.page === "fronts") compute();
+  compute();
 }
 function rebuild() {
   const there = Object.entries(fields).filter(([key]) => ["number", "string"].includes(typeof at(chain, key)));
@@ -49,23 +42,7 @@ function rebuild() {
       compute();
     }, { value: String(at(chain, key)) })));
 }
-function compute() {
-  const text = JSON.stringify(chain);
-  if (asked === text || state.waiting) return;
-  asked = text;
-  mark("fronts", "computing", shown.fronts ? "Computing … what stands here is the bar before." : "Computing …");
-  progress("fronts", 0);
-  $("fronts-stop").hidden = false;
-  ask("fronts", { chain });
-}
 $("bar").onchange = () => choose(Number($("bar").value));
-$("fronts-stop").onclick = () => {
-  drop("fronts");
-  progress("fronts", null);
-  $("fronts-stop").hidden = true;
-  asked = "";
-  mark("fronts", "refused", "Stopped; change a number, or choose a bar, to go on.");
-};
 $("bar-save").onclick = () => {
   if (shown.fronts) save(shown.fronts.toml, shown.fronts.name, "toml");
 };
@@ -141,8 +118,8 @@ function moveTo(next) {
 }
 for (const id of ["plot-side", "spacetime"]) {
   $(id).addEventListener("pointermove", (move) => {
-    const t = shown.fronts && timeAt(move, id);
-    if (t !== null && t !== undefined) moveTo(t);
+    const found = shown.fronts && pointAt(move, id);
+    if (found?.inside) moveTo(found.x);
   });
 }
 $("spacetime").addEventListener("click", () => { // on the whole run: the event that is nearest, closer

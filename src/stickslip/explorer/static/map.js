@@ -1,92 +1,72 @@
 /* The page Map: where smooth sliding is stable, over two parameters; the rig is a circle that can be dragged. */
 
-import { colour, draw, logarithmic, purge, restyle } from "./figures.js";
+import { colour, draw, logarithmic, pointAt, restyle } from "./figures.js";
 import { put, short } from "./fields.js";
-import { $, mark, parts, pretty, progress, showRegime, state, word } from "./page.js";
-import { ask, drop, on, saying } from "./talk.js";
+import { $, complainAt, parts, showRegime, state, word } from "./page.js";
+import { ask, drop, isAbout, on, onceFor, saying } from "./talk.js";
 
 const PARAMETERS = { // by name: key and words
   stiffness: ["slider.stiffness", "K, driving spring"], velocity: ["drive.velocity", "v, speed"], mass: ["slider.mass", "M, mass"],
   damping: ["slider.damping", "η, damping"], delay: ["interface.delay", "τ, delay"],
   std: ["interface.thresholds.std", "Δf, threshold std. dev."], ageing: ["interface.ageing.time", "time of ageing"] };
 const { shown } = state;
-const asked = { chart: "", about: "", band: "" };
-let resting = 0, dragging = false;
+let about = "", outgrown = 0, dragging = false;
 
 on("chart", (reply) => {
-  shown.chart = reply;
+  shown.chart = { ...reply, about };
   shown.bands = [];
-  asked.band = "";
-  mark("map", "");
   $("map-state").textContent = "";
-  reply.about = asked.about;
   summarise();
   drawMap();
   if ($("band").checked) askBand();
-}, (errors) => {
-  refuse(errors);
-  shown.chart = null;
-  $("summary").textContent = "";
-  purge("plot-map");
-  mark("map", "refused", "");
-}, "map");
+}, { about: "map" });
 on("band", (reply) => {
   shown.bands.push(reply);
   const none = shown.bands.some(({ bands }) => bands.length) ? "" : "no bistable band found";
   $("map-state").textContent = reply.columns < reply.of ? `bistable band: ${reply.columns} of ${reply.of} columns` : none;
   drawMap();
-}, refuse, "map");
-function refuse(errors) { $("map-state").textContent = pretty(saying(errors)); }
+}, { bar: "map", refused: (errors) => complainAt("map-complaint", saying(errors)) });
 
 /* The sentence under the map is about one point: it stands only while the rig is there. */
 function summarise() {
-  $("summary").textContent = shown.chart && shown.chart.about === JSON.stringify(state.doc) ? shown.chart.summary : "";
+  $("summary").textContent = shown.chart?.about === JSON.stringify(state.doc) ? shown.chart.summary : "";
 }
-/* The map stays as it is while only its own two parameters are varied. */
+/* The map stays as it is while only its own two parameters are varied, within its ends. */
 function signature(over) {
   const rest = structuredClone(state.doc);
-  delete rest.simulation; delete rest.name; delete rest.assumed; delete rest.source;
-  if (rest.drive) { delete rest.drive.distance; delete rest.drive.duration; }
+  for (const key of ["simulation", "name", "assumed", "source", "drive.distance", "drive.duration"]) put(rest, key, undefined);
   for (const parameter of over) put(rest, PARAMETERS[parameter][0], undefined);
   if (over.includes("damping")) put(rest, "slider.damping_ratio", undefined);
-  return JSON.stringify([over, rest]);
+  return JSON.stringify([over, rest, outgrown]);
 }
 const over = () => [$("across").value, $("up").value];
-function askMap() {
-  if (dragging) return;
-  clearTimeout(resting);
-  if (state.waiting) return;
-  if (shown.chart && asked.chart === signature(over())) return mark("map", "");
-  resting = setTimeout(() => {
-    asked.chart = signature(over());
-    asked.about = JSON.stringify(state.doc);
-    drop("band");
-    shown.bands = [];
-    if (shown.chart) mark("map", "computing", "Computing … this is the map of the rig before.");
-    $("map-state").textContent = "computing the map …";
-    progress("map", 0);
-    ask("chart", { over: over() });
-  }, shown.chart ? 250 : 0);
-}
+const refresh = onceFor("chart", () => signature(over()), () => state.page === "map" && !dragging, () => {
+  about = JSON.stringify(state.doc);
+  drop("band");
+  return { over: over() };
+});
 /* Page 1 was turned: the dot follows, and a dot that has left its map asks for another. */
 function followDot(parameters) {
   const { chart } = shown;
-  if (!chart || dragging || asked.chart !== signature(chart.over)) return;
+  if (!chart || dragging || !isAbout("chart", signature(chart.over))) return;
   const now = chart.over.map((parameter) => parameters[parameter]);
   if (now.some((value) => value === undefined)) return;
   const out = (value, [low, high]) => value < low * 0.999 || value > high * 1.001;
-  if (out(now[0], chart.x.ends) || out(now[1], chart.y.ends)) { asked.chart = ""; if (state.page === "map") askMap(); return; }
+  if (out(now[0], chart.x.ends) || out(now[1], chart.y.ends)) {
+    outgrown += 1;
+    return refresh();
+  }
   chart.here = now;
-  if (state.page === "map") restyle("plot-map", { x: [[now[0]]], y: [[now[1]]] }, [$("plot-map").data.length - 1]);
+  if (state.page === "map") moveDot(now);
+}
+function moveDot([x, y]) {
+  restyle("plot-map", { x: [[x]], y: [[y]] }, [$("plot-map").data.length - 1]);
 }
 function askBand() {
   const { chart } = shown;
-  if (!chart || asked.band === asked.chart) return;
-  asked.band = asked.chart;
-  shown.bands = [];
+  if (!chart || chart.banded) return;
+  chart.banded = true;
   const ends = (id, all) => $("plot-map")._fullLayout?.[id].range.map((value) => Math.pow(10, value)) ?? all; // all: not drawn yet
-  progress("map", 0);
-  $("map-state").textContent = "bistable band …";
   ask("band", { over: chart.over, x: ends("xaxis", chart.x.ends), y: ends("yaxis", chart.y.ends) });
 }
 /* Columns computed so far, joined to their neighbours where these have as many bands. */
@@ -94,17 +74,12 @@ function bandOutline() {
   const columns = [...shown.bands].sort((a, b) => a.column - b.column), x = [], y = [];
   const width = Math.pow(shown.chart.x.ends[1] / shown.chart.x.ends[0], 1 / 8.5); // nine columns span the map
   columns.forEach(({ column, bands }, i) => {
-    const next = columns[i + 1], before = columns[i - 1];
-    const joined = (one, two) => one && two && one.bands.length === two.bands.length && two.column / one.column < width;
+    const next = columns[i + 1], joined = next?.bands.length === bands.length && next.column / column < width;
+    const right = joined ? next.column : column * 1.04;
     bands.forEach(([low, high], j) => {
-      if (joined(columns[i], next)) {
-        x.push(column, next.column, next.column, column, column, null);
-        y.push(low, next.bands[j][0], next.bands[j][1], high, low, null);
-      } else if (!joined(before, columns[i])) {
-        const [left, right] = [column / 1.04, column * 1.04];
-        x.push(left, right, right, left, left, null);
-        y.push(low, low, high, high, low, null);
-      }
+      const [nextLow, nextHigh] = joined ? next.bands[j] : [low, high];
+      x.push(column, right, right, column, column, null);
+      y.push(low, nextLow, nextHigh, high, low, null);
     });
   });
   return { x, y };
@@ -137,22 +112,22 @@ function drawMap() {
     xaxis: logarithmic(chart.x), yaxis: logarithmic(chart.y) });
 }
 function turn(event) {
-  const plot = $("plot-map"), frame = plot._fullLayout, box = plot.getBoundingClientRect();
-  if (!frame?.xaxis || !shown.chart) return false;
-  const x = event.clientX - box.left - frame.xaxis._offset, y = event.clientY - box.top - frame.yaxis._offset;
-  if (!dragging && (x < 0 || y < 0 || x > frame.xaxis._length || y > frame.yaxis._length)) return false;
-  const clamp = (value, most) => Math.min(Math.max(value, 0), most);
-  moveTo(Math.pow(10, frame.xaxis.p2l(clamp(x, frame.xaxis._length))), Math.pow(10, frame.yaxis.p2l(clamp(y, frame.yaxis._length))));
+  const found = shown.chart && pointAt(event, "plot-map");
+  if (!found || !(dragging || found.inside)) return false;
+  moveTo(Math.pow(10, found.x), Math.pow(10, found.y));
   return true;
 }
-function moveTo(x, y) {
-  const { chart } = shown, dot = $("plot-map").data.length - 1;
-  chart.here = [x, y];
-  restyle("plot-map", { x: [[x]], y: [[y]] }, [dot]);
-  ask("edit", { turn: { [chart.over[0]]: x, [chart.over[1]]: y } });
+function moveTo(...there) {
+  const { chart } = shown;
+  chart.here = [chart.x, chart.y].map(({ ends: [low, high] }, i) => Math.min(Math.max(there[i], low), high));
+  moveDot(chart.here);
+  ask("edit", { turn: Object.fromEntries(chart.over.map((name, i) => [name, chart.here[i]])) });
 }
 $("plot-map").addEventListener("pointerdown", (event) => {
-  if (event.button === 0 && turn(event)) { dragging = true; $("plot-map").setPointerCapture(event.pointerId); event.stopPropagation(); }
+  if (event.button !== 0 || !turn(event)) return;
+  dragging = true;
+  $("plot-map").setPointerCapture(event.pointerId);
+  event.stopPropagation();
 }, true);
 $("plot-map").addEventListener("pointermove", (event) => { if (dragging) turn(event); }, true);
 for (const end of ["pointerup", "pointercancel"]) $("plot-map").addEventListener(end, () => { dragging = false; }, true);
@@ -160,9 +135,7 @@ $("plot-map").addEventListener("keydown", (event) => {
   const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   if (!step || !shown.chart) return;
   event.preventDefault();
-  const clamp = (value, [low, high]) => Math.min(Math.max(value, low), high);
-  moveTo(clamp(shown.chart.here[0] * Math.pow(1.05, step[0]), shown.chart.x.ends),
-    clamp(shown.chart.here[1] * Math.pow(1.05, step[1]), shown.chart.y.ends));
+  moveTo(...shown.chart.here.map((value, i) => value * Math.pow(1.05, step[i])));
 });
 /* Only what the rig has can be an axis. */
 function offerParameters(names) {
@@ -171,7 +144,7 @@ function offerParameters(names) {
   for (const [id, other] of [["across", "up"], ["up", "across"]]) {
     if (names.includes($(id).value)) continue;
     $(id).value = names.find((name) => name !== $(other).value);
-    if (state.page === "map") askMap();
+    refresh();
   }
 }
 for (const [id, chosen] of [["across", "stiffness"], ["up", "velocity"]]) {
@@ -180,26 +153,21 @@ for (const [id, chosen] of [["across", "stiffness"], ["up", "velocity"]]) {
   $(id).onchange = () => {
     const other = $(id === "across" ? "up" : "across");
     if (other.value === $(id).value) other.value = [...other.options].find((option) => !option.disabled && option.value !== $(id).value).value;
-    askMap();
+    refresh();
   };
 }
 $("band").onchange = () => {
   if ($("band").checked) return askBand();
   drop("band");
-  asked.band = "";
+  if (shown.chart) shown.chart.banded = false;
   shown.bands = [];
-  progress("map", null);
   $("map-state").textContent = "";
   drawMap();
 };
 
 parts.map = {
-  open() { if (!state.waiting) { drawMap(); askMap(); } },
-  changed() {
-    if (shown.chart && asked.chart !== signature(over())) mark("map", "computing", "This is the map of the rig before.");
-    summarise();
-    if (state.page === "map") askMap();
-  },
+  open() { drawMap(); refresh(); },
+  changed() { summarise(); refresh(); },
   drawn(reply) {
     showRegime("map-regime", reply.regime);
     offerParameters(Object.keys(reply.parameters));

@@ -19,7 +19,7 @@ export const state = {
 
 /* The parts of the page, by name. What they have of these is called as things happen: `greeted` (the server said hello),
    `open` and `close` (a page), `changed` (the rig is another), `drawn` (its run has come; whether it is the last of it),
-   `refused`, `chosen` (a preset), `measured` (a trace was read), `lost` (the server is gone), `recolour`. */
+   `refused`, `chosen` (a preset), `measured` (a trace was read), `recolour`. */
 export const parts = {};
 export function tellParts(what, ...content) {
   for (const part of Object.values(parts)) part[what]?.(...content);
@@ -34,30 +34,29 @@ export function notice(text) {
   $("notice").hidden = !text;
 }
 
-/* Never stale: what is not about the rig in the fields is dimmed, and words say so. */
-export function mark(about, how, words = "") {
-  for (const part of document.querySelectorAll(`[data-about="${about}"]`)) {
-    part.dataset.state = how;
-    part.setAttribute("aria-busy", String(how === "computing"));
+/* Never stale: what is not about the rig in the fields is dimmed, and words say so. It stands on the page from the first
+   answer ("") on, until there is none any more. */
+const WORDS = { computing: "Computing …", refused: "Refused.", stopped: "Stopped.", waiting: "Not computed yet: this rig came with a link." };
+export function mark(about, how, words) {
+  const places = [...document.querySelectorAll(`[data-about="${about}"]`)];
+  for (const place of places) {
+    place.dataset.state = how;
+    place.setAttribute("aria-busy", String(how === "computing"));
+    if (how === "" || how === "none") place.toggleAttribute("data-stands", how === "");
   }
-  const line = $(`${about}-words`);
-  line.textContent = words;
-  line.hidden = words === "";
+  const before = places[0].hasAttribute("data-stands") ? " What stands here is from before." : "";
+  $(`${about}-words`).textContent = words ?? (how in WORDS ? WORDS[how] + before : "");
+  if (how !== "refused") complainAt(`${about}-complaint`, "");
   document.body.dataset[`${about}State`] = how;
 }
 
-let patience = 0;
+/* How far an answer is; null: nothing is computed. A button that stops it is there as long as the bar. */
 export function progress(where, share) {
-  const bar = $(`${where}-progress`);
+  const bar = $(`${where}-progress`), stop = $(`${where}-stop`);
   bar.hidden = share === null;
-  if (share !== null && share >= 0) bar.value = share;
+  if (stop) stop.hidden = bar.hidden;
+  if (share > 0) bar.value = share;
   else bar.removeAttribute("value"); // not known: it moves to and fro
-  if (where === "run") clearTimeout(patience);
-}
-/* A long run, or kernels that are being compiled. */
-export function losePatience() {
-  clearTimeout(patience);
-  patience = setTimeout(() => progress("run", NaN), 600);
 }
 
 // ---------------------------------------------------------------------------------------------------------- words
@@ -77,6 +76,7 @@ export function table(id, lines, head) {
   $(id).replaceChildren(...made);
 }
 export function complainAt(id, text) {
+  if (!$(id)) return;
   $(id).textContent = pretty(text);
   $(id).hidden = text === "";
 }

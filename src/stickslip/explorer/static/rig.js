@@ -1,7 +1,7 @@
 /* The rig: its fields, its presets, and its place in the address. */
 
 import { fieldsOf, joined, numeric, pointed, short, split, unfinished } from "./fields.js";
-import { $, complainAt, element, field, labelled, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
+import { $, complainAt, element, field, labelled, mark, micro, notice, state, tellParts } from "./page.js";
 import { ask, on, saying } from "./talk.js";
 
 const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
@@ -28,20 +28,19 @@ on("hello", (reply) => {
 on("edit", (reply) => {
   if (reply.scales) scales = reply.scales; // for the way back
   replace(reply.document);
-}, (errors) => complain(errors));
+}, { refused: (errors) => complain(errors) });
 
 export function wait(now) {
   state.waiting = now;
   $("waiting").hidden = !now;
-  if (now) for (const about of ["run", "drawing", "map", "stop", "fronts"]) mark(about, "waiting", "Not computed yet: this rig came with a link.");
+  if (now) for (const about of ["run", "drawing", "map", "stop", "fronts"]) mark(about, "waiting");
 }
 /* The rig is another: what is on the screen is about the one before. */
 export function changed() {
   remember();
   if (state.waiting) return;
   document.body.dataset.asked = ask("run", { cursor: state.cursor });
-  mark("run", "computing", state.shown.run ? "Computing … what stands here is the rig before." : "Computing …");
-  losePatience();
+  mark("run", "computing");
   tellParts("changed");
 }
 export function replace(next) {
@@ -224,9 +223,8 @@ function tidy(made) {
 /* Complaints about the rig: each beside its field, the rest above them. */
 export function complain(errors) {
   settle();
-  progress("run", null);
   tellParts("refused");
-  mark("run", "refused", state.shown.run ? "Refused, see the message beside the rig: what stands here is the rig before." : "Refused.");
+  mark("run", "refused");
   const rest = [];
   for (const { key, message } of errors) {
     const made = key && rows.find((r) => key === r.field.key) || key && rows.find((r) => r.field.key.startsWith(`${key}.`) ||

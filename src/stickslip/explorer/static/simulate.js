@@ -1,11 +1,11 @@
 /* The page Simulate: the run, its pictures, and the drawing of the slider on its contacts. */
 
-import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, purge, timeAt, upright } from "./figures.js";
+import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, pointAt, upright } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, showRegime, state, tellParts, unpacked } from "./page.js";
 import { accept, anyTyped, complain, showPreset } from "./rig.js";
 import { makeStage } from "./stage.js";
-import { ask, drop, isNewest, on, saying } from "./talk.js";
+import { ask, drop, isNewest, on, onceFor, saying } from "./talk.js";
 
 const { shown } = state;
 const point = cursorOver("plot-force");
@@ -33,17 +33,17 @@ on("run", async (reply) => {
   list("evidence", reply.regime.evidence);
   showPreset();
   tellParts("drawn", reply, newest && !reply.going_on);
-  if (newest && !reply.going_on) { askFrames(); askLaw(); }
+  if (newest && !reply.going_on) { askFrames(); refreshLaw(); }
   if (state.page === "simulate") {
     await drawForce();
     later(drawRest); // the trace first
   }
   document.dispatchEvent(new CustomEvent("drawn", { detail: { id: reply.id, kind: reply.regime.kind, extended: reply.going_on } }));
-}, complain, "run");
+}, { refused: complain, bar: "run" });
 on("stretchings", (reply) => {
   shown.stretchings = reply.stretchings;
   if (state.page === "simulate") drawStretchings();
-}, complain);
+}, { refused: complain });
 
 const later = window.requestIdleCallback ? (work) => requestIdleCallback(work, { timeout: 120 }) : (work) => setTimeout(work, 40);
 export async function drawForce() {
@@ -78,21 +78,12 @@ function drawStretchings() {
 
 /* It depends on the contacts and the speed alone: a rig that differs otherwise keeps it. */
 const lawful = () => JSON.stringify([state.doc.interface, state.doc.drive, state.doc.units]);
-let asked = "";
-function askLaw() {
-  if (state.page !== "simulate" || asked === lawful()) return;
-  asked = lawful();
-  ask("law");
-}
 on("law", (reply) => {
   shown.law = reply;
-  mark("law", "", reply.turning.map(({ words }) => pretty(words)).join("; "));
+  $("law-turning").textContent = reply.turning.map(({ words }) => pretty(words)).join("; ");
   drawLaw();
-}, (errors) => {
-  shown.law = null;
-  purge("plot-law");
-  mark("law", "refused", pretty(saying(errors)));
-});
+}, { about: "law" });
+const refreshLaw = onceFor("law", lawful, () => state.page === "simulate" && document.body.dataset.runState === "");
 function drawLaw() {
   if (!shown.law || state.page !== "simulate") return;
   const { speed, force, values, here, turning } = shown.law, dots = (points, name, marker) => ({ x: points.map(([v]) => v), y: points.map(([, F]) => F), mode: "markers", name, marker });
@@ -111,10 +102,10 @@ export const lasted = () => shown.run.span[1] * shown.run.time.factor; // of the
 const pointHere = (force) => { if (shown.run) point(timeShown(), force === undefined ? undefined : force / shown.run.force.factor); };
 
 function look(event) {
-  const time = shown.run && timeAt(event, "plot-force");
-  if (time === null || time === undefined) return;
+  const found = shown.run && pointAt(event, "plot-force");
+  if (!found?.inside) return;
   const [begin, end] = shown.run.span;
-  state.cursor = Math.min(Math.max((time - begin) / (end - begin), 0), 1);
+  state.cursor = Math.min(Math.max((found.x - begin) / (end - begin), 0), 1);
   ask("stretchings", { cursor: state.cursor, duration: lasted() });
   const there = frames && stage.span(), now = timeNow();
   if (there && now >= there[0] && now <= there[1]) stage.seek(now);
@@ -147,7 +138,7 @@ on("contacts", (reply) => {
   const [begin, end] = stage.span();
   stage.seek(time >= begin && time <= end ? time : begin);
   if (playing) stage.play();
-}, (errors) => { mark("drawing", "refused"); noDrawing(`No drawing: ${pretty(saying(errors))}`); });
+}, { refused(errors) { mark("drawing", "refused", ""); noDrawing(`No drawing: ${pretty(saying(errors))}`); } });
 
 function askFrames() {
   clearTimeout(framing);
@@ -193,7 +184,7 @@ parts.simulate = {
       await drawForce();
       drawRest();
       if (!frames) askFrames();
-      askLaw();
+      refreshLaw();
     }
     if (playing && frames) stage.play();
   },
@@ -202,10 +193,10 @@ parts.simulate = {
     drop("contacts"); // of the rig before
     frames = null;
     stage.pause();
-    mark("drawing", "computing");
-    if (asked !== lawful()) mark("law", "computing");
+    mark("drawing", "computing", "");
+    refreshLaw();
   },
-  refused() { noDrawing(""); mark("drawing", "refused"); },
+  refused() { noDrawing(""); mark("drawing", "refused", ""); },
   chosen() { held = false; },
   recolour: () => stage.recolour(),
 };

@@ -1,34 +1,12 @@
 /* The page What would stop it?: the prediction, and mitigations that a button applies. */
 
-import { $, element, list, mark, parts, pretty, progress, state, table } from "./page.js";
-import { ask, on, saying } from "./talk.js";
+import { $, element, list, parts, pretty, state, table } from "./page.js";
+import { ask, on, onceFor } from "./talk.js";
 
-const { shown } = state;
-let asked = "", resting = 0;
+on("advice", show, { about: "stop" });
+const refresh = onceFor("advice", () => JSON.stringify(state.doc), () => state.page === "stop");
 
-on("advice", (reply) => {
-  shown.advice = reply;
-  mark("stop", "");
-  show(reply);
-}, (errors) => {
-  $("stop-state").textContent = pretty(saying(errors));
-  mark("stop", "refused", shown.advice ? "Refused: what stands here is about the rig before." : "");
-}, "stop");
-
-function predict() {
-  const text = JSON.stringify(state.doc);
-  if (asked === text) return;
-  if (shown.advice) mark("stop", "computing", "Computing … this is about the rig before.");
-  clearTimeout(resting);
-  resting = setTimeout(() => {
-    asked = text;
-    $("stop-state").textContent = "predicting …";
-    progress("stop", 0);
-    ask("advice");
-  }, 200);
-}
 function show(found) {
-  $("stop-state").textContent = "";
   $("verdict").textContent = pretty(`${found.name}: ${found.verdict}`);
   $("verdict").parentElement.className = `verdict ${found.ill ? "stick-slip" : "smooth-sliding"}`;
   list("stop-evidence", found.evidence);
@@ -44,10 +22,4 @@ function show(found) {
   $("assumed").replaceChildren(...(assumed.length ? [element("h2", { textContent: "Assumed, not measured" }), element("ul", {}, ...assumed)] : []));
 }
 
-parts.stop = {
-  open: () => { if (!state.waiting) predict(); },
-  changed() {
-    if (shown.advice && asked !== JSON.stringify(state.doc)) mark("stop", "computing", "This is about the rig before.");
-    if (state.page === "stop") predict();
-  },
-};
+parts.stop = { open: refresh, changed: refresh };

@@ -2,8 +2,8 @@
 
 import { draw, forceLayout, forceTraces } from "./figures.js";
 import { short } from "./fields.js";
-import { $, list, mark, parts, showRegime, state, table, tellParts } from "./page.js";
-import { ask, on, saying } from "./talk.js";
+import { $, list, parts, showRegime, state, table, tellParts } from "./page.js";
+import { ask, on, refuse } from "./talk.js";
 
 const { shown } = state;
 let file = null, largest = 0;
@@ -18,7 +18,6 @@ async function analyse(chosen) {
     return complain(`${chosen.name} has ${Math.round(chosen.size / 1e6)} MB, more than ${largest / 1e6}; keep every n-th row or a part of it, or use stickslip measure`);
   }
   $("trace-state").textContent = `reading ${chosen.name} …`;
-  if (shown.trace) mark("trace", "computing", `Reading … this is ${shown.trace.name}.`);
   const bytes = await chosen.arrayBuffer().catch(() => null);
   if (!bytes) return complain(`${chosen.name} could not be read`);
   file = new File([bytes], chosen.name); // a copy: the file may go, or change
@@ -29,20 +28,10 @@ on("trace", (reply) => {
   shown.trace = reply;
   show(reply);
   tellParts("measured", file);
-}, (errors) => complain(saying(errors)));
+}, { about: "trace", refused() { $("trace-state").textContent = ""; tellParts("measured", null); } });
+const complain = (message) => refuse("trace", [{ message }]);
 on("sample", ({ text }) => analyse(new File([text], "sample.csv")));
-function complain(text) {
-  $("trace-state").textContent = "";
-  $("trace-complaint").textContent = text;
-  $("trace-complaint").hidden = false;
-  $("trace-found").hidden = true;
-  shown.trace = null;
-  tellParts("measured", null);
-}
 function show(found) {
-  mark("trace", "");
-  $("trace-complaint").hidden = true;
-  $("trace-found").hidden = false;
   $("trace-state").textContent = `${found.name}: ${found.rows} rows${found.note ? `; ${found.note}` : ""}`;
   const per = found.regime.period;
   showRegime("trace-regime", found.regime, per && found.regime.kind !== "smooth sliding" && found.time.unit.endsWith("s") ? `${short(1 / per, 3)} Hz` : "");
