@@ -119,10 +119,6 @@ def test_the_rig_stands_on_the_map_where_its_fields_say(document):
     for over in (["stiffness", "velocity"], ["mass", "damping"], ["std", "delay"]):
         (told,) = stability.chart({"document": document, "over": over, "around": 3.0}, silent)
         assert told["here"] == pytest.approx([values[name] for name in over])
-    ends = {"x": told["x"]["ends"], "y": told["y"]["ends"]}
-    column = next(stability.band({"document": document, "over": over, **ends}, silent))
-    assert (column["columns"], column["of"]) == (1, 9)
-    assert ends["x"][0] < column["column"] < ends["x"][1]
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
@@ -571,10 +567,6 @@ def test_no_quantity_holds_the_server_or_is_misread(session, written):
     [
         *(("chart", {"over": ["stiffness", "velocity"], "around": x}, "around") for x in ("x", [1], True, 1, 1e300)),
         *(("chart", {"over": over}, "over") for over in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)),
-        *(
-            ("band", {"over": ["stiffness", "velocity"], "x": ends, "y": [0.5, 2]}, "map: x")
-            for ends in (3, [1], ["a", "b"], [2, 1], [0, 1], [1, None], None, [1e-300, 1e300])
-        ),
         *(("edit", {"turn": turn}, "must be") for turn in ([1], None, {"stiffness": True}, {"mass": "1"})),
         ("edit", {"turn": {"x" * 1_900: 1}}, "is no parameter"),
         *(("edit", {"units": units}, "units") for units in ("imperial", ["SI"], None)),
@@ -622,6 +614,6 @@ def test_work_is_bounded_before_it_starts(session, document, key):
 def test_a_distribution_too_narrow_for_theory_still_runs(session):
     document = small(interface__thresholds={"distribution": "gaussian", "std": 1e-6}, drive__distance=5)
     assert session.ask("run", document).get("done")
-    for kind in ("chart", "band", "advice"):
-        answer = session.ask(kind, document, over=["stiffness", "velocity"], x=[1, 2], y=[1, 2])
+    for kind in ("chart", "advice"):
+        answer = session.ask(kind, document, over=["stiffness", "velocity"])
         assert "at least 0.002 of the mean" in told(answer)

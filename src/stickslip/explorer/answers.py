@@ -20,7 +20,6 @@ ANSWERS: Mapping[str, Callable[[Plain, Watch], Iterator[Plain]]] = {
     "contacts": simulate.contacts,
     "edit": simulate.edit,
     "chart": stability.chart,
-    "band": stability.band,
     "advice": stability.advice,
     "fronts": fronts.fronts,
     "trace": traces.trace,
@@ -29,4 +28,4 @@ ANSWERS: Mapping[str, Callable[[Plain, Watch], Iterator[Plain]]] = {
     "posterior": traces.posterior,
 } | {form: partial(simulate.download, form) for form in ("nc", "png", "svg", "toml")}
 """What a window can ask."""
-SLOW = ("chart", "band", "advice", "fronts", "posterior")
+SLOW = ("chart", "advice", "fronts", "posterior")

@@ -286,15 +286,15 @@ def presets() -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
+def begun() -> dict[str, Any]:
+    """Return what a page begins with: presets, bars, the questions of the tour, and what each quantity and field is."""
+    return {"presets": presets(), "bars": bars(), "tour": _table("presets")["tour"], **_table("glossary")}
+
+
 def bars() -> list[dict[str, Any]]:
     """Return the elastic sliders that the page Fronts begins with: a title and a document."""
     found: list[dict[str, Any]] = _table("presets")["bars"]
     return found
-
-
-def words() -> dict[str, Any]:
-    """Return what each quantity is: a term, its unit, a text, and its field if it has one; and the other fields."""
-    return _table("glossary")
 
 
 def _table(name: str) -> dict[str, Any]:

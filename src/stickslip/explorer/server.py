@@ -54,7 +54,7 @@ class Limits(NamedTuple):
 
     run: float  # seconds of a run, by estimate; longer ones are cut short
     quick: float  # seconds after which a question is given up
-    slow: float  # as much of a map, a bistable band, mitigations, a fit with intervals; its table is kept
+    slow: float  # as much of a map, mitigations, a fit with intervals; its table is kept
     trace: int  # bytes of a measured trace
     table: bool  # whether a fit may make the table of simulations that it needs
     together: int  # slow questions of one window
@@ -123,8 +123,7 @@ class _House:
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
         mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
-        offered = {"presets": documents.presets(), "bars": documents.bars(), "largest": limits.trace}
-        self.hello = json.dumps({"kind": "hello", **mine, **offered, **documents.words()})
+        self.hello = json.dumps({"kind": "hello", **mine, "largest": limits.trace, **documents.begun()})
         self._windows: Counter[str] = Counter()
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""The pages Map and Stop: linear stability over two parameters, the bistable band, and what would stop stick-slip."""
+"""The pages Map and Stop: linear stability over two parameters, and what would stop stick-slip."""
 
 from __future__ import annotations
 
@@ -8,17 +8,15 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, cycles, stability
-from stickslip.errors import InputError, UndecidedError, number, shown
+from stickslip import advise, stability
+from stickslip.errors import InputError, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 
-_FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _POINTS = 72  # of the map along each parameter, twice over
 _AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
-_COLUMNS = 9  # of the map, for the bistable band
 
 
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -73,46 +71,11 @@ def _shade(share: Array) -> Array:
     return np.asarray(np.arcsinh(share / 1e-3) / np.arcsinh(1e3))
 
 
-def band(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The bistable band of the map, column by column."""
-    rig = documents.rig_of(request.get("document"))
-    documents.check_thresholds(rig)
-    over = _over(request)
-    (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
-    for name, key, ends in ((over[0], "x", (left, right)), (over[1], "y", (low, high))):
-        here = rig.value(name)
-        if not here / _FARTHEST <= ends[0] <= ends[1] <= here * _FARTHEST:
-            raise InputError(f"map: {key} = {list(ends)}: must lie within a factor of {_FARTHEST:g} of {here:.4g}")
-    # From the middle outwards: the rig stands there.
-    places = np.geomspace(left, right, _COLUMNS)
-    order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
-    for done, i in enumerate(order, start=1):
-        bands: list[list[float]] = []
-        note = ""
-        try:
-            turned = rig.replace(**{over[0]: float(places[i])})
-            found = cycles.bistable_range(turned, over[1], between=(low, high), step=0.2, tolerance=0.02)
-            bands = [[band.low.value, band.high.value] for band in found.bands]
-        except (InputError, UndecidedError) as error:
-            note = str(error)
-        watch(done / _COLUMNS)
-        yield {"column": float(places[i]), "bands": bands, "note": note, "columns": done, "of": _COLUMNS}
-
-
 def _over(request: Plain) -> tuple[str, str]:
     over, known = request.get("over"), documents.NAMES
     if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
         raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
     return (str(over[0]), str(over[1]))
-
-
-def _ends(request: Plain, key: str) -> tuple[float, float]:
-    """Both ends of an axis of the map."""
-    ends = request.get(key)
-    if not isinstance(ends, list) or len(ends) != 2:
-        raise InputError(f"map: {key} = {shown(ends)}: must be the two ends of an axis")
-    low = number(f"map: {key}", ends[0], above=0)
-    return low, number(f"map: {key}", ends[1], above=low)
 
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:

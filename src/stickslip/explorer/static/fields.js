@@ -45,14 +45,8 @@ const ageing = {
   },
 };
 
-const byRatio = (doc) => at(doc, "slider.damping_ratio") !== undefined;
-const damping = {
-  read: (doc) => at(doc, byRatio(doc) ? "slider.damping_ratio" : "slider.damping"),
-  write: (doc, value) => put(doc, byRatio(doc) ? "slider.damping_ratio" : "slider.damping", value),
-};
-const contacts = (doc) => at(doc, "simulation.method") !== "master equation";
 // Each solver has numbers of its own; those of the other one are kept for when it is chosen again.
-const kept = {};
+const kept = { contacts: 10_000, seed: 1, rtol: 1e-4 };
 const solver = {
   read: (doc) => at(doc, "simulation.method"),
   write: (doc, value) => {
@@ -63,36 +57,12 @@ const solver = {
     put(doc, "simulation.method", value);
   },
 };
-const SI = (doc) => doc.units !== "natural";
-const held = (doc) => at(doc, "drive.pieces") === undefined;
-
-/* What fields do beyond standing in the document under their key: `when` they are shown, how they are read and written. */
-const simple = (path) => ({ read: (doc) => at(doc, path), write: (doc, value) => put(doc, path, value) });
-const has = (path) => ({ when: (doc) => at(doc, path) !== undefined });
-const SPECIAL = {
-  "drive.velocity": { when: held },
-  "slider.damping": { ...damping, when: (doc) => !byRatio(doc) },
-  "slider.damping_ratio": { ...damping, when: byRatio },
-  "interface.delay": delay,
-  "interface.delay.std": delayStd,
-  "interface.delay.negative": { when: random },
-  "interface.thresholds.std": has("interface.thresholds.std"),
-  "interface.initial.std": { when: (doc) => at(doc, "interface.initial.low") === undefined },
-  "interface.ageing.time": ageing,
-  ...Object.fromEntries(["temperature", "activation_volume", "width", "attempts"].map((key) => `interface.temperature.${key}`)
-    .map((path) => [path, has(path)])),
-  "interface.contact_strength": { when: SI },
-  "interface.breaking_displacement": { when: SI },
-  "simulation.method": solver,
-  "simulation.contacts": { when: contacts },
-  "simulation.seed": { when: contacts },
-  "simulation.rtol": { when: (doc) => !contacts(doc) },
-  "drive.distance": { when: (doc) => held(doc) && at(doc, "drive.duration") === undefined },
-  "drive.duration": { when: (doc) => held(doc) && at(doc, "drive.duration") !== undefined },
-};
-/* The fields of a rig, from the glossary that the server sends: it has their words, units and ranges. */
+/* The fields of a rig, from the glossary that the server sends: it has their words, units and ranges. A field is shown if its
+   key stands in the document, or something is known to stand for it. */
+const SPECIAL = { "interface.delay": delay, "interface.delay.std": delayStd, "interface.ageing.time": ageing, "simulation.method": solver };
 export const fieldsOf = (glossary) => glossary.filter(({ field }) => field).map(({ key, field, term, unit, text }) => (
-  { key, ...field, help: `${term}${unit ? ` (${unit})` : ""}. ${text}`, ...simple(key), ...SPECIAL[key] }));
+  { key, ...field, help: `${term}${unit ? ` (${unit})` : ""}. ${text}`, read: (doc) => at(doc, key), write: (doc, value) => put(doc, key, value),
+    when: (doc) => at(doc, key) !== undefined || field.missing !== undefined || field.zero, ...SPECIAL[key] }));
 
 const NUMBER = "[-+]?(?:\\d+\\.?\\d*|\\.\\d+)(?:[eE][-+]?\\d{1,3})?";
 const WHOLE = new RegExp(`^\\s*${NUMBER}\\s*$`), WITH_UNIT = new RegExp(`^\\s*(${NUMBER})\\s*((?:1\\s*/|[^\\d\\s.,]).*)?$`);
@@ -100,10 +70,8 @@ const WHOLE = new RegExp(`^\\s*${NUMBER}\\s*$`), WITH_UNIT = new RegExp(`^\\s*($
 export const numeric = (text) => (WHOLE.test(text) && isFinite(Number(text)) ? Number(text) : NaN);
 /* "4 MN/m" -> ["4", "MN/m"]; 4 -> ["4", ""]; what is no number stays whole. */
 export function split(value) {
-  if (value === undefined || value === null) return ["", ""];
-  if (typeof value === "number") return [String(value), ""];
-  const found = WITH_UNIT.exec(value);
-  return found ? [found[1], (found[2] ?? "").trim()] : [String(value), ""];
+  const found = WITH_UNIT.exec(value ?? "");
+  return found ? [found[1], (found[2] ?? "").trim()] : [String(value ?? ""), ""];
 }
 /* A decimal comma becomes a point ("1,5"); thousands apart ("1 200", "1.200,5") are not guessed at. */
 export const pointed = (text) => text.replace(/^(\s*[-+]?\d*),(\d+)(?![\d.,])/, "$1.$2");

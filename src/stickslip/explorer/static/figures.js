@@ -13,14 +13,6 @@ export function label({ title, unit }) {
   const shownUnit = unit === "time" ? "time units" : unit === "1" ? "" : word(unit);
   return shownUnit ? `${title} (${shownUnit})` : title;
 }
-/* A label up a low plot: in two lines if it is long. */
-export function upright(variable) {
-  const text = label(variable);
-  if (text.length < 22 || !matchMedia("(max-width: 40rem)").matches) return text;
-  const spaces = [...text.matchAll(/ /g)].map((found) => found.index);
-  const cut = spaces.reduce((best, at) => (Math.abs(at - text.length / 2) < Math.abs(best - text.length / 2) ? at : best));
-  return `${text.slice(0, cut)}<br>${text.slice(cut + 1)}`;
-}
 export function axis(title, more = {}) {
   return { title: { text: title, standoff: 6 }, gridcolor: colour("grid"), zeroline: false, linecolor: colour("quiet"),
     ticks: "outside", ticklen: 3, tickcolor: colour("quiet"), exponentformat: "power", automargin: true, ...more };
@@ -83,7 +75,7 @@ export function forceLayout(run, friction) {
   const count = run.slips.count, factor = run.force.factor, dots = count > 0 ? `${run.slips.counted}, marked` : "";
   const names = [[friction?.kinetic, "Fₖ"], [friction?.static, "Fₛ"]].filter(([value]) => value !== null && value !== undefined);
   const words = [dots, keptBeside(run) ? "grey: the trace kept" : ""].filter(Boolean).join("; ");
-  return { shapes: [], yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true }, xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(upright(run.force)),
+  return { shapes: [], yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true }, xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(label(run.force)),
     margin: { l: 56, r: 28, t: 22, b: 44 },
     annotations: [...names.map(([value, text]) => ({ xref: "paper", x: 1.004, xanchor: "left", y: value / factor, text,
       showarrow: false, font: { color: colour("green") } })), { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false,

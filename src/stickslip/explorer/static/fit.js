@@ -1,19 +1,19 @@
 /* The page Fit: the rig behind a measured trace, at once by closed forms, and with intervals by simulations. */
 
-import { axis, colour, draw, label, upright } from "./figures.js";
+import { axis, colour, draw, label } from "./figures.js";
 import { split } from "./fields.js";
-import { $, complainAt, element, field, list, mark, micro, parts, pretty, save, state, table } from "./page.js";
+import { $, complainAt, element, field, list, mark, parts, pretty, save, state, table } from "./page.js";
 import { begin, wait } from "./rig.js";
 import { ask, drop, on } from "./talk.js";
 import { source } from "./trace.js";
 
-const SAMPLE = { stiffness: "350", speed: "1.5", mass: "0.0756" };
 const inputs = {};
 let known = {}, pending, fitted = null, quick = null, found = null, running = "", sizes = [];
 
 function input(key, { read, missing, ...words }) {
   const made = field(`fit-${key}`, words, (text, input) => {
     if (text === "") delete input.dataset.own;
+    input.nextSibling.hidden = Boolean(split(text)[1]); // typed beside the number
     compute();
   }, { placeholder: missing ?? (read ? "by the trace" : "") });
   inputs[key] = made.querySelector("input");
@@ -27,7 +27,7 @@ function request() {
   for (const [key, { unit, read }] of Object.entries(known)) {
     const value = inputs[key].value.trim();
     if (value && (!read || "own" in inputs[key].dataset)) {
-      given[key] = unit && !split(value)[1] ? `${value} ${inputs[key].nextSibling.textContent}` : value;
+      given[key] = unit && !split(value)[1] ? `${value} ${unit}` : value;
     }
   }
   return { ...trace, options: { ...options, ...given } };
@@ -52,10 +52,6 @@ function read({ slips, readings }) {
 }
 function showQuick(reply) {
   quick = reply;
-  for (const input of Object.values(inputs)) { // units that were typed, and accepted, move beside their fields
-    const [number, typed] = split(input.value);
-    if (typed) [input.value, input.nextSibling.textContent] = [number, micro(typed)];
-  }
   $("quick-words").textContent = pretty(reply.words);
   table("quick-numbers", reply.numbers);
   list("quick-assumed", reply.assumed.map((text) => `assumed: ${text}`));
@@ -67,7 +63,7 @@ function drawOverlay(id, { trace, series, time, force, span }) {
     ...series.map(({ x, y }, i) => ({ x, y, mode: "lines", name: "simulated", opacity: series.length > 1 ? 0.55 : 0.9,
       line: { color: colour("vermillion"), width: 1.4, dash: ["solid", "dash", "dot"][i] } })),
     { x: trace.x, y: trace.y, mode: "lines", name: "measured", line: { color: colour("blue"), width: 1.6 } },
-  ], { xaxis: axis(label(time), { range: span }), yaxis: axis(upright(force)) });
+  ], { xaxis: axis(label(time), { range: span }), yaxis: axis(label(force)) });
 }
 
 // --------------------------------------------------------------------------------------------------- with intervals
@@ -160,9 +156,9 @@ function begun(file) {
   $("fit-none").hidden = file !== null;
   $("fit-found").hidden = file === null;
   fitted = file;
-  for (const [key, { unit, read }] of Object.entries(known)) {
+  for (const [key, { read, sample }] of Object.entries(known)) {
     if (read) { inputs[key].value = ""; delete inputs[key].dataset.own; }
-    else if (file?.name === "sample.csv" && SAMPLE[key]) { inputs[key].value = SAMPLE[key]; inputs[key].nextSibling.textContent = unit; }
+    else if (file?.name === "sample.csv" && sample) inputs[key].value = sample;
   }
   if (file) compute();
 }

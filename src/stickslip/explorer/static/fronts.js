@@ -1,6 +1,6 @@
 /* The page Fronts: a bar of blocks, the force at its driving spring, and what happens along it in time. */
 
-import { axis, colour, cursorOver, draw, label, pointAt, upright } from "./figures.js";
+import { axis, colour, cursorOver, draw, label, pointAt } from "./figures.js";
 import { at, numeric, put, short } from "./fields.js";
 import { $, element, field, parts, pretty, save, state, table, unpacked } from "./page.js";
 import { on, onceFor } from "./talk.js";
@@ -84,7 +84,7 @@ async function show() {
   $("fronts-at").textContent = "";
   const marked = event < 0 ? events.map(({ start }) => start) : [];
   await draw("plot-side", [{ x: now.t, y: now.F, mode: "lines", line: { color: colour("blue"), width: 1.3 }, name: "force" }], {
-    xaxis: axis("", { range: now.span, showticklabels: false, automargin: false }), yaxis: axis(upright(force), { automargin: false }), margin: { l: 62, r: 14, t: 18, b: 10 },
+    xaxis: axis("", { range: now.span, showticklabels: false, automargin: false }), yaxis: axis(label(force), { automargin: false }), margin: { l: 62, r: 14, t: 18, b: 10 },
     shapes: marked.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: colour("vermillion"), width: 1, dash: "dot" } })),
     annotations: [{ xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false, font: { color: colour("quiet") },
       text: event < 0 ? `${events.length} ${events.length === 1 ? "event" : "events"}, marked` : `event at ${short(events[event].start)}` }] });

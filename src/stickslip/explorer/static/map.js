@@ -2,8 +2,8 @@
 
 import { colour, draw, logarithmic, pointAt, restyle } from "./figures.js";
 import { put, short } from "./fields.js";
-import { $, complainAt, parts, showRegime, state, word } from "./page.js";
-import { ask, drop, isAbout, on, onceFor, saying } from "./talk.js";
+import { $, parts, showRegime, state, word } from "./page.js";
+import { ask, isAbout, on, onceFor } from "./talk.js";
 
 const PARAMETERS = { // by name: key and words
   stiffness: ["slider.stiffness", "K, driving spring"], velocity: ["drive.velocity", "v, speed"], mass: ["slider.mass", "M, mass"],
@@ -14,18 +14,9 @@ let about = "", outgrown = 0, dragging = false;
 
 on("chart", (reply) => {
   shown.chart = { ...reply, about };
-  shown.bands = [];
-  $("map-state").textContent = "";
   summarise();
   drawMap();
-  if ($("band").checked) askBand();
 }, { about: "map" });
-on("band", (reply) => {
-  shown.bands.push(reply);
-  const none = shown.bands.some(({ bands }) => bands.length) ? "" : "no bistable band found";
-  $("map-state").textContent = reply.columns < reply.of ? `bistable band: ${reply.columns} of ${reply.of} columns` : none;
-  drawMap();
-}, { bar: "map", refused: (errors) => complainAt("map-complaint", saying(errors)) });
 
 /* The sentence under the map is about one point: it stands only while the rig is there. */
 function summarise() {
@@ -42,7 +33,6 @@ function signature(over) {
 const over = () => [$("across").value, $("up").value];
 const refresh = onceFor("chart", () => signature(over()), () => state.page === "map" && !dragging, () => {
   about = JSON.stringify(state.doc);
-  drop("band");
   return { over: over() };
 });
 /* Page 1 was turned: the dot follows, and a dot that has left its map asks for another. */
@@ -62,32 +52,9 @@ function followDot(parameters) {
 function moveDot([x, y]) {
   restyle("plot-map", { x: [[x]], y: [[y]] }, [$("plot-map").data.length - 1]);
 }
-function askBand() {
-  const { chart } = shown;
-  if (!chart || chart.banded) return;
-  chart.banded = true;
-  const ends = (id, all) => $("plot-map")._fullLayout?.[id].range.map((value) => Math.pow(10, value)) ?? all; // all: not drawn yet
-  ask("band", { over: chart.over, x: ends("xaxis", chart.x.ends), y: ends("yaxis", chart.y.ends) });
-}
-/* Columns computed so far, joined to their neighbours where these have as many bands. */
-function bandOutline() {
-  const columns = [...shown.bands].sort((a, b) => a.column - b.column), x = [], y = [];
-  const width = Math.pow(shown.chart.x.ends[1] / shown.chart.x.ends[0], 1 / 8.5); // nine columns span the map
-  columns.forEach(({ column, bands }, i) => {
-    const next = columns[i + 1], joined = next?.bands.length === bands.length && next.column / column < width;
-    const right = joined ? next.column : column * 1.04;
-    bands.forEach(([low, high], j) => {
-      const [nextLow, nextHigh] = joined ? next.bands[j] : [low, high];
-      x.push(column, right, right, column, column, null);
-      y.push(low, nextLow, nextHigh, high, low, null);
-    });
-  });
-  return { x, y };
-}
 function drawMap() {
   const { chart } = shown;
   if (!chart || state.page !== "map") return;
-  const bands = bandOutline();
   // As in `stickslip map`: purple is stable, orange unstable.
   const traces = [
     { type: "heatmap", x: chart.x.values, y: chart.y.values, z: chart.shade, customdata: chart.rate, zmin: -1, zmax: 1,
@@ -95,13 +62,10 @@ function drawMap() {
       hovertemplate: `growth rate %{customdata} ${word(chart.rate_unit)}<extra></extra>`,
       colorbar: { title: { text: `growth rate (${word(chart.rate_unit)})`, side: "right" }, tickvals: chart.levels.at,
         ticktext: chart.levels.text, thickness: 12, outlinewidth: 0 } },
-    { ...bands, mode: "lines", fill: "toself", fillpattern: { shape: "/", size: 7, fgcolor: colour("edge"), bgcolor: "rgba(0,0,0,0)" },
-      line: { width: 0 }, hoverinfo: "skip", name: "bistable" },
     ...chart.curves.map(({ x, y }) => ({ x, y, mode: "lines", line: { color: colour("edge"), width: 2.2 }, hoverinfo: "skip", name: "limit" })),
     { x: [chart.here[0]], y: [chart.here[1]], mode: "markers", hoverinfo: "skip", name: "this rig",
       marker: { size: 15, color: colour("paper"), line: { color: colour("vermillion"), width: 4 } } },
   ];
-  $("map-bistable").hidden = !bands.x.length;
   const numbersOn = chart.curves.flatMap(({ x, y, frequency }) => [0.25, 0.5, 0.75].map((part) => Math.round(part * (x.length - 1))).map((i) => [x[i], y[i], frequency[i]]))
     .filter(([x, y, f]) => f > 0 && x > chart.x.ends[0] * 1.2 && x < chart.x.ends[1] / 1.2 && y > chart.y.ends[0] * 1.2 && y < chart.y.ends[1] / 1.2);
   const apart = numbersOn.filter(([x, y], i) => numbersOn.slice(0, i).every(([a, b]) => Math.hypot(Math.log(x / a), Math.log(y / b)) > 0.7));
@@ -156,15 +120,6 @@ for (const [id, chosen] of [["across", "stiffness"], ["up", "velocity"]]) {
     refresh();
   };
 }
-$("band").onchange = () => {
-  if ($("band").checked) return askBand();
-  drop("band");
-  if (shown.chart) shown.chart.banded = false;
-  shown.bands = [];
-  $("map-state").textContent = "";
-  drawMap();
-};
-
 parts.map = {
   open() { drawMap(); refresh(); },
   changed() { summarise(); refresh(); },

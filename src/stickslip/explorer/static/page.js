@@ -14,7 +14,7 @@ export function element(tag, properties = {}, ...children) {
 export const state = {
   doc: null, began: null, presets: [], waiting: false, // not computed before a click: it came with a link
   page: "simulate", cursor: 0.75, before: null,
-  shown: { run: null, friction: null, chart: null, bands: [], advice: null, trace: null, fronts: null },
+  shown: { run: null, friction: null, chart: null, advice: null, trace: null, fronts: null },
 };
 
 /* The parts of the page, by name. What they have of these is called as things happen: `greeted` (the server said hello),
@@ -37,17 +37,23 @@ export function notice(text) {
 /* Never stale: what is not about the rig in the fields is dimmed, and words say so. It stands on the page from the first
    answer ("") on, until there is none any more. */
 const WORDS = { computing: "Computing …", refused: "Refused.", stopped: "Stopped.", waiting: "Not computed yet: this rig came with a link." };
-export function mark(about, how, words) {
-  const places = [...document.querySelectorAll(`[data-about="${about}"]`)];
+for (const place of document.querySelectorAll("[data-about]")) {
+  const [words, complaint] = ["words", "complaint"].map((what) => `${place.dataset.about}-${what}`);
+  if ($(words)) continue;
+  place.prepend(element("p", { className: "state", id: words, role: "status" }));
+  if (!$(complaint)) place.prepend(element("p", { className: "complaint", id: complaint, role: "alert", hidden: true }));
+}
+export function mark(name, how, words) {
+  const places = document.querySelectorAll(`[data-about="${name}"]`);
   for (const place of places) {
     place.dataset.state = how;
     place.setAttribute("aria-busy", String(how === "computing"));
     if (how === "" || how === "none") place.toggleAttribute("data-stands", how === "");
   }
   const before = places[0].hasAttribute("data-stands") ? " What stands here is from before." : "";
-  $(`${about}-words`).textContent = words ?? (how in WORDS ? WORDS[how] + before : "");
-  if (how !== "refused") complainAt(`${about}-complaint`, "");
-  document.body.dataset[`${about}State`] = how;
+  $(`${name}-words`).textContent = words ?? (how in WORDS ? WORDS[how] + before : "");
+  if (how !== "refused") complainAt(`${name}-complaint`, "");
+  document.body.dataset[`${name}State`] = how;
 }
 
 /* How far an answer is; null: nothing is computed. A button that stops it is there as long as the bar. */

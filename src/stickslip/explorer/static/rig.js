@@ -4,7 +4,6 @@ import { fieldsOf, joined, numeric, pointed, short, split, unfinished } from "./
 import { $, complainAt, element, field, labelled, mark, micro, notice, state, tellParts } from "./page.js";
 import { ask, on, saying } from "./talk.js";
 
-const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
 const PAUSE = 1000; // ms without a key after which a number that was typed counts
 
 let all = [], rows = [], scales = null, remembering = 0;
@@ -68,8 +67,8 @@ export function address() {
   return `#${state.page}/${text.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "")}`;
 }
 function fromAddress() {
-  const [name, text] = location.hash.slice(1).split("/"), where = OLD[name] ?? name;
-  if ($(`page-${where}`)) state.page = where;
+  const [name, text] = location.hash.slice(1).split("/");
+  if ($(`page-${name}`)) state.page = name;
   if (!text) return null;
   try {
     const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
@@ -100,7 +99,9 @@ function rebuild() {
   $("fields").replaceChildren(host);
   showPreset();
 }
-const value0 = (field) => field.read(state.doc) ?? field.missing ?? (field.zero ? 0 : undefined);
+/* What stands in a field is what stands in the document, unit and all. */
+const written = ({ read, missing, zero }) => micro(String(read(state.doc) ?? missing ?? (zero ? 0 : "")));
+const bare = ({ plain }) => plain || state.doc.units === "natural";
 
 function row(field) {
   const id = `field-${field.key.replaceAll(".", "-")}`;
@@ -120,21 +121,18 @@ function choice(id, made) {
   return labelled(id, made.field, made.input);
 }
 function number(id, made) {
-  const { field: told } = made, natural = state.doc.units === "natural", [value, unit] = split(value0(told));
-  made.unit = told.plain || natural ? "" : unit || told.si;
-  const beside = told.plain && !natural ? (told.unit === "xₛ" ? "of xₛ" : "") : micro(made.unit || told.unit || "");
-  const box = field(id, { ...told, unit: beside }, () => {
+  const { field: told } = made, value = written(told);
+  made.unit = bare(told) ? "" : split(value)[1] || told.si; // of a number that is typed without one
+  const box = field(id, { ...told, unit: bare(told) ? told.unit ?? "" : "" }, () => {
     settleTyping(made);
-    made.left = true;
-    if (!made.pending) tidy(made);
+    made.input.value = written(told);
   }, { value, oninput: () => typing(made) });
-  [, made.input, made.shownUnit] = box.children;
+  made.input = box.children[1];
   made.input.setAttribute("aria-describedby", `${made.complaint.id} help`);
   if (told.swap) {
-    const menu = element("button", { type: "button", textContent: `${beside} ⇄`, title: `Give ${told.swap} instead` });
+    const menu = element("button", { type: "button", textContent: `⇄ ${told.swap}`, title: `Give ${told.swap} instead` });
     menu.onclick = () => ask("edit", { damping_ratio: told.swap === "ζ" });
-    made.shownUnit.replaceChildren(menu);
-    menu.style.padding = "0 .3rem";
+    box.lastChild.replaceChildren(menu);
   }
   if (told.range) {
     made.slider = element("input", { type: "range", min: 0, max: 1000, step: 1, id: `${id}-slider` });
@@ -144,7 +142,7 @@ function number(id, made) {
     made.slider.oninput = () => {
       clearTimeout(made.pause);
       made.typed = false;
-      made.input.value = String(valueAt(made, Number(made.slider.value)));
+      made.input.value = `${valueAt(made, Number(made.slider.value))} ${made.unit}`.trim();
       enter(made, made.input.value);
     };
     box.append(made.slider);
@@ -154,7 +152,7 @@ function number(id, made) {
 /* The slider spans its natural range, or in SI as many decades about the value; always the value itself. */
 function rangeOf({ field }, value) {
   let [low, high] = field.range;
-  if (!(field.plain || state.doc.units === "natural")) {
+  if (!bare(field)) {
     const middle = value > 0 ? value : 1, factor = Math.sqrt(high / low);
     [low, high] = [middle / factor, middle * factor];
   }
@@ -170,7 +168,7 @@ function place(made) {
   const value = parseFloat(made.input.value), [low, high] = made.range;
   if (made.field.zero && !(value > 0)) made.slider.value = 0;
   else if (value > 0) made.slider.value = Math.round((1000 * Math.log(value / low)) / Math.log(high / low));
-  made.slider.setAttribute("aria-valuetext", `${made.input.value} ${made.shownUnit.textContent}`);
+  made.slider.setAttribute("aria-valuetext", made.input.value);
 }
 /* While a number is typed nothing is computed: it counts after Enter, on leaving the field, or after a pause. */
 function typing(made) {
@@ -178,7 +176,6 @@ function typing(made) {
   if (text !== made.input.value) made.input.value = text;
   clearTimeout(made.pause);
   made.typed = true;
-  made.left = false;
   if (state.waiting) return;
   mark("run", "computing", "Waiting for the number: press Enter.");
   if (!unfinished(text)) made.pause = setTimeout(settleTyping, PAUSE, made);
@@ -187,38 +184,17 @@ function settleTyping(made) {
   clearTimeout(made.pause);
   if (!made.typed) return;
   made.typed = false;
-  const text = made.input.value.trim();
-  if (text === "") { // emptied and left: what it was before
-    made.input.value = split(value0(made.field))[0];
-    return changed();
-  }
+  if (made.input.value.trim() === "") return changed(); // emptied and left: what it was before
   if (made.field.whole) made.input.value = joined(made.input.value);
   enter(made, made.input.value);
 }
 /* What stands in a field goes into the document as it is; the server says what is wrong with it. */
 function enter(made, text) {
-  const { field } = made, trimmed = text.trim().replace(/^([-+]?\d+)[.](?!\d)/, "$1"), [found, typedUnit] = split(trimmed);
-  const natural = field.plain || state.doc.units === "natural";
-  // The unit that stands beside the field may be typed as well.
-  const known = natural && typedUnit !== "" && [field.unit, made.shownUnit.textContent].includes(typedUnit);
-  const number = numeric(known ? found : trimmed);
-  let value = trimmed;
-  if (natural) value = isNaN(number) ? trimmed : number;
-  else if (trimmed !== "never" && !typedUnit) value = `${trimmed} ${made.unit}`;
-  field.write(state.doc, value);
-  made.pending = true;
-  if (known) made.input.value = found;
+  const { field } = made, trimmed = text.trim().replace(/^([-+]?\d+)[.](?!\d)/, "$1"), number = numeric(trimmed);
+  if (!isNaN(number)) field.write(state.doc, bare(field) ? number : `${trimmed} ${made.unit}`);
+  else field.write(state.doc, trimmed);
   if (document.activeElement !== made.slider) place(made);
   changed();
-}
-function tidy(made) {
-  const [number, unit] = split(made.input.value);
-  if (!unit || made.field.plain || state.doc.units === "natural") return;
-  made.unit = unit; // typed with a unit, and accepted: it moves to its place beside the field
-  made.input.value = number;
-  if (made.slider) made.range = rangeOf(made, parseFloat(number));
-  place(made);
-  if (!made.field.swap) made.shownUnit.textContent = micro(unit);
 }
 /* Complaints about the rig: each beside its field, the rest above them. */
 export function complain(errors) {
@@ -244,12 +220,15 @@ function settle() {
   }
   $("complaint").hidden = true;
 }
-/* The server has taken what stands in the fields, units and all. */
+/* The server has taken what stands in the fields: a unit that was typed is that of the field from now on. */
 export function accept() {
   settle();
-  for (const made of rows.filter(({ pending }) => pending)) {
-    made.pending = false;
-    if (made.left) tidy(made);
+  for (const made of rows.filter(({ field, typed }) => !field.choices && !typed && !bare(field))) {
+    const [value, unit] = split(made.input.value);
+    if (!unit || unit === made.unit) continue;
+    made.unit = unit;
+    if (made.slider) made.range = rangeOf(made, parseFloat(value));
+    place(made);
   }
 }
 

@@ -1,6 +1,6 @@
 /* The page Simulate: the run, its pictures, and the drawing of the slider on its contacts. */
 
-import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, pointAt, upright } from "./figures.js";
+import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, pointAt } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, showRegime, state, tellParts, unpacked } from "./page.js";
 import { accept, anyTyped, complain, showPreset } from "./rig.js";
@@ -63,7 +63,7 @@ function drawRest() {
 function drawPhase() {
   const { velocity, force, drive } = shown.run.phase;
   return draw("plot-phase", [{ x: velocity.values, y: force.values, mode: "lines", line: { color: colour("blue"), width: 1.2 } }], {
-    xaxis: axis(label(velocity), { range: velocity.range }), yaxis: axis(upright(force), { range: force.range }),
+    xaxis: axis(label(velocity), { range: velocity.range }), yaxis: axis(label(force), { range: force.range }),
     shapes: [{ type: "line", x0: drive, x1: drive, yref: "paper", y0: 0, y1: 1, line: { color: colour("quiet"), dash: "dash", width: 1 } }],
     annotations: [{ x: drive, yref: "paper", y: 1, yanchor: "bottom", showarrow: false, text: "drive", font: { color: colour("quiet") } }] });
 }
@@ -71,7 +71,7 @@ function drawStretchings() {
   const { x, stretching_density: Q, at: time } = shown.stretchings, unit = shown.run.time.unit;
   $("at").textContent = `t = ${short(time)}${unit === "time" ? "" : ` ${unit}`}`;
   return draw("plot-stretchings", [{ x: x.values, y: Q.values, mode: "lines", line: { shape: "hvh", color: colour("purple"), width: 1.3 },
-    fill: "tozeroy", fillcolor: `${colour("purple")}44` }], { xaxis: axis(label(x)), yaxis: axis(upright(Q), { rangemode: "tozero" }) });
+    fill: "tozeroy", fillcolor: `${colour("purple")}44` }], { xaxis: axis(label(x)), yaxis: axis(label(Q), { rangemode: "tozero" }) });
 }
 
 // ------------------------------------------------------------------------------------------- the law of friction
@@ -91,7 +91,7 @@ function drawLaw() {
     { x: speed.values, y: values, mode: "lines", name: "law", line: { color: colour("green"), width: 1.5 } },
     dots([here], "this rig", { size: 11, color: colour("paper"), line: { color: colour("vermillion"), width: 3 } }),
     dots(turning.map(({ at }) => at), "turning", { size: 9, symbol: "diamond", color: colour("purple") }),
-  ], { xaxis: logarithmic(speed), yaxis: axis(upright(force), { rangemode: "tozero" }) });
+  ], { xaxis: logarithmic(speed), yaxis: axis(label(force), { rangemode: "tozero" }) });
 }
 
 // ----------------------------------------------------------------------- the cursor: a look at another time of the run
@@ -165,7 +165,6 @@ function setPlaying(now) {
 $("play").onclick = () => setPlaying(!playing);
 $("pace").onchange = () => stage.pace(Number($("pace").value));
 $("slow").onchange = () => stage.slow($("slow").checked);
-$("sound").onchange = () => stage.sound($("sound").checked);
 window.addEventListener("resize", () => { if (state.page === "simulate") { stage.paint(); pointHere(); } });
 setPlaying(playing);
 

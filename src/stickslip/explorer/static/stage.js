@@ -8,7 +8,7 @@ const PER_SECOND = 30, ATTACHED = 1, RENEWED = 2, FLASH = 0.3, GAP = 46, TOP = 1
 
 /* A drawing on a canvas; seen(time, force) is called at each picture. */
 export function makeStage(canvas, colour, seen) {
-  let frames = null, place = 0, playing = false, last = 0, pace = 1, slow = true, flashes = [], audio = null, asked = 0;
+  let frames = null, place = 0, playing = false, last = 0, pace = 1, slow = true, flashes = [], asked = 0;
   let shades = [];
 
   function show(answer) {
@@ -78,23 +78,7 @@ export function makeStage(canvas, colour, seen) {
       }
     }
     canvas.dataset.broken = Number(canvas.dataset.broken ?? 0) + sum;
-    if (sum > 0 && audio) click(sum / frames.shown);
   }
-  function click(part) {
-    const length = Math.round(0.06 * audio.sampleRate), buffer = audio.createBuffer(1, length, audio.sampleRate);
-    const data = buffer.getChannelData(0);
-    for (let i = 0; i < length; i++) data[i] = (Math.random() * 2 - 1) * Math.exp((-6 * i) / length);
-    const source = audio.createBufferSource(), volume = audio.createGain();
-    volume.gain.value = Math.min(0.5, 1.5 * part);
-    source.buffer = buffer;
-    source.connect(volume).connect(audio.destination);
-    source.start();
-  }
-  function sound(on) {
-    if (on && !audio) audio = new AudioContext();
-    else if (!on && audio) { audio.close(); audio = null; }
-  }
-
   function fit() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2), width = canvas.clientWidth, height = canvas.clientHeight;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
@@ -192,6 +176,6 @@ export function makeStage(canvas, colour, seen) {
     canvas.dataset.stretched = stretched(i, 0);
     seen(now(), mix(frames.force, place));
   }
-  return { show, clear, play, pause, seek, span, sound, paint, pace: (value) => { pace = value; },
+  return { show, clear, play, pause, seek, span, paint, pace: (value) => { pace = value; },
     slow: (value) => { slow = value; }, recolour: () => { shades = []; paint(); } };
 }
