@@ -493,7 +493,7 @@ REFUSED = [
         lambda: ss.kinetic_friction(LANGEVIN, 1.0),
         r"Langevin\.newborn = 0 with Interface\.temperature: .*; give newborn > 0",
     ),
-    (lambda: ss.kinetic_friction(THERMAL, 0.0), "no slow limit is left"),
+    (lambda: ss.kinetic_friction(THERMAL, 0.0), "there is no slow limit"),
     (lambda: exported(THERMAL, "tandem"), "knows the ageing law only"),
     (lambda: exported(contacts(width=None, delay=0.1), "qdyn"), "is not rate-and-state"),
     (lambda: exported(AGEING, "qdyn", area=None), "area: is missing"),

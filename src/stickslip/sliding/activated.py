@@ -26,7 +26,7 @@ from stickslip.kernels import lives as kernel
 from stickslip.kernels.lives import perturbed
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
-from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Parts, Perturbed, Precision, Response
+from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Parts, Perturbed, Response
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLives:
@@ -69,8 +69,7 @@ class ActivatedResponse(Response):
 
     interface: Interface
 
-    # From octave to octave of the frequency the panels change.
-    precision: ClassVar[Precision] = Precision(accuracy=1e-8, step=1e-4, settled=1e-9, slack=1e-6)
+    accuracy: ClassVar[float] = 1e-8
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         return self._joined(velocity, s, self._transforms(velocity, s / velocity))
@@ -142,7 +141,6 @@ class ActivatedResponse(Response):
         return float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)
 
 
-def no_response(interface: Interface) -> Response:
-    """Refuse: the linear response is of contacts of one stiffness."""
-    interface.allow(interface.mechanisms - {"areas"}, "the linear response")
-    raise AssertionError
+def response(interface: Interface) -> ActivatedResponse:
+    """Return the linear response."""
+    return ActivatedResponse(interface=interface)

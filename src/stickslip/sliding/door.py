@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,18 +36,13 @@ class Sliding(NamedTuple):
     response: Callable[[Interface], Response]
 
 
-def _by_lives(
-    who: str,
-    takes: tuple[str, ...],
-    lives: Callable[[Interface, float], MeanLives],
-    response: Callable[[Interface], Response],
-) -> Sliding:
-    """Steady sliding of which the lives are known, with their slopes."""
+def _by_lives(lives: Callable[[Interface, float], MeanLives]) -> tuple[Law, Law]:
+    """Force and slope of contacts of which the mean lives are known, with their slopes."""
 
     def law(interface: Interface, velocity: Array) -> Array:
         return np.array([_force_and_slope(interface, v, lives) for v in velocity.tolist()]).T
 
-    return Sliding(who, takes, lambda i, v: law(i, v)[0], lambda i, v: law(i, v)[1], response)
+    return lambda i, v: law(i, v)[0], lambda i, v: law(i, v)[1]
 
 
 def _force_and_slope(
@@ -65,71 +60,60 @@ def _force_and_slope(
     return float(life.weight @ force), float(life.weight @ slope)
 
 
-def _by_force(who: str, takes: tuple[str, ...], force: Law, response: Callable[[Interface], Response]) -> Sliding:
-    """Steady sliding of which the force is known; its slope to fourth order in a step of 5 %."""
+def _by_force(force: Law) -> tuple[Law, Law]:
+    """A force and its slope, to fourth order in a step of 5 %."""
 
     def slope(interface: Interface, velocity: Array) -> Array:
         step = 0.05
         near = [force(interface, velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
         return np.asarray((8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step))
 
-    return Sliding(who, takes, force, slope, response)
+    return force, slope
 
 
 def _own_force(interface: Interface, velocity: Array) -> Array:
-    thresholds, delay = interface.threshold_distribution, interface.delay
-    assert interface.ageing is not None
-    return np.array([interface.ageing.friction(thresholds, delay, v) for v in velocity.tolist()])
+    rule: Any = interface.ageing
+    return np.array([rule.friction(interface.threshold_distribution, interface.delay, v) for v in velocity.tolist()])
 
 
 def _own_response(interface: Interface) -> Response:
-    assert interface.ageing is not None
-    own: Response = interface.ageing.response(interface.threshold_distribution, interface.delay)
+    rule: Any = interface.ageing
+    own: Response = rule.response(interface.threshold_distribution, interface.delay)
     return own
 
 
-_UNAGED = _by_lives("smooth sliding", ("sliding_force", "newborn"), unaged.mean_lives, unaged.response)
-_OWN = _by_force("smooth sliding of thresholds that age by a rule of your own", (), _own_force, _own_response)
+def _kind(interface: Interface) -> Sliding:
+    """Which kind of contacts; kernels are loaded with those whose lives they integrate."""
+    who, ageing = "smooth sliding", interface.ageing
+    if interface.areas is None and ageing is None and interface.temperature is None:
+        return Sliding(who, ("sliding_force", "newborn"), *_by_lives(unaged.mean_lives), unaged.response)
+    if interface.areas is None and isinstance(ageing, Langevin):
+        from stickslip.sliding import langevin
 
-
-def _integrated(interface: Interface) -> Sliding:
-    """Contacts whose lives kernels integrate; the kernels are loaded with them."""
+        who = f"{who} of thresholds that age by Langevin"
+        return Sliding(who, ("temperature",), *_by_force(langevin.force), langevin.response)
+    if interface.areas is None and not isinstance(ageing, FixedGrowth | None):
+        return Sliding(f"{who} of thresholds that age by a rule of your own", (), *_by_force(_own_force), _own_response)
     from stickslip.sliding import activated
 
     if interface.areas is not None:
-        takes = ("temperature", "areas", "sliding_force")
-        return _by_lives("smooth sliding of areas", takes, activated.mean_lives_of_areas, activated.no_response)
-    known = activated.mean_lives, lambda i: activated.ActivatedResponse(interface=i)
+        laws, takes = _by_lives(activated.mean_lives_of_areas), ("temperature", "areas", "sliding_force")
+        return Sliding(f"{who} of areas", takes, *laws, activated.response)
+    laws = _by_lives(activated.mean_lives)
     if interface.temperature is None:
-        return _by_lives("smooth sliding of thresholds that grow", ("sliding_force",), *known)
-    return _by_lives("smooth sliding with temperature", ("temperature", "sliding_force"), *known)
-
-
-def _langevin() -> Sliding:
-    from stickslip.sliding import langevin
-
-    who = "smooth sliding of thresholds that age by Langevin"
-    return _by_force(who, ("temperature",), langevin.force, langevin.response)
+        return Sliding(f"{who} of thresholds that grow", ("sliding_force",), *laws, activated.response)
+    return Sliding(f"{who} with temperature", ("temperature", "sliding_force"), *laws, activated.response)
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
     """Return what is known of steady sliding of an interface; raises `InputError` if nothing is."""
     instance(f"{who}interface", interface, Interface, "an Interface")
-    ageing = interface.ageing
-    if isinstance(ageing, Langevin) and interface.areas is None:
-        found = _langevin()
-    elif not isinstance(ageing, FixedGrowth | None) and interface.areas is None:
-        found = _OWN
-    elif ageing is None and interface.temperature is None and interface.areas is None:
-        found = _UNAGED
-    else:
-        found = _integrated(interface)
+    found = _kind(interface)
     interface.allow(found.takes, found.who)
-    if interface.areas is not None and ageing is not None:
+    if interface.areas is not None and interface.ageing is not None:
         raise InputError(
-            f"Interface.areas = {interface.areas!r}: smooth sliding is not known together with ageing = "
-            f"{ageing}; simulate with Contacts",
-            "Interface.areas",
+            f"Interface.ageing = {interface.ageing}: not available with {found.who}; simulate with Contacts",
+            "Interface.ageing",
         )
     return found
 
@@ -143,6 +127,7 @@ def respond(interface: Interface) -> Response:
 @lru_cache(maxsize=256)
 def _response(interface: Interface) -> Response:
     found = sliding_of(interface)
+    interface.allow(interface.mechanisms - {"areas"}, "the linear response")
     if not math.isfinite(interface.delay.moment(1)):
         raise InputError(
             "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "

@@ -29,7 +29,6 @@ from stickslip.sliding.response import (
     ComplexArray,
     Parts,
     Perturbed,
-    Precision,
     Response,
     speed_by_speed,
 )
@@ -51,7 +50,7 @@ class AgedResponse(Response):
     delay: DelayModel
 
     # Of the table; about sharp resonances at low speed it is some times less. Counts come from it, crossings do not.
-    precision: ClassVar[Precision] = Precision(accuracy=1e-3, step=1e-4, settled=1e-5, slack=1e-3)
+    accuracy: ClassVar[float] = 1e-3
     lives: ClassVar[float] = 4.0
 
     def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
@@ -193,25 +192,16 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
             f"Interface.ageing = {ageing}: the kinetic equation, and with it the stability of smooth sliding, "
             "is known for ageing by Langevin(rate, newborn) only; use that, or ageing=None"
         )
-    if (
-        not isinstance(distribution, Gaussian)
-        or distribution.lower > 0
-        or distribution.mean <= 0
-        or distribution.std <= 0
-    ):
+    if not (isinstance(distribution, Gaussian) and distribution.lower <= 0 < min(distribution.mean, distribution.std)):
         raise InputError(
             f"Interface.thresholds = {distribution}: thresholds that age by Langevin have a Gaussian as their "
             "stationary distribution, Eq. (17): give Gaussian(mean, std), both above 0 and not cut off above 0"
         )
-    if interface.delay.moment(1) > 0 and ageing.newborn == 0:
+    breaking = "temperature" if interface.temperature is not None else "delay"
+    if ageing.newborn == 0 and (breaking == "temperature" or interface.delay.moment(1) > 0):
         raise InputError(
-            f"Langevin.newborn = 0 with Interface.delay = {interface.delay}: newborns without strength break at once "
-            "and without end, and a delay after each break leaves none that holds; give newborn > 0 or no delay"
-        )
-    if interface.temperature is not None and ageing.newborn == 0:
-        raise InputError(
-            "Langevin.newborn = 0 with Interface.temperature: newborns without strength break at once and without "
-            "end; give newborn > 0"
+            f"Langevin.newborn = 0 with Interface.{breaking}: newborns without strength break at once and without end, "
+            "and none is left that holds; give newborn > 0"
         )
     return ageing, distribution
 

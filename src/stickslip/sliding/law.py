@@ -11,7 +11,7 @@ from typing import Literal, overload
 import numpy as np
 from scipy import optimize
 
-from stickslip.errors import InputError, instance, number, numbers, sequence, shown
+from stickslip.errors import InputError, instance, numbers, shown
 from stickslip.model import Interface
 from stickslip.sliding.door import sliding_of
 from stickslip.sliding.response import Array
@@ -66,19 +66,12 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
     sliding = sliding_of(interface, "kinetic_friction: ")
-    why = _why_not_slowly(interface)
-    bound = {"at_least": 0.0} if why is None else {"above": 0.0}
-    speed = numbers("velocity", velocity, **bound, hint="in x_s per time" + (f"; {why}" if why else ""))
+    slowly = interface.ageing is None and interface.temperature is None and math.isfinite(interface.delay.moment(1))
+    hint = "in x_s per time" + (
+        "" if slowly else "; with ageing, a temperature or an infinite delay there is no slow limit"
+    )
+    speed = numbers("velocity", velocity, hint=hint, **{"at_least" if slowly else "above": 0.0})
     return at_each(partial(sliding.force, interface), speed)
-
-
-def _why_not_slowly(interface: Interface) -> str | None:
-    """Why there is no limit of slow sliding; None if there is one."""
-    if interface.ageing is not None:
-        return "ageing thresholds have no slow limit"
-    if interface.temperature is not None:
-        return "at a temperature no slow limit is left"
-    return None if math.isfinite(interface.delay.moment(1)) else "with an infinite delay no slow limit is left"
 
 
 @overload
@@ -175,12 +168,11 @@ def turning_velocities(interface: Interface, *, between: tuple[float, float]) ->
     maximum of 0.4517 f_s at velocity 0.9972
     """
     instance("turning_velocities: interface", interface, Interface, "an Interface")
-    ends = sequence("between", between, "two speeds, such as (0.01, 100)")
-    if len(ends) != 2:
-        raise InputError(f"between = {shown(between)}: must be two speeds, such as (0.01, 100)")
-    low = number("between[0]", ends[0], above=0, hint="in x_s per time")
-    high = number("between[1]", ends[1], above=low, hint="in x_s per time")
-    places = np.linspace(math.log(low), math.log(high), 2 + math.ceil(_PER_DECADE * math.log10(high / low)))
+    ends = numbers("between", between, above=0, hint="two speeds in x_s per time")
+    if ends.shape != (2,) or ends[0] >= ends[1]:
+        raise InputError(f"between = {shown(between)}: must be two speeds that rise, such as (0.01, 100)")
+    low, high = np.log(ends).tolist()
+    places = np.linspace(low, high, 2 + math.ceil(_PER_DECADE * (high - low) / math.log(10.0)))
 
     def slope(place: float) -> float:
         return friction_slope(interface, math.exp(place))

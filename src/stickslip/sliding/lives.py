@@ -17,15 +17,8 @@ from numpy.typing import NDArray
 from stickslip.kernels import lives as kernel
 from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
 from stickslip.kernels.lives import INTEGRAL, NODE, Lives, relax, rule
-from stickslip.model import (
-    AgeingModel,
-    Barrier,
-    Bell,
-    ExponentialGrowth,
-    Interface,
-    LogarithmicGrowth,
-    Parabolic,
-)
+from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, Parabolic
+from stickslip.model.activation import Activation
 from stickslip.model.distribution import Distribution
 from stickslip.model.quadrature import hashable
 
@@ -36,19 +29,14 @@ def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Liv
     """Return the lives of contacts in steady sliding at a speed, for perturbations of wave numbers up to `highest`."""
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
-    return _lives(
-        hashable(interface.threshold_distribution),
-        hashable(interface.temperature),
-        hashable(interface.ageing),
-        float(velocity),
-        longest,
-    )
+    contacts = interface.threshold_distribution, interface.temperature, interface.ageing
+    return _lives(*map(hashable, contacts), float(velocity), longest)
 
 
 @lru_cache(maxsize=128)
 def _lives(
     distribution: Distribution,
-    temperature: Bell | Parabolic | Barrier | None,
+    temperature: Activation | None,
     ageing: AgeingModel | None,
     velocity: float,
     longest: float,
@@ -78,7 +66,7 @@ def _lives(
     return kernel.march(hazard, growth, x[met], weight[met], velocity, longest)
 
 
-def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
+def hazard_of(temperature: Activation | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is never tried."""
     match temperature:
         case Bell(width=width, attempts=attempts):
@@ -189,29 +177,29 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
 
 def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Array:
     """Ends of panels for all contacts at once, up to where the strongest have broken."""
-    (low, high), A = distribution.support, hazard.scale
+    high, A = distribution.support[1], hazard.scale
     end = kernel.reach(growth, high, v)
     thermal = hazard.attempts > 0
 
-    def followed(x: float) -> float:
+    def follow(x: float) -> float:
         """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
+        if not thermal:
+            return math.inf
         factor, addend, _, more = map(float, kernel.rule(growth, np.array([x / v]))[:, 0])
         strength = (x - addend) / factor
         if strength > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
             return math.inf
         return 2.5 * A / max(abs(1.0 - more / v), 0.4)
 
-    follow = followed if thermal else lambda _: math.inf
     places = [(0.0, _shortest(distribution, hazard, growth, v))]
-    knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
-    if thermal and knots:
+    if thermal and distribution.knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, longest, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
-        places += [(float(np.interp(knot, reached, x)), A) for knot in knots if knot < reached[-1]]
-    met = [kernel.reach(growth, knot, v) for knot in knots if knot > 0 or _from_strength(growth)]
+        places += [(float(np.interp(knot, reached, x)), A) for knot in distribution.knots if knot < reached[-1]]
+    met = [kernel.reach(growth, knot, v) for knot in distribution.knots if knot > 0 or _from_strength(growth)]
     places += [(place, A if thermal else 1.0) for place in met]
-    edges = panel_edges(distribution, 0.0, end, [place for place in places if place[0] <= end], longest, follow)
+    edges = panel_edges(distribution, 0.0, end, places, longest, follow)
     if not thermal:
         return edges
     # All have broken long before the strongest meet their thresholds.

@@ -40,19 +40,6 @@ class MeanLives(NamedTuple):
     weight: Array
 
 
-class Precision(NamedTuple):
-    """How far a response can be trusted, for what is computed from it."""
-
-    accuracy: float
-    """Of kappa, per contact: a mode nearer to neutral than that is undecided."""
-    step: float
-    """Difference of logarithms at which a slope is least in error."""
-    settled: float
-    """Convergence tolerance of Newton's method, in logarithms; 0 to go on down to rounding."""
-    slack: float
-    """Relative distance between a crossing and the change of the count that belongs to it."""
-
-
 class Parts(NamedTuple):
     """Numerator and denominator of ``kappa``, both without poles; the denominator tends to 1 for fast perturbations."""
 
@@ -60,25 +47,15 @@ class Parts(NamedTuple):
     denominator: ComplexArray
 
 
-class Discs(NamedTuple):
-    """Discs through 0 on the imaginary axis that hold kappa whatever the delay."""
-
-    omega: Array
-    centre: ComplexArray
-    worst: float
-    """Bound of their radii beyond the last quarter of the frequencies, and there alone."""
-    deficit: float
-    """Bound on how far they reach below the real axis, there."""
-
-
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `kappa` or `parts`, `frequencies`, the scale `cycle` and its `precision`; if `kappa` is
+    A model of contacts gives `kappa` or `parts`, `frequencies`, the scale `cycle` and its `accuracy`; if `kappa` is
     slow, a table on the axis as `axis_parts`.
     """
 
-    precision: ClassVar[Precision]
+    accuracy: ClassVar[float]
+    """Of kappa, per contact: a mode nearer to neutral than that is undecided."""
     certain: ClassVar[bool] = False
     """Whether the response can be followed along lines left of the axis, so that roots there can be counted."""
     lives: ClassVar[float] = 8.0
@@ -131,8 +108,8 @@ class Response(ABC):
         del velocity
         return math.inf
 
-    def discs(self, velocity: float, top: float) -> Discs | None:
-        """Return bounds on kappa along the axis up to `top` at least; None if there are none."""
+    def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray] | None:
+        """Frequencies up to `top` and far beyond, and centres of discs through 0 that hold kappa whatever the delay."""
         del velocity, top
         return None
 

@@ -27,10 +27,6 @@ class Axis(NamedTuple):
     loss: Array
     """``|1 - P^|^2/(1 - |P^|^2)``: what a unit of sliding force adds to the centre."""
 
-    def up_to(self, stop: int) -> Axis:
-        """Return the first frequencies of the table."""
-        return Axis._make(column[:stop] for column in self)
-
 
 @lru_cache(maxsize=32)
 def axis_table(distribution: Distribution, step: float, count: int) -> Axis:

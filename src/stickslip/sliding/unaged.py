@@ -37,10 +37,8 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
-    Discs,
     MeanLives,
     Parts,
-    Precision,
     Response,
 )
 from stickslip.sliding.transforms import Axis, axis_table, transforms
@@ -57,7 +55,7 @@ class UnagedResponse(Response):
     delay: DelayModel
     sliding_force: float = 0.0
 
-    precision: ClassVar[Precision] = Precision(accuracy=1e-12, step=1e-6, settled=0.0, slack=1e-12)
+    accuracy: ClassVar[float] = 1e-12
     certain: ClassVar[bool] = True
 
     @cached_property
@@ -117,10 +115,10 @@ class UnagedResponse(Response):
         if self.inert:
             omega = self.frequencies(velocity, top)
             return omega, self.axis_parts(velocity, omega)
-        axis = self._table(velocity * self.memory(velocity), top / velocity)
-        axis = axis.up_to(int(np.searchsorted(velocity * axis.y, top)) + 2)
-        omega = velocity * axis.y
-        return omega, self._joined(velocity, 1j * omega, axis.complement, axis.shape)
+        table = self._table(velocity * self.memory(velocity), top / velocity)
+        stop = int(np.searchsorted(velocity * table.y, top)) + 2
+        omega = velocity * table.y[:stop]
+        return omega, self._joined(velocity, 1j * omega, table.complement[:stop], table.shape[:stop])
 
     def frequencies(self, velocity: float, top: float) -> Array:
         """Angular frequencies up to `top`, as close as the memory of contacts asks, then as their delay does."""
@@ -132,17 +130,17 @@ class UnagedResponse(Response):
         coarse = max(STEP / self.delay.longest, (top - begin) / _MOST_STEPS)
         return np.append(omega, np.arange(begin, top, coarse))
 
-    def discs(self, velocity: float, top: float) -> Discs:
+    def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray]:
         axis = self._table(self._largest, top / velocity)
-        last, path = slice(-(axis.y.size // 4), None), float(self._path(velocity))
-        # |1 - P^|^2/(1 - |P^|^2) <= (1 + |P^|)/(1 - |P^|), which tends to 1
-        far = float(np.max(np.abs(1.0 - axis.complement[last])))
-        force = abs(self.sliding_force) * (1.0 + far) / max(1.0 - far, 1e-300)
-        centre = axis.centre[last]
-        worst = float(np.max(np.abs(centre))) + force
-        deficit = float(np.max(np.abs(centre) * (1 - 1e-14) - centre.imag)) + force
-        disc = axis.centre + self.sliding_force * axis.loss
-        return Discs(velocity * axis.y, disc / path, worst / path, deficit / path)
+        centre = axis.centre + self.sliding_force * axis.loss
+        # Beyond the table discs only shrink: as large a one as in its last quarter, and as far below the real axis.
+        last = centre[-(centre.size // 4) :]
+        worst = float(np.max(np.abs(last)))
+        deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
+        shrinking = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
+        far = axis.y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
+        omega, centre = np.append(axis.y, far), np.append(centre, np.full(far.size, shrinking))
+        return velocity * omega, centre / self._path(velocity)
 
     def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)`` where the transform of the distribution exists; `velocity` and `s` broadcast."""

@@ -26,10 +26,9 @@ from stickslip.stability.neutral import Neutral, neutral_frequencies
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-9
-"""Crossings that differ by no more, relatively, are one."""
 _DEPTH = 6
 """How often points about a hidden pair of crossings are set eight times as close."""
+_EIGHTHS = np.arange(1, 8) / 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,23 +262,6 @@ class Point(NamedTuple):
     unstable: int
 
 
-def neutral_along(
-    parameter: Parameter, rig: Rig, values: Sequence[float], *, softest: float | None = None
-) -> list[Neutral]:
-    """Neutral frequencies at each value of the parameter; values that share the interface are computed together."""
-    there = [parameter.set(rig, value) for value in values]
-    found: list[Neutral] = []
-    for interface, group in groupby(there, key=lambda here: here.interface):
-        rigs = [(impedance(here.slider), here.velocity) for here in group]
-        found += neutral_frequencies(respond(interface), rigs, softest=softest)
-    return found
-
-
-def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[Point]:
-    along = neutral_along(parameter, rig, values)
-    return [Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
-
-
 def search(
     parameter: Parameter,
     rig: Rig,
@@ -297,12 +279,12 @@ def search(
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
     values[0], values[-1] = low, high
-    points = _look(parameter, rig, values[:1])
-    found: list[Crossing] = []
+    line = Line(parameter, rig)
+    points, found = line.look(values[:1]), list[Crossing]()
     while len(points) < count:
         ahead = values[len(points) : len(points) + (6 if first else count)]
-        points += _look(parameter, rig, ahead)
-        found += _along(parameter, rig, points, begin=len(points) - len(ahead), edges_only=edges_only)
+        points += line.look(ahead)
+        found += line.crossings(points, begin=len(points) - len(ahead), edges_only=edges_only)
         if first and (points[0].unstable > 0 or found):  # what is found first, from a stable point on, is an edge
             break
     return Crossings(
@@ -310,7 +292,7 @@ def search(
         unit=parameter.unit,
         searched=(low, points[-1].value),
         unstable_at_ends=(points[0].unstable, points[-1].unstable),
-        found=_distinct(found, max(_SAME, respond(rig.interface).precision.slack)),
+        found=_distinct(found, line.slack),
     )
 
 
@@ -324,124 +306,99 @@ def _distinct(found: list[Crossing], apart: float) -> tuple[Crossing, ...]:
     return tuple(kept)
 
 
-def _along(
-    parameter: Parameter,
-    rig: Rig,
-    points: list[Point],
-    depth: int = _DEPTH,
-    *,
-    begin: int = 1,
-    edges_only: bool = False,
-) -> list[Crossing]:
-    """Crossings between neighbours, from the one before `begin` on, and those that hide about a point."""
-    found: list[Crossing] = []
-    for k in range(begin, len(points)):
-        if edges_only and points[k - 1].unstable > 0 and points[k].unstable > 0:
-            continue
-        found += crossings_between(parameter, rig, points[k - 1], points[k])
-        if k >= 2:
-            found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], depth)
-    return found
+class Line(NamedTuple):
+    """A rig along a parameter."""
 
+    parameter: Parameter
+    rig: Rig
 
-def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point) -> list[Crossing]:
-    """Return the crossings between two points, by quartering until a part holds one branch that changes sign."""
-    changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
-    if left.unstable == right.unstable and not changing:
-        return []
-    width = math.log(right.value / left.value)
-    slack = respond(rig.interface).precision.slack
-    if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
-        starts = [(e / (e - f), w, u) for w, e, u, f in changing]
-        if width < 1e-3:
-            starts += [(0.5, w, w) for w in _nearest(left.neutral).tolist() + _nearest(right.neutral).tolist()]
-        for t, w, u in starts:
-            at = polish(
-                parameter,
-                rig,
-                math.log(left.value) + t * width,
-                (1 - t) * math.log(w) + t * math.log(u),
-                2 * width,
-            )
-            if at is not None and left.value <= at[0] * (1 + slack) and at[0] <= right.value * (1 + slack):
-                return [_crossing(at, left, right)]
-    if width <= 1e-12:
-        nearest = np.append(left.neutral.omega[np.argsort(np.abs(left.neutral.extra))], math.inf)
-        at = left.value, float(nearest[0])
-        return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
-    return [
-        c for pair in pairwise(_finer(parameter, rig, left, right, 4)) for c in crossings_between(parameter, rig, *pair)
-    ]
+    @property
+    def slack(self) -> float:
+        """Relative distance within which crossings are one, and belong to a change of the count."""
+        return max(1e-6, respond(self.rig.interface).accuracy)
 
+    def neutral(self, values: Sequence[float], *, softest: float | None = None) -> list[Neutral]:
+        """Neutral frequencies at each value; values that share the interface are computed together."""
+        there = [self.parameter.set(self.rig, value) for value in values]
+        found: list[Neutral] = []
+        for interface, group in groupby(there, key=lambda here: here.interface):
+            rigs = [(impedance(here.slider), here.velocity) for here in group]
+            found += neutral_frequencies(respond(interface), rigs, softest=softest)
+        return found
 
-def _finer(parameter: Parameter, rig: Rig, left: Point, right: Point, parts: int) -> list[Point]:
-    """Two points with those that part the way between them evenly."""
-    return [left, *_look(parameter, rig, np.geomspace(left.value, right.value, parts + 1)[1:-1].tolist()), right]
+    def look(self, values: Sequence[float]) -> list[Point]:
+        """Points at values."""
+        along = self.neutral(values)
+        return [Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
 
+    def finer(self, left: Point, right: Point, cuts: Array) -> list[Point]:
+        """Two points, and those at some parts of the way between them."""
+        return [left, *self.look((left.value * (right.value / left.value) ** cuts).tolist()), right]
 
-def _crossing(at: tuple[float, float], left: Point, right: Point) -> Crossing:
-    return Crossing(value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable)
+    def crossings(
+        self, points: list[Point], depth: int = _DEPTH, *, begin: int = 1, edges_only: bool = False
+    ) -> list[Crossing]:
+        """Crossings between neighbours, from the one before `begin` on, and those that hide about a point."""
+        found: list[Crossing] = []
+        for k in range(begin, len(points)):
+            if edges_only and points[k - 1].unstable > 0 and points[k].unstable > 0:
+                continue
+            found += self.between(points[k - 1], points[k])
+            if k >= 2 and depth > 0 and _hides(points[k - 2 : k + 1], 0.9 if depth == _DEPTH else 0.3):
+                found += self.crossings(self.finer(points[k - 2], points[k], _EIGHTHS), depth - 1)
+        return found
 
+    def between(self, left: Point, right: Point) -> list[Crossing]:
+        """Crossings between two points, by quartering until a part holds one branch that changes sign."""
 
-def _nearest(neutral: Neutral) -> Array:
-    """Finite neutral frequencies, the one that lacks least spring first."""
-    order = np.argsort(np.abs(neutral.extra))
-    omega = neutral.omega[order]
-    return omega[np.isfinite(omega)][:4]
+        def crossing(value: float, frequency: float) -> list[Crossing]:
+            below, above = left.unstable, right.unstable
+            return [Crossing(value=value, frequency=frequency, unstable_below=below, unstable_above=above)]
 
+        changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
+        if left.unstable == right.unstable and not changing:
+            return []
+        width, cuts, slack = math.log(right.value / left.value), _EIGHTHS[1::2], self.slack
+        if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
+            starts = [(e / (e - f), w, u) for w, e, u, f in changing]
+            if width < 1e-3:
+                starts += [(0.5, w, w) for side in (left, right) for w in _nearest(side.neutral)[:4]]
+            for t, w, u in starts:
+                log_omega = (1 - t) * math.log(w) + t * math.log(u)
+                at = self.polish(math.log(left.value) + t * width, log_omega, 2 * width)
+                if at and left.value <= at[0] * (1 + slack) and at[0] <= right.value * (1 + slack):
+                    return crossing(*at)
+        if width <= 1e-12:
+            return [] if left.unstable == right.unstable else crossing(left.value, _nearest(left.neutral)[0])
+        if len(changing) == 1 and math.isinf(changing[0][0]):  # nothing to polish: close in on where it is to change
+            _, e, _, f = changing[0]
+            cuts = np.clip(e / (e - f) + min(0.25, width) * np.array([-1.0, 1.0]), 0.01, 0.99)
+        return [found for pair in pairwise(self.finer(left, right, cuts)) for found in self.between(*pair)]
 
-def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
-    """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
-    furthest = 0.02 + 2.5 * abs(math.log(two.value / one.value))
-    pairs = []
-    for sign in (2, -2):
-        here, there = (np.flatnonzero((p.neutral.modes == sign) & np.isfinite(p.neutral.omega)) for p in (one, two))
-        if here.size == 0 or there.size == 0:
-            continue
-        apart = np.abs(np.log(one.neutral.omega[here, None] / two.neutral.omega[there]))
-        nearest, back = np.argmin(apart, axis=1), np.argmin(apart, axis=0)
-        for i, j in enumerate(nearest.tolist()):
-            if back[j] == i and apart[i, j] < furthest:
-                k, m = here[i], there[j]
-                w, e = float(one.neutral.omega[k]), float(one.neutral.extra[k])
-                pairs.append((w, e, float(two.neutral.omega[m]), float(two.neutral.extra[m])))
-    return pairs
-
-
-def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: Point, depth: int) -> list[Crossing]:
-    """Pairs of crossings about a point, next to which a branch comes near to changing sign and turns back.
-
-    Near, where the parabola through the three points comes down to a third of the least of them, between them; at
-    first, where points are far apart and the parabola is rough, where it comes lower than they at all.
-    """
-    if not before.unstable == here.unstable == after.unstable or depth == 0:
-        return []
-    earlier = {w: f for w, _, _, f in _matched(here, before)}
-    later = {w: f for w, _, _, f in _matched(here, after)}
-    for w, e in zip(here.neutral.omega.tolist(), here.neutral.extra.tolist(), strict=True):
-        if w not in earlier or w not in later:
-            continue
-        side = 1.0 if e > 0 else -1.0
-        a, b, c = side * earlier[w], side * e, side * later[w]
-        bend, least = a - 2 * b + c, min(a, b, c)
-        near = least * (0.9 if depth == _DEPTH else 0.3)
-        if not (least > 0 and bend > 0 and 2 * bend >= abs(c - a)) or b - (c - a) ** 2 / (8 * bend) > near:
-            continue
-        return _along(parameter, rig, _finer(parameter, rig, before, after, 8), depth - 1)
-    return []
-
-
-def _residual_and_slopes(
-    parameter: Parameter, rig: Rig, log_value: float, log_omega: float
-) -> tuple[complex, complex, complex]:
-    """``Z + kappa`` at ``s = i omega``, and about its slopes in the logarithms of the parameter and of omega."""
-    here, response = parameter.set(rig, math.exp(log_value)), respond(rig.interface)
-    d, s = response.precision.step, 1j * math.exp(log_omega)
-    turned = s * np.exp(np.array([d, -d]))
-    along = _total(here, turned)
-    varied = [_total(parameter.set(rig, math.exp(log_value + e)), np.array([s]))[0] for e in (d, -d)]
-    exact = respond(here.interface).exact(here.velocity, s) + impedance(here.slider)(np.array([s]))[0]
-    return complex(exact), complex(varied[0] - varied[1]) / (2 * d), complex(along[0] - along[1]) / (2 * d)
+    def polish(self, log_value: float, log_omega: float, furthest: float) -> tuple[float, float] | None:
+        """Newton's method in (log value, log omega) for ``Z + kappa = 0`` on the axis; None if it does not settle."""
+        x, y, last, response = log_value, log_omega, math.inf, respond(self.rig.interface)
+        if not math.isfinite(y):
+            return None
+        d = 1e-6 if response.certain else 1e-4  # where a difference of logarithms is least in error
+        for _ in range(12):
+            here, s = self.parameter.set(self.rig, math.exp(x)), np.array([1j * math.exp(y)])
+            exact = respond(here.interface).exact(here.velocity, s) + impedance(here.slider)(s)
+            along = _total(here, s * np.exp([d, -d]))
+            across = np.concatenate([_total(self.parameter.set(self.rig, math.exp(x + e)), s) for e in (d, -d)])
+            f, (fx, fy) = complex(exact[0]), (complex(a[0] - a[1]) / (2 * d) for a in (across, along))
+            det = (fx.conjugate() * fy).imag
+            if det == 0 or not math.isfinite(det):
+                return None
+            dx, dy = -(f.conjugate() * fy).imag / det, -(fx.conjugate() * f).imag / det
+            step = max(abs(dx), abs(dy))
+            x, y = x + dx, y + dy
+            if not (step < 1.0 and abs(x - log_value) < furthest):
+                return None
+            if step < 0.01 * response.accuracy or (step < 1e-10 and step >= 0.5 * last):
+                return math.exp(x), math.exp(y)
+            last = step
+        return None
 
 
 def _total(rig: Rig, s: ComplexArray) -> ComplexArray:
@@ -449,23 +406,42 @@ def _total(rig: Rig, s: ComplexArray) -> ComplexArray:
     return np.asarray(impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s))
 
 
-def polish(
-    parameter: Parameter, rig: Rig, log_value: float, log_omega: float, furthest: float = math.inf
-) -> tuple[float, float] | None:
-    """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``i omega``; None if it does not settle."""
-    x, y, last = log_value, log_omega, math.inf
-    settled = max(1e-14, respond(rig.interface).precision.settled)
-    for _ in range(12):
-        f, fx, fy = _residual_and_slopes(parameter, rig, x, y)
-        det = (fx.conjugate() * fy).imag
-        if det == 0 or not math.isfinite(det):
-            return None
-        dx, dy = -(f.conjugate() * fy).imag / det, -(fx.conjugate() * f).imag / det
-        step = max(abs(dx), abs(dy))
-        x, y = x + dx, y + dy
-        if not (step < 1.0 and abs(x - log_value) < furthest):
-            return None
-        if step < settled or (step < 1e-10 and step >= 0.5 * last):
-            return math.exp(x), math.exp(y)
-        last = step
-    return None
+def _nearest(neutral: Neutral) -> list[float]:
+    """Neutral frequencies, the one that lacks least spring first, and infinity."""
+    return [*neutral.omega[np.argsort(np.abs(neutral.extra))].tolist(), math.inf]
+
+
+def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
+    """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
+    here, there = (
+        Neutral(n.omega[finite], n.extra[finite], n.modes[finite])
+        for n in (one.neutral, two.neutral)
+        for finite in (np.isfinite(n.extra),)
+    )
+    if here.omega.size == 0 or there.omega.size == 0:
+        return []
+    # In the logarithm infinity is as near to itself as any other frequency.
+    apart = np.abs(np.log(np.minimum(here.omega[:, None], 1e300) / np.minimum(there.omega, 1e300)))
+    apart[here.modes[:, None] != there.modes] = math.inf
+    k, m = np.arange(here.omega.size), np.argmin(apart, axis=1)
+    alike = (np.argmin(apart, axis=0)[m] == k) & (apart[k, m] < 0.02 + 2.5 * abs(math.log(two.value / one.value)))
+    k, m = k[alike], m[alike]
+    return list(zip(*(a.tolist() for a in (here.omega[k], here.extra[k], there.omega[m], there.extra[m])), strict=True))
+
+
+def _hides(points: list[Point], close: float) -> bool:
+    """Whether a branch comes near to changing sign about the middle one of three points, and turns back.
+
+    Near, where the parabola through the three points comes down to a part of the least of them, between them.
+    """
+    before, here, after = points
+    if not before.unstable == here.unstable == after.unstable:
+        return False
+    earlier = {w: f for w, _, _, f in _matched(here, before)}
+    for w, e, _, f in _matched(here, after):
+        side = 1.0 if e > 0 else -1.0
+        a, b, c = side * earlier.get(w, math.nan), side * e, side * f
+        bend, least = a - 2 * b + c, min(a, b, c)
+        if least > 0 and bend > 0 and 2 * bend >= abs(c - a) and b - (c - a) ** 2 / (8 * bend) <= close * least:
+            return True
+    return False

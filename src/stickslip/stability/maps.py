@@ -15,7 +15,7 @@ from stickslip.model.parameters import PARAMETERS, STIFFNESS, VELOCITY, Paramete
 from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
 from stickslip.stability import roots
-from stickslip.stability.critical import Point, crossings_between, neutral_along
+from stickslip.stability.critical import Line, Point
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import rightmost_root
 from stickslip.stability.neutral import Neutral
@@ -74,7 +74,13 @@ def boundary(
     for values, ends in zip(grids, window, strict=True):
         values[[0, -1]] = ends
     grid = _Grid(parameters, rig.natural, grids)
-    return rig.in_its_units(_boundary_dataset(grid, window, grid.contour()))
+    curves = grid.contour()
+    points = np.concatenate([np.empty((0, 3)), *curves]).T
+    which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
+    columns = {p.name: ("point", points[k], p.unit, p.name) for k, p in enumerate(parameters)}
+    columns["frequency"] = "point", points[2], "1/time", "angular frequency of the neutral mode"
+    columns["curve"] = "point", which, "1", "number of the curve"
+    return rig.in_its_units(grid.dataset("boundary", columns, within=[list(ends) for ends in window]))
 
 
 def stability_map(
@@ -122,7 +128,15 @@ def stability_map(
     ]
     grid = _Grid(parameters, rig.natural, grids)
     counts = np.array([[neutral.unstable() for neutral in row] for row in grid.neutral()], dtype=np.int64)
-    return rig.in_its_units(_map_dataset(grid, counts, grid.fastest(counts) if growth else None))
+    names = tuple(parameter.name for parameter in parameters)
+    columns: dict[str, Any] = {p.name: (p.name, grids[k], p.unit, p.name) for k, p in enumerate(parameters)}
+    columns["unstable_modes"] = names, counts, "1", "growing modes of smooth sliding"
+    if growth:
+        fastest = grid.fastest(counts)
+        columns["growth_rate"] = names, fastest.real, "1/time", "growth rate of the fastest mode"
+        columns["frequency"] = names, fastest.imag, "1/time", "its angular frequency"
+    plain = [each.tolist() for each in grids]
+    return rig.in_its_units(grid.dataset("stability_map", columns, values=plain, growth=growth))
 
 
 def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
@@ -165,10 +179,10 @@ class _Grid(NamedTuple):
         across, along = self.parameters[outer], self.parameters[1 - outer]
         rows, line = self.values[outer].tolist(), self.values[1 - outer].tolist()
         if free is None:
-            found = [neutral_along(along, across.set(self.rig, value), line) for value in rows]
+            found = [Line(along, across.set(self.rig, value)).neutral(line) for value in rows]
         else:  # what a softer spring lacks, a stiffer one lacks by so much less
             softest = min(rows)
-            known = neutral_along(along, across.set(self.rig, softest), line, softest=softest)
+            known = Line(along, across.set(self.rig, softest)).neutral(line, softest=softest)
             found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in known] for k in rows]
         return found if outer == 0 else [list(row) for row in zip(*found, strict=True)]
 
@@ -211,69 +225,26 @@ class _Grid(NamedTuple):
 
     def on_side(self, points: list[list[Neutral]], i: float, j: float) -> tuple[float, float, float] | None:
         """The boundary itself on the side of a cell, of which ``(i, j)`` is the middle, and the frequency there."""
-        at, beyond = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
-        k = 0 if beyond[0] > at[0] else 1
-        other = float(self.values[1 - k][at[1 - k]])
-        left, right = (
-            Point(float(self.values[k][end[k]]), neutral, neutral.unstable())
-            for end in (at, beyond)
-            for neutral in (points[end[0]][end[1]],)
-        )
-        line = self.parameters[1 - k].set(self.rig, other)
-        for crossing in crossings_between(self.parameters[k], line, left, right):
+        ends = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
+        k = 0 if ends[1][0] > ends[0][0] else 1
+        other = float(self.values[1 - k][ends[0][1 - k]])
+        line = Line(self.parameters[k], self.parameters[1 - k].set(self.rig, other))
+        sides = [(float(self.values[k][end[k]]), points[end[0]][end[1]]) for end in ends]
+        for crossing in line.between(*(Point(value, neutral, neutral.unstable()) for value, neutral in sides)):
             if crossing.loses_stability or crossing.regains_stability:
                 place = (crossing.value, other) if k == 0 else (other, crossing.value)
                 return *place, crossing.frequency
         return None
 
+    def dataset(self, call: str, columns: dict[str, tuple[Any, Any, str, str]], **more: object) -> xarray.Dataset:
+        """Columns by name: dimensions, values, unit and title; with what made them, where a function is but named."""
+        import xarray
 
-# ---------------------------------------------------------------- as datasets
-
-
-def _column(dims: Any, values: Any, unit: str, title: str) -> tuple[Any, Any, dict[str, str]]:
-    return dims, values, {"units": unit, "long_name": title}
-
-
-def _map_dataset(grid: _Grid, counts: NDArray[np.int64], found: NDArray[np.complex128] | None) -> xarray.Dataset:
-    import xarray
-
-    names = tuple(parameter.name for parameter in grid.parameters)
-    data = {"unstable_modes": _column(names, counts, "1", "growing modes of smooth sliding")}
-    if found is not None:
-        data["growth_rate"] = _column(names, found.real, "1/time", "growth rate of the fastest mode")
-        data["frequency"] = _column(names, found.imag, "1/time", "its angular frequency")
-    coords = {
-        parameter.name: _column(parameter.name, values, parameter.unit, parameter.name)
-        for parameter, values in zip(grid.parameters, grid.values, strict=True)
-    }
-    values = [each.tolist() for each in grid.values]
-    made = _provenance("stability_map", grid, values=values, growth=found is not None)
-    return xarray.Dataset(data, coords=coords, attrs={"provenance": made})
-
-
-def _boundary_dataset(grid: _Grid, window: list[tuple[float, float]], curves: list[Array]) -> xarray.Dataset:
-    import xarray
-
-    values = np.concatenate([np.empty((0, 3)), *curves])
-    which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
-    data = {
-        parameter.name: _column("point", values[:, k], parameter.unit, parameter.name)
-        for k, parameter in enumerate(grid.parameters)
-    }
-    data["frequency"] = _column("point", values[:, 2], "1/time", "angular frequency of the neutral mode")
-    data["curve"] = _column("point", which, "1", "number of the curve")
-    made = _provenance("boundary", grid, within=[list(ends) for ends in window])
-    return xarray.Dataset(data, attrs={"provenance": made})
-
-
-def _provenance(call: str, grid: _Grid, **more: object) -> str:
-    """What made the result; a rig that is a function is named, but cannot be made again from its name."""
-    rig = grid.rig
-    arguments = {
-        "interface": rig.interface,
-        "slider": rig.slider if is_dataclass(rig.slider) else repr(rig.slider),
-        "drive": rig.drive,
-        "over": [parameter.name for parameter in grid.parameters],
-        **more,
-    }
-    return store.provenance(call, arguments)
+        rig, over = self.rig, [parameter.name for parameter in self.parameters]
+        slider = rig.slider if is_dataclass(rig.slider) else repr(rig.slider)
+        made = {"interface": rig.interface, "slider": slider, "drive": rig.drive, "over": over, **more}
+        data = {
+            name: (dims, values, {"units": unit, "long_name": title})
+            for name, (dims, values, unit, title) in columns.items()
+        }
+        return xarray.Dataset(data, attrs={"provenance": store.provenance(call, made)})

@@ -16,7 +16,7 @@ from scipy.optimize import elementwise
 
 from stickslip.sliding.response import Array, ComplexArray, Response
 from stickslip.stability.impedances import Impedance
-from stickslip.stability.scan import Scan, loss, loss_of, scan
+from stickslip.stability.scan import loss, scan
 
 
 class Neutral(NamedTuple):
@@ -48,7 +48,7 @@ def neutral_frequencies(
     if response.inert:
         return [NOTHING for _ in rigs]
     scans = [scan(response, body, velocity, softest) for body, velocity in rigs]
-    brackets = [_brackets(response, *rig, seen) for rig, seen in zip(rigs, scans, strict=True)]
+    brackets = [_brackets(response, *rig, *seen) for rig, seen in zip(rigs, scans, strict=True)]
     # All rigs at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
@@ -64,7 +64,7 @@ def neutral_frequencies(
             return z
 
         def lost(w: Array, bodies: Array, speed: Array) -> Array:
-            return loss_of(impedances(w, bodies), *response.axis_parts(speed, w))
+            return loss(impedances(w, bodies), response.axis_parts(speed, w))
 
         zeros = elementwise.find_root(lost, (left, right), args=(bodies, speed)).x
         omega = np.where(np.isnan(zeros), left, zeros)  # a bracket of which an end is 0 but for rounding
@@ -73,7 +73,7 @@ def neutral_frequencies(
     ends = np.cumsum([0, *counts])
     for k, (seen, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
         w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
-        if seen.omega.size and (beyond := _beyond(response, *rigs[k], seen, softest)):
+        if seen[1].size and seen[1][-1] < 0 and (beyond := _beyond(response, *rigs[k], seen[0][-1], softest)):
             w, e, modes = (np.append(found, more) for found, more in zip((w, e, modes), beyond, strict=True))
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
@@ -81,10 +81,9 @@ def neutral_frequencies(
 
 
 def _brackets(
-    response: Response, body: Impedance, velocity: float, seen: Scan
+    response: Response, body: Impedance, velocity: float, omega: Array, value: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
-    omega, value = seen
     negative = value < 0
     at = np.flatnonzero(negative[1:] != negative[:-1])
     left, right, rising = omega[at], omega[at + 1], negative[at]
@@ -95,7 +94,7 @@ def _brackets(
             break
         # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
-        dip = loss(response, body, velocity, fine) * side[:, None]
+        dip = loss(body(1j * fine), response.axis_parts(velocity, fine)) * side[:, None]
         row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
         left = np.concatenate([left, fine[row, column]])
         right = np.concatenate([right, fine[row, column + 1]])
@@ -109,14 +108,11 @@ def _brackets(
 
 
 def _beyond(
-    response: Response, body: Impedance, velocity: float, seen: Scan, softest: float | None
+    response: Response, body: Impedance, velocity: float, end: float, softest: float | None
 ) -> tuple[float, float, int] | None:
     """Modes that cross beyond the end of the scan: frequency, extra stiffness, and how many grow with less."""
-    if seen.value[-1] >= 0:
-        return None
-    s = 1j * seen.omega[-1:]
-    z, at_rest = (complex(body(place)[0]) for place in (s, 0.0 * s))
-    total = z + complex(response.stiffness(velocity, s)[0])
+    z, at_rest = (complex(body(np.array([place]))[0]) for place in (1j * end, 0j))
+    total = z + complex(response.stiffness(velocity, 1j * end))
     if z == at_rest:  # without mass and damping: half a turn, which both then keep, is what one real mode makes
         return math.inf, -total.real, 1
     turned = math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real)

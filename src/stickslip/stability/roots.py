@@ -30,12 +30,11 @@ def count(response: Response, body: Impedance, velocity: float) -> int:
     Raises `UndecidedError` if a mode is neutral to within the accuracy of the response.
     """
     (neutral,) = neutral_frequencies(response, [(body, velocity)])
-    accuracy = response.precision.accuracy
-    near = np.flatnonzero(np.abs(neutral.extra) < accuracy)
+    near = np.flatnonzero(np.abs(neutral.extra) < response.accuracy)
     if near.size:
         raise UndecidedError(
             f"smooth sliding at velocity {velocity:g} x_s/time is on its stability boundary to within the accuracy of "
-            f"the response ({accuracy:g} of the stiffness of the contacts), at angular frequency "
+            f"the response ({response.accuracy:g} of the stiffness of the contacts), at angular frequency "
             f"{neutral.omega[near[0]]:.9g}; change a parameter slightly"
         )
     return neutral.unstable()

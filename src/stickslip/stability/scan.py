@@ -3,50 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.sliding.response import SCAN_LIMIT, Array, ComplexArray, Discs, Response
+from stickslip.sliding.response import SCAN_LIMIT, Array, ComplexArray, Parts, Response
 from stickslip.stability.impedances import Impedance, is_plain, natural_frequencies, resonances
 
 
-class Scan(NamedTuple):
-    """Rising angular frequencies, and a quantity that has the zeros of ``Im(Z + kappa)`` between them."""
-
-    omega: Array
-    value: Array
+def loss(z: ComplexArray, parts: Parts) -> Array:
+    """``Im(Z + kappa) |denominator|^2``: the zeros of ``Im(Z + kappa)`` on the axis, without its sharp peaks."""
+    return np.asarray(z.imag * np.abs(parts.denominator) ** 2 + (parts.numerator * np.conj(parts.denominator)).imag)
 
 
-def loss(response: Response, body: Impedance, velocity: float | Array, omega: Array) -> Array:
-    """``Im(Z + kappa) |denominator|^2`` on the axis: the zeros of ``Im(Z + kappa)``, without its sharp peaks."""
-    numerator, denominator = response.axis_parts(velocity, omega)
-    return loss_of(body(1j * omega), numerator, denominator)
-
-
-def loss_of(z: ComplexArray, numerator: ComplexArray, denominator: ComplexArray) -> Array:
-    """`loss` from the impedance and the parts of the response."""
-    return np.asarray(z.imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag)
-
-
-def scan(response: Response, body: Impedance, velocity: float, softest: float | None) -> Scan:
-    """`loss` along the axis, fine enough to see every zero, up to where there are no more.
+def scan(response: Response, body: Impedance, velocity: float, softest: float | None) -> tuple[Array, Array]:
+    """Rising frequencies on the axis and `loss` there, fine enough to see every zero, up to where there are no more.
 
     With `softest` given, for every rig with the same losses and masses and a static stiffness of at least that.
     """
-    top = 0.0 if response.inert else doubtful_below(response, body, velocity, softest)
+    top = doubtful_below(response, body, velocity, softest)
     if top == 0.0:
-        return Scan(np.empty(0), np.empty(0))
-    omega, (numerator, denominator) = response.sampled(velocity, top)
-    z = body(1j * omega)
-    value = loss_of(z, numerator, denominator)
+        return np.empty(0), np.empty(0)
+    omega, parts = response.sampled(velocity, top)
+    value = loss(body(1j * omega), parts)
     more = np.empty(0) if is_plain(body) else features(body, omega)
     own = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
     if math.isinf(top) and own > 0.3 * omega[-1]:  # the rig has frequencies above those of the contacts
         more = np.union1d(more, np.geomspace(omega[-1], 10.0 * own + omega[-1], 120)[1:])
-    return Scan(*merged(omega, more, value, loss(response, body, velocity, more))) if more.size else Scan(omega, value)
+    return merged(omega, more, value, loss(body(1j * more), response.axis_parts(velocity, more)))
 
 
 def merged(omega: Array, more: Array, value: NDArray[Any], new: NDArray[Any]) -> tuple[Array, NDArray[Any]]:
@@ -81,13 +67,8 @@ def doubtful_below(response: Response, body: Impedance, velocity: float, softest
     held = None if softest is None else softest - float(body(np.zeros(1, dtype=complex))[0].real)
     special = np.concatenate([resonances(body), np.abs(natural_frequencies(body))])
     top = response.fastest(velocity)
-    while True:
-        discs = response.discs(velocity, top)
-        if discs is None:
-            return math.inf
-        end, quarter = float(discs.omega[-1]), float(discs.omega[-(discs.omega.size // 4)])
-        own = special[special < end]
-        omega, centre = merged(discs.omega, own, discs.centre, np.interp(own, discs.omega, discs.centre))
+    while (discs := response.discs(velocity, top)) is not None:
+        omega, centre = merged(discs[0], special, discs[1], np.interp(special, *discs))
         z = body(1j * omega)
         if np.any(z.imag < -1e-9 * np.abs(z)):
             at = float(omega[np.argmin(z.imag / np.abs(z))])
@@ -95,23 +76,13 @@ def doubtful_below(response: Response, body: Impedance, velocity: float, softest
                 f"body: Im Z(i w) < 0 at w = {at:.4g}: the rig puts energy in; "
                 "give one that only takes it out (damping of 0 or above)"
             )
-        clear = _clear(z, centre, held)
-        if clear[omega > quarter].all() and _clear_beyond(body, end, special, discs, held):
-            break
+        doubtful = np.flatnonzero(~_clear(z, centre, held))
+        if not doubtful.size:
+            return 0.0
+        if (end := float(omega[min(doubtful[-1] + 2, omega.size - 1)])) <= top:
+            return end
         top *= 2
-    doubtful = np.flatnonzero(~clear)
-    return float(omega[min(doubtful[-1] + 2, omega.size - 1)]) if doubtful.size else 0.0
-
-
-def _clear_beyond(body: Impedance, end: float, special: Array, discs: Discs, held: float | None) -> bool:
-    """Whether it stays so beyond the discs: the response only shrinks there, but the rig may have features."""
-    worst, deficit = discs.worst, discs.deficit
-    if is_plain(body) and body(np.array([1j * end]))[0].imag >= deficit:
-        return True
-    z = body(1j * np.sort(np.concatenate([end * np.geomspace(1, 1e6, 200), special[special >= end]])))
-    # A disc as large as any in the tail, and as far below the upper axis
-    disc = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
-    return bool(_clear(z, np.full(z.shape, disc), held).all())
+    return math.inf
 
 
 def _clear(z: ComplexArray, centre: ComplexArray, held: float | None) -> NDArray[np.bool_]:
