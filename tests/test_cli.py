@@ -139,7 +139,7 @@ def unusable(tmp_path, monkeypatch):
         ("measure trace.csv --step 0,25", "write '0.25': decimal point"),
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
-        ("measure trace.csv --load '-20 N'", "begins with '-' and is read as an option; write --load='-20 N'"),
+        ("measure trace.csv --load '-20 N'", "a value that begins with '-' is written --NAME=VALUE"),
         ("map rig.toml --over stiffness", "two parameters"),
         ("map rig.toml --over stiffness,colour", "'colour'"),
         ("map rig.toml --around 0.5", "0.5"),

@@ -385,7 +385,7 @@ def test_a_cut_through_three_axes(tmp_path, capsys):
     assert run("plot", store, picture, "--at", "delay=0.19,start=from rest") == 0
     assert "linear stability" in capsys.readouterr().out
     assert "must be an axis and a value" in refused(capsys, "plot", store, picture, "--at", "colour=3")
-    assert "no such value" in refused(capsys, "plot", store, picture, "--at", "start=warm")
+    assert "as in delay=0.1; it has" in refused(capsys, "plot", store, picture, "--at", "start=warm")
 
 
 # ---------------------------------------------------------------- interrupted, killed

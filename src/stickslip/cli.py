@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -69,17 +67,16 @@ class Columns:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with console.stoppable():
-            result = app(given, exit_on_error=False, print_error=False)
+            result = app(arguments, exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
-        for name, value in pairwise(given) if isinstance(error, MissingArgumentError) else ():
-            if name.startswith("--") and re.match(r"-[.\d]", value):
-                return _fail(f"{name} {value}: begins with '-' and is read as an option; write {name}={shown(value)}")
-        return _fail(f"{error} (see stickslip --help)")
+        hint = (
+            "; a value that begins with '-' is written --NAME=VALUE" if isinstance(error, MissingArgumentError) else ""
+        )
+        return _fail(f"{error}{hint} (see stickslip --help)")
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
     except BrokenPipeError:  # the reader went away, as `head` does
@@ -98,19 +95,15 @@ def _fail(message: str, code: int = 2) -> int:
 # ---------------------------------------------------------------- what commands share
 
 
-def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Path | None = None) -> None:
+def _check_outputs(output: Path | None = None, *, picture: Path | None = None, read: Path | None = None) -> None:
     """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
-    taken: set[Path] = set()
-    for output in (*outputs, picture):
-        if output is None:
-            continue
-        place = files.target(output)
+    places = {place: files.target(place) for place in (output, picture) if place is not None}
+    for given, place in places.items():
         with suppress(OSError):  # one of the two is not there
             if read is not None and place.samefile(read):
-                raise InputError(f"{output}: is the file to be read; choose another name for what is written")
-        if place in taken:
-            raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
-        taken.add(place)
+                raise InputError(f"{given}: is the file to be read; choose another name for what is written")
+    if output is not None and picture is not None and places[output] == places[picture]:
+        raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
     if picture is not None:
         from stickslip.plot.style import format_of
 
@@ -500,17 +493,13 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     for part in at.split(",") if at else ():
         name, _, value = (word.strip() for word in part.partition("="))
         try:
-            if name not in result.dims:
-                raise InputError(f"must be an axis and a value, as in delay=0.1; this sweep has {[*result.dims]}")
-            if result[name].dtype.kind in "iuf":
-                result = result.sel({name: read_number(value)}, method="nearest")
-            else:
-                result = result.sel({name: value})
-        except InputError as error:
-            raise InputError(f"--at {shortened(part)}: {error}") from None
+            numeric = result[name].dtype.kind in "iuf"
+            result = result.sel({name: read_number(value) if numeric else value}, method="nearest" if numeric else None)
         except (KeyError, ValueError):
-            there = ", ".join(str(item) for item in result[name].values.tolist())
-            raise InputError(f"--at {shortened(part)}: no such value; this sweep has {there}") from None
+            there = "; ".join(f"{axis} = {result[axis].to_numpy().tolist()}" for axis in result.dims)
+            raise InputError(
+                f"--at {shortened(part)}: must be an axis and a value of the sweep, as in delay=0.1; it has {there}"
+            ) from None
     return result
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, instance, number
+from stickslip.errors import InputError, instance, number, numbers
 from stickslip.kernels import renewal
 from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distribution import check_density
@@ -68,7 +68,7 @@ def rigid_slide(
         track = pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
         X, values = velocity * track.times, {name: track[name] for name in ("friction_force", "attached")}
     elif isinstance(method, Renewal):
-        _check_renewal(interface)
+        _check_renewal(interface, "Renewal")
         X = np.linspace(0.0, distance, method.points + 1)
         found = _solved(interface, distance, velocity, method.points)(X)
         values = {"friction_force": found.force, "attached": found.attached}
@@ -80,11 +80,13 @@ def rigid_slide(
     return xr.Dataset(data, {place: labelled(place, place, X)})
 
 
-def _check_renewal(interface: Interface) -> None:
+def _check_renewal(interface: Interface, who: str) -> None:
     """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
+    instance(f"{who}: interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
-        raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
-    interface.allow(("sliding_force", "newborn"), "Renewal")
+        place = "Interface.ageing"
+        raise InputError(f"{place} = {interface.ageing}: not available with {who}; simulate with Contacts", place)
+    interface.allow(("sliding_force", "newborn"), who)
     check_density(interface.threshold_distribution)
 
 
@@ -94,11 +96,8 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
     Computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical derivative. The velocity matters only
     with a delay.
     """
-    instance("effective_stiffness: interface", interface, Interface, "an Interface")
-    X = np.atleast_1d(np.asarray(X, dtype=float))
-    if X.size == 0 or not np.all(np.isfinite(X)) or X.min() < 0:
-        raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
-    _check_renewal(interface)
+    _check_renewal(interface, "effective_stiffness")
+    X = np.atleast_1d(numbers("effective_stiffness: X", X, at_least=0, hint="displacements in x_s"))
     distance = max(float(X.max()), 1e-3)
     return -_solved(interface, distance, velocity, _points(interface, distance))(X).stiffness
 
@@ -133,11 +132,9 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 
 def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[float, float]:
     """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
-    instance("critical_stiffness: interface", interface, Interface, "an Interface")
+    _check_renewal(interface, "critical_stiffness")
     instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
-    _check_renewal(interface)
-    delay = Delay(0.0) if reattachment else Delay(math.inf)
-    bare = replace(interface, delay=delay)
+    bare = replace(interface, delay=Delay(0.0 if reattachment else math.inf))
     distribution = bare.threshold_distribution
     if reattachment and bare.newborn is None and bare.initial == SteadyState(thresholds=distribution):
         return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the distribution in each of them
@@ -174,16 +171,8 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     InputError
         If thresholds age, or at a temperature: the force then depends on the rest before, and on the speed.
     """
-    instance("static_friction: interface", interface, Interface, "an Interface")
-    if interface.ageing is not None:
-        raise InputError(
-            f"Interface.ageing = {interface.ageing}: not available with static_friction, for the largest force of "
-            "ageing thresholds depends on the speed; simulate that motion, or leave ageing out",
-            "Interface.ageing",
-        )
-    interface.allow(("sliding_force", "newborn"), "static_friction")
+    _check_renewal(interface, "static_friction")
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, newborn=interface.newborn)
-    _check_renewal(bare)
     distance, points = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3)), Renewal().points
     X = np.linspace(0.0, distance, points + 1)
     force = _solved(bare, distance, 1.0, points)(X).force

@@ -77,15 +77,9 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
     instance("attached_fraction: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), "attached_fraction")
     if interface.ageing is not None:
-        raise InputError(
-            f"Interface.ageing = {interface.ageing}: steady sliding with ageing thresholds has no closed form; "
-            "simulate it, or use ageing=None"
-        )
-    speed = numbers("velocity", velocity, at_least=0, hint="in x_s per time")
-    if math.isinf(interface.delay.moment(1)) and np.any(speed == 0):
-        raise InputError(
-            "velocity = 0: with an infinite delay the limit of slow sliding does not exist; give one above 0"
-        )
+        raise InputError(f"Interface.ageing = {interface.ageing}: not available with attached_fraction; simulate it")
+    slowest = "at_least" if math.isfinite(interface.delay.moment(1)) else "above"
+    speed = numbers("velocity", velocity, hint="in x_s per time", **{slowest: 0.0})
     path, delay = mean_life(interface).path, interface.delay.moment(1)
     return at_each(lambda speeds: 1.0 / (1.0 + speeds * delay / path), speed)
 
@@ -134,10 +128,8 @@ def effective_potential(slider: Slider, position: ArrayLike, contact_force: Arra
     instance("effective_potential: slider", slider, Slider, "a Slider")
     x, force = numbers("position", position), numbers("contact_force", contact_force)
     drive = number("drive", drive, hint="in x_s")
-    if x.ndim != 1 or x.shape != force.shape or x.size < 2:
-        raise InputError(f"position, contact_force: shapes {x.shape} and {force.shape}: must be equal, (n,) with n > 1")
-    if x[0] != 0 or np.any(np.diff(x) <= 0):
-        raise InputError("position: must start at 0 and rise from each value to the next")
+    if x.ndim != 1 or x.shape != force.shape or x[0] != 0 or np.any(np.diff(x) <= 0):
+        raise InputError("position, contact_force: must be of one shape, (n,), and positions must rise from 0 on")
     work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x))])
     return np.asarray(0.5 * slider.stiffness * (drive - x) ** 2 + work)
 

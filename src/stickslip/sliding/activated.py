@@ -26,7 +26,7 @@ from stickslip.kernels import lives as kernel
 from stickslip.kernels.lives import perturbed
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
-from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Parts, Perturbed, Response
+from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Perturbed, Response
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLives:
@@ -72,23 +72,10 @@ class ActivatedResponse(Response):
     accuracy: ClassVar[float] = 1e-8
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        return self._joined(velocity, s, self._transforms(velocity, s / velocity))
-
-    def along_axis(self, velocity: float) -> tuple[Array, Parts]:
-        """Sample the response. Lives, which are dear and turn more slowly than delays, are interpolated."""
-        from scipy.interpolate import make_interp_spline
-
-        slow, even, fast = self._wave_numbers(velocity)
-        step = 3.0 * STEP / self._reach
-        known = np.arange(0.0, even[-1] + 8.0 * step, step)
-        parts = [self._transforms(velocity, 1j * y) for y in (slow, known if known.size < even.size else even, fast)]
-        if known.size < even.size:  # to 1e-8, about the middle of the lives
-            turn = 0.5j * self._reach
-            between = make_interp_spline(known, parts[1] * np.exp(turn * known), k=9, axis=1)
-            parts[1] = between(even) * np.exp(-turn * even)
-        omega = velocity * np.concatenate([slow, even, fast])
-        kappa = self._joined(velocity, 1j * omega, np.concatenate(parts, axis=1))
-        return omega, Parts(kappa, np.ones_like(kappa))
+        delay, rest = self.interface.delay, float(mean_lives(self.interface, velocity).way[0])
+        missing, away = np.asarray(delay.absence(s)), velocity * delay.moment(1)
+        life = Perturbed(*self._transforms(velocity, s / velocity))
+        return life.kappa(s / velocity, missing, rest, away, self.interface.sliding_force)
 
     def _transforms(self, v: float, q: ComplexArray) -> ComplexArray:
         """`Perturbed` of a life, as one array."""
@@ -101,11 +88,6 @@ class ActivatedResponse(Response):
             lives = lives_of(self.interface, v, 0.0 if fast else 2.0**one)
             found[:, here] = perturbed(lives, q[here], fast)
         return found
-
-    def _joined(self, v: float, s: ComplexArray, transforms: ComplexArray) -> ComplexArray:
-        delay, rest = self.interface.delay, float(mean_lives(self.interface, v).way[0])
-        missing, away = np.asarray(delay.absence(s)), v * delay.moment(1)
-        return Perturbed(*transforms).kappa(s / v, missing, rest, away, self.interface.sliding_force)
 
     @cached_property
     def _std(self) -> float:
@@ -125,17 +107,13 @@ class ActivatedResponse(Response):
         """Largest stretching, but for one contact in a thousand."""
         return float(self.interface.threshold_distribution.inverse_survival(np.array(1e-3)))
 
-    def _wave_numbers(self, velocity: float) -> tuple[Array, Array, Array]:
-        """Wave numbers that follow every turn of kappa: slow ones, evenly spaced ones, fast ones."""
+    def frequencies(self, velocity: float, top: float) -> Array:
+        del top
         reach = self._reach + velocity * self.interface.delay.longest
         top = max(12.0 / self._std, 60.0 / self.interface.threshold_distribution.moment(1))
         step = max(STEP / reach, top / 8000.0)
         slow, fast = np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.geomspace(top, 1e3 * top, 90)
-        return slow, np.arange(step, top, step), fast
-
-    def frequencies(self, velocity: float, top: float) -> Array:
-        del top
-        return np.asarray(velocity * np.concatenate(self._wave_numbers(velocity)))
+        return np.asarray(velocity * np.concatenate([slow, np.arange(step, top, step), fast]))
 
     def cycle(self, velocity: float) -> float:
         return float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)

@@ -115,13 +115,8 @@ class Response(ABC):
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies that follow every turn of kappa, up to `top` at least, and its parts there."""
-        del top
+        del top  # known to where it turns no more
         return whole_axis(self, velocity)
-
-    def along_axis(self, velocity: float) -> tuple[Array, Parts]:
-        """Sample a response that is known to where it turns no more."""
-        omega = self.frequencies(velocity, math.inf)
-        return omega, self.axis_parts(velocity, omega)
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)`` on the imaginary axis; `velocity` and `s` broadcast."""
@@ -132,21 +127,24 @@ class Response(ABC):
 
         Raises `InputError` if `s` lies where the response does not exist.
         """
-        points = np.asarray(s, dtype=complex)
+        points, speed = np.asarray(s, dtype=complex), np.asarray(velocity, dtype=float)
+        furthest = float(np.min(points.real, initial=0.0))
         with np.errstate(over="ignore", invalid="ignore"):
-            kappa = _ratio(self.parts(np.asarray(velocity, dtype=float), points))
-        if not np.all(np.isfinite(kappa)):
+            kappa = _ratio(self.parts(speed, points))
+        known = not self.certain or furthest == 0 or furthest > self.leftmost(float(np.min(speed)))
+        if not (known and np.all(np.isfinite(kappa))):
             raise InputError(
-                f"s = {float(np.min(points.real)):g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay "
-                "nearer 0"
+                f"s = {furthest:g}: too far left of the imaginary axis: the distribution of thresholds has no "
+                "transform there, or exp(-s x/v) overflows; stay nearer 0"
             )
         return kappa
 
 
 @lru_cache(maxsize=64)
 def whole_axis(response: Response, velocity: float) -> tuple[Array, Parts]:
-    """Return `Response.along_axis`, the same for all rigs."""
-    return response.along_axis(velocity)
+    """Return `Response.sampled`, the same for all rigs."""
+    omega = response.frequencies(velocity, math.inf)
+    return omega, response.axis_parts(velocity, omega)
 
 
 def _ratio(parts: Parts) -> ComplexArray:

@@ -25,7 +25,6 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface
@@ -141,17 +140,6 @@ class UnagedResponse(Response):
         far = axis.y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
         omega, centre = np.append(axis.y, far), np.append(centre, np.full(far.size, shrinking))
         return velocity * omega, centre / self._path(velocity)
-
-    def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
-        """``kappa(s)`` where the transform of the distribution exists; `velocity` and `s` broadcast."""
-        furthest = float(np.min(np.asarray(s, dtype=complex).real, initial=0.0))
-        limit = self.distribution.leftmost * float(np.min(np.asarray(velocity)))
-        if furthest <= limit and furthest < 0:
-            raise InputError(
-                f"s = {furthest:g}: the distribution of thresholds has no transform at or left of "
-                f"Re s = {limit:g}; stay to its right"
-            )
-        return super().exact(velocity, s)
 
     def _table(self, reach: float, top: float) -> Axis:
         # Steps and counts are powers of 2, so that neighbouring speeds share a table.

@@ -142,7 +142,7 @@ def resonances(body: Impedance) -> Array:
     if not isinstance(body, Modes):
         return np.empty(0)
     near = []
-    with_spring = np.concatenate([_zeros_of_impedance(body), poles(body)])
+    with_spring = np.concatenate([natural_frequencies(body), poles(body)])
     for root in with_spring[with_spring.imag > 0]:
         width = max(abs(root.real), 1e-9 * root.imag)
         near.append(root.imag + width * np.sinh(np.linspace(-5, 5, 81)))
@@ -155,10 +155,6 @@ def poles(body: Impedance) -> ComplexArray:
     if not isinstance(body, Modes) or len(body.masses) == 1:
         return np.empty(0, dtype=complex)
     return _free_or_held(body, held=True)
-
-
-def _zeros_of_impedance(body: Modes) -> ComplexArray:
-    return _free_or_held(body, held=False)
 
 
 def _free_or_held(body: Modes, *, held: bool) -> ComplexArray:
@@ -180,19 +176,10 @@ def _free_or_held(body: Modes, *, held: bool) -> ComplexArray:
 def natural_frequencies(body: Impedance) -> ComplexArray:
     """Zeros of the impedance, where known: the modes of the rig without the interface."""
     match body:
-        case Slider() if body.mass > 0:
-            return _quadratic(body.mass, body.mass * body.damping, body.stiffness)
-        case RadiationDamping() if body.mass > 0:
-            return _quadratic(body.mass, body.radiation, body.stiffness)
-        case RadiationDamping() if body.radiation > 0:
-            return np.array([-body.stiffness / body.radiation + 0j])
+        case Slider():
+            return np.roots([body.mass, body.mass * body.damping, body.stiffness]).astype(complex)
+        case RadiationDamping():
+            return np.roots([body.mass, body.radiation, body.stiffness]).astype(complex)
         case Modes():
-            return _zeros_of_impedance(body)
+            return _free_or_held(body, held=False)
     return np.empty(0, dtype=complex)
-
-
-def _quadratic(a: float, b: float, c: float) -> ComplexArray:
-    # The root of larger modulus first, the other from their product: no cancellation when overdamped.
-    half, root = 0.5 * b / a, np.sqrt(complex(0.25 * (b / a) ** 2 - c / a))
-    far = -half - root
-    return np.array([far, (c / a) / far])
