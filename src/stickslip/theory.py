@@ -19,7 +19,7 @@ from stickslip.kernels.langevin_steady import pull_newborns
 from stickslip.model import Interface, Slider
 from stickslip.model.newborn import mean_life
 from stickslip.sliding import kinetic_friction
-from stickslip.sliding.langevin import ageing_constants as ageing_constants
+from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.law import at_each
 
 Array = NDArray[np.float64]

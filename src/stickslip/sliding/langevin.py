@@ -45,8 +45,7 @@ _LOWEST, _HIGHEST = 0.01, 1e6
 class AgedResponse(Response):
     """The linear response of ageing contacts with a Gaussian distribution of thresholds and a delay."""
 
-    ageing: Langevin
-    distribution: Gaussian
+    constants: Constants
     delay: DelayModel
 
     # Of the table; about sharp resonances at low speed it is some times less. Counts come from it, crossings do not.
@@ -75,15 +74,15 @@ class AgedResponse(Response):
 
     @cached_property
     def _square(self) -> float:
-        return self.ageing.rate**2
+        return self.constants.rate**2
 
     @cached_property
     def _shape(self) -> tuple[float, float]:
         """Standard deviation of thresholds and strength of newborns, in units of the mean threshold."""
-        return self.distribution.std / self.distribution.mean, self.ageing.newborn / self.distribution.mean
+        return self.constants.std / self.constants.mean, self.constants.newborn / self.constants.mean
 
     def _reduced(self, velocity: float) -> float:
-        u = velocity / (self._square * self.distribution.mean)
+        u = velocity / (self._square * self.constants.mean)
         if not _SLOWEST <= u <= _FASTEST:
             raise InputError(
                 f"velocity: is {u:.3g} times that of ageing, rate^2 times the mean threshold; the stability of ageing "
@@ -101,7 +100,7 @@ class AgedResponse(Response):
         kappa = self._joined(1j * size, parts(np.log(size / unit)), rest)
         slow, fast = np.abs(w) / size, top / np.maximum(np.abs(w), top)
         kappa = np.where(slow < 1, slow * slow * kappa.real + 1j * slow * kappa.imag, kappa)
-        kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.ageing.newborn == 0 else 1.0)
+        kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.constants.newborn == 0 else 1.0)
         return np.asarray(np.where(w < 0, np.conj(kappa), kappa))
 
     def _joined(self, p: ComplexArray, parts: ComplexArray, rest: float) -> ComplexArray:
@@ -126,8 +125,7 @@ def force(interface: Interface, velocity: Array) -> Array:
 def response(interface: Interface) -> AgedResponse:
     """Return the linear response."""
     interface.allow((), "the linear response of thresholds that age by Langevin")
-    ageing, distribution = gaussian_ageing(interface)
-    return AgedResponse(ageing=ageing, distribution=distribution, delay=interface.delay)
+    return AgedResponse(constants=ageing_constants(interface), delay=interface.delay)
 
 
 @lru_cache(maxsize=64)
@@ -179,11 +177,11 @@ def _phases(delta: float) -> Array:
     return np.concatenate([low, turning, high])
 
 
-def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
-    """Return the ageing and the stationary distribution of thresholds for the kinetic equation of Eqs. (13)-(17).
+def ageing_constants(interface: Interface) -> Constants:
+    """Return what the kinetic equation of Eqs. (13)-(17) takes of an interface.
 
-    Raises `InputError` if thresholds do not age by `Langevin` from a Gaussian, or a delay meets newborns without
-    strength.
+    Raises `InputError` if thresholds do not age by `Langevin` from a Gaussian, or a delay or a temperature meets
+    newborns without strength.
     """
     instance("interface", interface, Interface, "an Interface")
     ageing, distribution = interface.ageing, interface.thresholds
@@ -203,10 +201,4 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
             f"Langevin.newborn = 0 with Interface.{breaking}: newborns without strength break at once and without end, "
             "and none is left that holds; give newborn > 0"
         )
-    return ageing, distribution
-
-
-def ageing_constants(interface: Interface) -> Constants:
-    """Return what the kernels know of ageing by `Langevin`; raises what `gaussian_ageing` does."""
-    ageing, distribution = gaussian_ageing(interface)
     return Constants(ageing.rate, distribution.mean, distribution.std, ageing.newborn)

@@ -59,16 +59,10 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
         raise UndecidedError(
             f"smooth sliding at velocity {velocity:g} x_s/time has {growing} growing modes, not all of which were found"
         )
-    if not response.certain:
-        why = "its modes decay too quickly to be followed from the axis"
-    elif math.isfinite(limit):
-        why = (
-            f"but no mode decays more slowly than the tail of the distribution of thresholds (Re s = {limit:g}): there "
-            "is no slowest mode to give; count_unstable() says 0"
-        )
-    else:
-        why = "but no root of Z(s) + kappa(s) could be confirmed as the one furthest right"
-    raise UndecidedError(f"smooth sliding at velocity {velocity:g} x_s/time is stable; {why}")
+    raise UndecidedError(
+        f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest mode cannot be told: modes decay "
+        "as the tail of the distribution of thresholds does, or too quickly to be followed; count_unstable() says 0"
+    )
 
 
 def near(response: Response, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:

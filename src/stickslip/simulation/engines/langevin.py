@@ -32,7 +32,7 @@ from stickslip.simulation.engines.base import (
 )
 from stickslip.simulation.engines.beginnings import first_contacts, generators
 from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
-from stickslip.sliding.langevin import ageing_constants, gaussian_ageing
+from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lives import hazard_of
 
 _STEP = 0.02
@@ -144,7 +144,7 @@ class LangevinContacts(Steps):
     @staticmethod
     def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
         """Raise `InputError` for thresholds that cannot age so."""
-        gaussian_ageing(interface)
+        ageing_constants(interface)
 
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
@@ -192,7 +192,7 @@ class LangevinDensity(Steps):
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
         """Raise `InputError` for thresholds that cannot age so, and for a delay."""
-        gaussian_ageing(interface)
+        ageing_constants(interface)
         if interface.delay.moment(1) > 0:
             raise InputError(
                 f"Interface.delay = {interface.delay}: not available with MasterEquation together with "
