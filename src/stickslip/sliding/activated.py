@@ -25,7 +25,7 @@ import numpy as np
 from stickslip.kernels import lives as kernel
 from stickslip.kernels.lives import perturbed
 from stickslip.model import Bell, Interface
-from stickslip.sliding.lives import gauss_nodes, growth_of, hazard_of, lives_of, panel_edges
+from stickslip.sliding.lives import growth_of, hazard_of, lives_of, threshold_nodes
 from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Perturbed, Response
 
 
@@ -39,15 +39,8 @@ def mean_lives(interface: Interface, velocity: float) -> MeanLives:
 
 def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLives:
     """Return the mean lives of contacts of different areas: of each area, or of all if newborns draw a new one."""
-    areas, hazard = interface.threshold_distribution, hazard_of(interface.temperature)
-    low, high = areas.support
-    if areas.single:
-        node, weight = np.array([areas.moment(1)]), np.ones(1)
-    else:
-        start = max(low, 0.0)
-        places = [(start, 1e-6), *((knot, 0.05) for knot in areas.knots)]  # the root of a small area is steep
-        node, weight = gauss_nodes(panel_edges(areas, start, high, places, math.inf))
-        weight = weight * areas.density(node)
+    hazard = hazard_of(interface.temperature)
+    node, weight = threshold_nodes(interface.threshold_distribution, 1e-6, [])  # the root of a small area is steep
     stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
     # Without temperature the speed does not matter to a life.
     lives = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)

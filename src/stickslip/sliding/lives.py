@@ -48,22 +48,27 @@ def _lives(
         (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
         and distribution.standard_deviation() > 2.0 * temperature.width
     )
-    if distribution.single:
-        return kernel.march(hazard, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
-    if one_variable and not inner:
+    if one_variable and not inner and not distribution.single:
         return _in_one(distribution, hazard, growth, velocity, longest)
-    if distribution.support[1] > 1e3 * distribution.moment(1) and temperature is not None:
+    if high > 1e3 * distribution.moment(1) and temperature is not None:
         longest = math.inf if longest == 1.0 else longest
-    start = max(low, 0.0)
-    places = [(start, 0.01), *((knot, 0.05) for knot in distribution.knots)]
+    bends = []
     if isinstance(temperature, Bell):
         bend = temperature.width * math.log1p(temperature.attempts * temperature.width / velocity)
-        places.append((bend, temperature.width))
-    edges = panel_edges(distribution, start, high, places, math.inf)
-    x, weight = gauss_nodes(edges)
+        bends = [(bend, temperature.width)]
+    return kernel.march(hazard, growth, *threshold_nodes(distribution, 0.01, bends), velocity, longest)
+
+
+def threshold_nodes(distribution: Distribution, first: float, places: list[tuple[float, float]]) -> tuple[Array, Array]:
+    """Nodes of thresholds and their weights, on panels of the size `first` at the start, and finer at some places."""
+    if distribution.single:
+        return np.array([distribution.moment(1)]), np.ones(1)
+    start = max(distribution.support[0], 0.0)
+    places = [(start, first), *((knot, 0.05) for knot in distribution.knots), *places]
+    x, weight = gauss_nodes(panel_edges(distribution, start, distribution.support[1], places, math.inf))
     weight = weight * distribution.density(x)
     met = weight > 1e-14 * weight.sum()
-    return kernel.march(hazard, growth, x[met], weight[met], velocity, longest)
+    return x[met], weight[met]
 
 
 def hazard_of(temperature: Activation | None) -> Hazard:
