@@ -241,14 +241,14 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         yield from _about_a_band(found, band)
     for mitigation in found.mitigations:
         yield from _about_a_mitigation(found, mitigation)
-    for attempt in found.attempts:
-        for end in attempt.searched:
+    for name, searched in found.attempts.items():
+        for end in searched:
             try:
-                kinds = motion(at(rig, attempt.parameter, end))
+                kinds = motion(at(rig, name, end))
             except (TooDear, ss.InputError):
                 yield "attempt, too dear", ""
                 continue
-            yield "attempt", "" if kinds != {"smooth sliding"} else f"{attempt.parameter} at {end:.4g}: {kinds}"
+            yield "attempt", "" if kinds != {"smooth sliding"} else f"{name} at {end:.4g}: {kinds}"
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:

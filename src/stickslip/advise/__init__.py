@@ -13,11 +13,10 @@ from stickslip.advise import say
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
 from stickslip.advise.bands import Band
 from stickslip.advise.chart import chart
-from stickslip.advise.mitigations import Attempt, Mitigation
+from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.prediction import complete, predict
 
 __all__ = [
-    "Attempt",
     "Band",
     "ElasticPrediction",
     "Margin",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import html
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from stickslip.advise import say
 from stickslip.advise.bands import Band, joined
-from stickslip.advise.mitigations import Attempt, Mitigation
+from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.runs import OSCILLATES
 from stickslip.answers import Answer, plain
 from stickslip.measure import Regime
@@ -53,7 +54,7 @@ class Foretold(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
-        names = ["verdict", "units", *self._derived, *(field.name for field in fields(self))]
+        names = ["verdict", "units", *self._derived, *(each.name for each in fields(self))]
         told = {name: getattr(self, name) for name in names if name not in ("rig", "recording")}
         assumed = {key: str(item) for key, item in self.rig.assumed.items()}
         found: dict[str, Any] = plain({"rig": self.rig.name, "velocity": self.rig.velocity, **told, "assumed": assumed})
@@ -116,8 +117,8 @@ class Prediction(Foretold):
     margins : tuple of Margin
     mitigations : tuple of Mitigation
         Those that can be turned on a machine first, in each group the smallest first.
-    attempts : tuple of Attempt
-        For parameters that give no smooth sliding: the range searched.
+    attempts : dict of str to (float, float)
+        Parameters that give no smooth sliding, with the range searched.
     not_searched : tuple of str
         Parameters whose search was given up for its cost.
     complete : bool
@@ -150,7 +151,7 @@ class Prediction(Foretold):
     bands: tuple[Band, ...]
     margins: tuple[Margin, ...] = ()
     mitigations: tuple[Mitigation, ...] = ()
-    attempts: tuple[Attempt, ...] = ()
+    attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     not_searched: tuple[str, ...] = ()
     complete: bool = False
     delays: tuple[Band, ...] = ()
@@ -214,11 +215,9 @@ class Prediction(Foretold):
     def at_speeds(self) -> tuple[tuple[float, str], ...]:
         """Each speed at which the rig works, in its own units, and the motion there from a start at rest."""
         speeds = [speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds]
-        motions = [next((band.motion for band in self.bands if v in band), "undecided") for v in speeds]
-        own = [math.isclose(speed, self.rig.velocity) for speed in speeds]
-        return tuple(
-            (v, self.regime.kind if here else kind) for v, kind, here in zip(speeds, motions, own, strict=True)
-        )
+        motions = [next((band.motion for band in self.bands if speed in band), "undecided") for speed in speeds]
+        motions[:1] = [self.regime.kind][: len(speeds)]  # the first is that of the drive
+        return tuple(zip(speeds, motions, strict=True))
 
     @property
     def between(self) -> tuple[float, float] | None:

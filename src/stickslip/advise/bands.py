@@ -12,12 +12,13 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from stickslip.advise.runs import OSCILLATES, Spent, Trials, cost_of, trial
+from stickslip.advise.runs import OSCILLATES, Spent, Trials, trial
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
+from stickslip.simulation import estimate
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
@@ -103,11 +104,6 @@ def is_dear(rig: Rig) -> bool:
     return rig.interface.ageing is not None or rig.interface.temperature is not None
 
 
-def by_theory(rig: Rig) -> str:
-    """What linear theory says of smooth sliding: the kind of a band."""
-    return {True: "unstable", False: "stable", None: "unknown"}[linearly_unstable(rig)]
-
-
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
     """Growth rate and frequency, in cycles, in the rig's own units; None if no mode grows or decays exponentially."""
     try:
@@ -135,7 +131,7 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float, sid
     try:
         found = search(factor, rig.natural, low, high, density=density, edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
-        if high < (1.0 + _NARROW) * low or all(by_theory(factor.set(rig, end)) == "unknown" for end in (low, high)):
+        if high < (1.0 + _NARROW) * low or all(linearly_unstable(factor.set(rig, end)) is None for end in (low, high)):
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
         parts = [stability_along(rig, parameter, *ends, side) for ends in ((low, middle), (middle, high))]
@@ -182,7 +178,7 @@ class Survey:
         if not self.known.get(speed):
             case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
             try:
-                if cost_of(case) > _DEAREST:
+                if estimate(case).seconds > _DEAREST:
                     return False
                 self.known[speed] = trials.judge(case).kind
             except Spent:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import PRECISION, by_theory, factor_of, is_dear, stability_along
+from stickslip.advise.bands import PRECISION, factor_of, is_dear, stability_along
 from stickslip.advise.runs import Spent, Trials, trial
 from stickslip.cycles.edges import halved
+from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError
 from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import Parameter
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 WIDEST_STD = 0.5  # a wider distribution, relative to its mean, is no longer one of thresholds about a mean
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
-_FOR_AN_ANSWER = 30.0  # seconds more, by estimate, that runs may take until a first change is found
 # What can be changed on a machine; what only another material or surface would change.
 _TURNABLE = (parameters.VELOCITY, parameters.STIFFNESS, parameters.DAMPING, parameters.MASS, parameters.LOAD)
 _OTHERS = (parameters.FRICTION, parameters.CONTACT_STIFFNESS, parameters.DELAY, parameters.STD, parameters.AGEING)
@@ -52,19 +52,10 @@ class Mitigation:
         return abs(math.log(self.stops / self.value))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Attempt:
-    """A parameter that gives no smooth sliding within the range searched, in the rig's own units."""
-
-    parameter: str
-    searched: tuple[float, float]
-
-
 def mitigated(found: Prediction, trials: Trials, report: Progress) -> Prediction:
     """A verdict with the smallest change of each parameter that stops it, and what was tried and left out."""
-    rig, setting, choices, more = found.rig, trial(found.rig.natural), (*_TURNABLE, *_OTHERS), _FOR_AN_ANSWER
-    changes, tried, left_out = list[tuple[bool, Mitigation]](), list[Attempt](), list[str]()
-    trials.left += more
+    rig, setting, choices = found.rig, trial(found.rig.natural), (*_TURNABLE, *_OTHERS)
+    changes, tried, left_out = list[tuple[bool, Mitigation]](), dict[str, tuple[float, float]](), list[str]()
     for i, parameter in enumerate(choices):
         report(i / len(choices))
         # The damping of contacts that wait for an arrest stays: with enough of it, none would attach again.
@@ -80,15 +71,13 @@ def mitigated(found: Prediction, trials: Trials, report: Progress) -> Prediction
                 left_out.append(parameter.title)
         if stops:
             changes.append((parameter in _OTHERS, min(stops, key=lambda each: each.size)))
-            trials.left -= more
-            more = 0.0
         elif parameter.title not in left_out:
-            tried.append(Attempt(parameter=parameter.name, searched=(low * value, high * value)))
+            tried[parameter.name] = low * value, high * value
     changes.sort(key=lambda each: (each[0], round(each[1].size, 3)))
     return replace(
         found,
         mitigations=tuple(change for _, change in changes),
-        attempts=tuple(tried),
+        attempts=tried,
         not_searched=tuple(dict.fromkeys(left_out)),
     )
 
@@ -126,7 +115,7 @@ def _stop(rig: Rig, parameter: Parameter, side: int, furthest: float, trials: Tr
 
     def smooth(value: float) -> bool:
         there = factor.set(rig, value)
-        return by_theory(there) != "unstable" and trials.slides_smoothly(there)
+        return linearly_unstable(there) is not True and trials.slides_smoothly(there)
 
     for band in stability_along(rig, parameter, 1.0, furthest, side) if furthest > 1.0 else ():
         if band.kind == "unstable" or (band.kind == "stable" and band.low == 1.0 and band.high < furthest):

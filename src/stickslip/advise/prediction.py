@@ -10,8 +10,8 @@ from itertools import groupby
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
 from stickslip.advise.bands import CANNOT_GROW, Band, Survey, fastest_mode, is_dear, scaled, stability_along, works_at
 from stickslip.advise.mitigations import has, mitigated, reach
-from stickslip.advise.runs import Steady, Trials, cost_of, cycle_of, trial
-from stickslip.errors import InputError, UndecidedError, instance
+from stickslip.advise.runs import Steady, Trials, cycle_of, trial
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure import Regime
 from stickslip.measure.arrays import Trace
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
@@ -20,12 +20,12 @@ from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
-from stickslip.simulation import Recording
+from stickslip.simulation import Recording, estimate, record
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import count_unstable
 
 # Seconds, by estimate, for the first run, and for all runs; the part of the rest that goes to other speeds.
-_FIRST, _ALL, _FOR_SPEEDS = 0.8, 15.0, 0.25
+_FIRST, _ALL, _FOR_SPEEDS = 0.8, 30.0, 0.25
 _DEARER = 10.0  # times as much for contacts that age or break by heat, whose runs cost up to a hundred times as much
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
 _LONGEST, _MOST_RUNS = 100.0, 30  # seconds for a run that is made longer until it can be told, and how often
@@ -118,7 +118,7 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         report(1.0)
         return replace(found, complete=True)
-    left = (_ALL - min(cost_of(found.recording.rig), 0.7 * _ALL)) * (_DEARER if is_dear(rig) else 1.0)
+    left = (_ALL - min(estimate(found.recording.rig).seconds, 0.5 * _ALL)) * (_DEARER if is_dear(rig) else 1.0)
     trials = Trials(_FOR_SPEEDS * left)
     survey = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), found.regime.kind)
     survey.look(trials, part(report, 0.0, 0.3))
@@ -135,13 +135,8 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:
-    """The speeds that an answer is about, as factors: far on either side of those that the drive goes through.
-
-    Raises `InputError` if the rig does not go forwards.
-    """
-    if rig.velocity <= 0:
-        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
-        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
+    """The speeds that an answer is about, as factors: far on either side of those that the drive goes through."""
+    number("drive: the speed of a prediction", rig.velocity, above=0, hint=rig.unit_name("velocity"))
     ends = [abs(v) / rig.natural.velocity for piece in rig.drive.pieces for v in (piece.start, piece.end) if v != 0]
     through, widest = [*ends, *works_at(rig)], 10.0 if is_dear(rig) else 100.0
     return min(through) / widest, max(through) * widest
@@ -156,11 +151,11 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
         drive = trial(rig).drive
     if len(drive.pieces) == 1:
-        affordable = _FIRST * dearer / cost_of(replace(rig, drive=drive)) * drive.duration
+        affordable = _FIRST * dearer / estimate(replace(rig, drive=drive)).seconds * drive.duration
         fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity
         drive = constant(velocity, min(max(affordable, fewest), drive.duration))
-    trials = Trials(_LONGEST * dearer)
-    return trials.watch(replace(rig, drive=drive), most=_MOST_RUNS, long=False, progress=progress)
+    run = record(replace(rig, drive=drive), progress=progress)
+    return Trials(_LONGEST * dearer).watch(run, most=_MOST_RUNS)
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:

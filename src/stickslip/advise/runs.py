@@ -16,7 +16,6 @@ from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.model import Contacts, FromRest, FromSliding
 from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
-from stickslip.progress import Progress
 from stickslip.simulation import Recording, estimate, record
 from stickslip.stability import growth_rate
 
@@ -29,7 +28,6 @@ _MOST_RUNS = 4  # how often a run that cannot be judged is made, each time at le
 _NO_NOISE = 2.0 * SLIP_VELOCITY  # velocities of the drive that no noise of contacts in smooth sliding reaches
 _PARTS = 10  # of a run, over which the error of a variance is told
 _TWICE = math.log(2.0)  # between as much variance and four times as much
-_READING = 0.006  # seconds that it takes to set up a run and to read it
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 _SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
@@ -56,14 +54,12 @@ def length_of(rig: Rig) -> float:
 
 
 def until_decayed(rig: Rig) -> float:
-    """Travel of the drive in which the slowest mode decays, within reason; 0 where nothing is known of modes."""
+    """Travel of the drive in which the slowest mode decays, within reason; 0 if it grows."""
     longest = _LONGEST * length_of(rig)
     try:
         rate = growth_rate(rig.natural).real
-    except UndecidedError:  # distributions with heavy tails have no slowest mode: what decays with them may take long
+    except (InputError, UndecidedError):  # with heavy tails there is no slowest mode: what decays may take long
         return longest
-    except InputError:
-        return 0.0
     return min(rig.natural.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
 
 
@@ -81,11 +77,6 @@ def trial(rig: Rig, distance: float | None = None, other: int = 0) -> Rig:
     return replace(rig, drive=drive, method=contacts_of(rig, other), start=FromRest())
 
 
-def cost_of(case: Rig) -> float:
-    """Seconds that a run takes, with its reading."""
-    return estimate(case).seconds + _READING
-
-
 class Spent(Exception):  # noqa: N818 - not an error: it ends a search
     """The work that was allowed is done."""
 
@@ -101,14 +92,14 @@ class Trials:
 
     def pay(self, case: Rig) -> None:
         """Take the cost of a run."""
-        if (seconds := cost_of(case)) > self.left:
+        if (seconds := estimate(case).seconds) > self.left:
             raise Spent
         self.left -= seconds
 
     def judge(self, case: Rig) -> Regime:
         """The regime that a run leads to; undecided if the work that is allowed ends before it is told."""
         self.pay(case)
-        return self.watch(case)[1]
+        return self.watch(record(case, long=True))[1]
 
     def slides_smoothly(self, rig: Rig) -> bool:
         """Whether `_SEEDS` runs of other contacts all slide smoothly at last, one until the slowest mode decays."""
@@ -125,14 +116,12 @@ class Trials:
             return False
         return True
 
-    def watch(
-        self, case: Rig, *, most: int = _MOST_RUNS, long: bool = True, progress: Progress | None = None
-    ) -> tuple[Recording, Regime, Steady]:
-        """What a run that ends at a constant speed shows, made longer until that can be told; the first is paid for.
+    def watch(self, run: Recording, most: int = _MOST_RUNS) -> tuple[Recording, Regime, Steady]:
+        """What a run that ends at a constant speed shows, made longer until that can be told.
 
         An oscillation of a linearly stable rig must outlast its slowest mode, and then be no noise of its contacts.
         """
-        run, few, lasts = record(case, progress=progress, long=long), isinstance(case.method, Contacts), 0.0
+        case, few, lasts = run.rig, isinstance(run.rig.method, Contacts), 0.0
         for left in reversed(range(most)):
             seen = regime_of(run)
             doubtful = few and seen.kind in OSCILLATES and linearly_unstable(case) is False

@@ -18,11 +18,6 @@ if TYPE_CHECKING:
 
 Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 """Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
-_TO_MEASURE = (
-    "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, the speed "
-    "times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: how the static "
-    "peak grows with the time of rest)"
-)
 _HEAD = ("parameter", "now", "stability limit below", "stability limit above")
 
 
@@ -146,10 +141,7 @@ def _over_its_range(found: Prediction, low: float, high: float) -> str:
 
 def sections(found: Prediction) -> Iterator[Section]:
     """What is said beneath the verdict."""
-    if found.judged:
-        yield "", "", str(found.regime).splitlines()
-    else:
-        yield "To measure it", "", [_TO_MEASURE]
+    yield "", "", str(found.regime).splitlines() if found.judged else []
     yield "", "", list(numbers(found))
     if found.margins:
         about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
@@ -205,9 +197,9 @@ def _value(rig: Rig, parameter: str, value: float) -> str:
 
 def attempts(found: Prediction) -> Iterator[str]:
     """How far each parameter goes that does not give smooth sliding within the range searched."""
-    for each in found.attempts:
-        low, high = (amount(found.rig, each.parameter, value) for value in each.searched)
-        yield f"{parameter_named(each.parameter).title}: no smooth sliding found from {low} to {high}"
+    for name, ends in found.attempts.items():
+        low, high = (amount(found.rig, name, value) for value in ends)
+        yield f"{parameter_named(name).title}: no smooth sliding found from {low} to {high}"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:
@@ -239,23 +231,19 @@ def verdict_on_waves(found: ElasticPrediction) -> str:
 
 
 def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
-    """What is said beneath the verdict."""
-    yield "By wavelength", ", the softest first (linear stability)", list(waves(found))
-
-
-def waves(found: ElasticPrediction) -> Iterator[str]:
     """Each wave in words, the critical length, and where the first contacts break."""
-    rig = found.rig
+    rig, told = found.rig, list[str]()
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:
             rate = "growth rate" if wave.growth > 0 else "decay rate"
             decay = f"{rate} {_mode(rig, abs(wave.growth), wave.frequency, 4)}"
         stiffness = quantity(rig, wave.stiffness, "stiffness")
-        yield f"{wave.name} (stiffness {stiffness}): {decay}; {_grows(found, wave.speeds)}"
+        told.append(f"{wave.name} (stiffness {stiffness}): {decay}; {_grows(found, wave.speeds)}")
     if found.critical is not None:
         stiffness = quantity(rig, found.critical.stiffness, "stiffness")
-        yield f"critical stiffness {stiffness} at this speed: {found.critical}"
+        told.append(f"critical stiffness {stiffness} at this speed: {found.critical}")
     if (distance := distance_to_the_first_break(rig)) is not None:
         what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
-        yield f"from rest, {what} when the drive has gone about {rig.in_units(distance, 'length', 3)}"
+        told.append(f"from rest, {what} when the drive has gone about {rig.in_units(distance, 'length', 3)}")
+    yield "By wavelength", ", the softest first (linear stability)", told
