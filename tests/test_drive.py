@@ -1,7 +1,5 @@
 """Drives are values: made, joined, ended early, looked at."""
 
-import pickle
-from dataclasses import replace
 from functools import reduce
 
 import pytest
@@ -11,7 +9,7 @@ from hypothesis import strategies as st
 from stickslip.errors import InputError
 from stickslip.model import Interface, Rig, Slider
 from stickslip.model.distributions import Gaussian
-from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant, ramp
+from stickslip.model.drive import Drive, ForceBelow, Piece, Travel, constant, ramp
 
 velocities = st.floats(-10, 10)
 durations = st.floats(1e-3, 1e3)
@@ -45,28 +43,12 @@ def test_until_ends_the_last_piece_only():
     assert drive.then(constant(1, 1)).pieces[1].until == Travel(3.0)
 
 
-def test_drives_are_values():
-    drive = ramp(0.1, 3.0, duration=200).then(ramp(3.0, 0.1, duration=200)).until(ForceAbove(0.9))
-    again = ramp(0.1, 3, 200).then(ramp(3, 0.1, 200)).until(ForceAbove(0.9))
-    assert drive == again
-    assert hash(drive) == hash(again)
-    assert drive != again.until(ForceAbove(0.8))
-    assert pickle.loads(pickle.dumps(drive)) == drive
-    assert replace(drive.pieces[0], end=2.0) == Piece(start=0.1, end=2.0, duration=200.0)
-    with pytest.raises(AttributeError):
-        drive.pieces = ()
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: constant(float("nan"), 1), r"^drive velocity = nan: must be a finite number"),
-        (lambda: constant(float("inf"), 1), r"^drive velocity = inf: must be a finite number"),
         (lambda: ramp(1, "2", 1), r"^drive velocity = '2': must be a number"),
         (lambda: constant(1, 0), r"^drive duration = 0: must be a finite number above 0"),
-        (lambda: constant(1, -2), r"^drive duration = -2: must be .* above 0"),
-        (lambda: constant(1, float("inf")), r"^drive duration = inf: must be a finite number above 0"),
-        (lambda: constant(1, "long"), r"^drive duration = 'long': must be a number above 0"),
         (lambda: constant(0), r"^constant: velocity = 0 needs a duration"),
         (lambda: constant(1, 1).until(3.0), r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow"),
         (lambda: constant(1, 1).then(3.0), r"^Drive\.then = 3\.0: must be a drive, made with constant\(\) or ramp\(\)"),
@@ -74,8 +56,6 @@ def test_drives_are_values():
         (lambda: Drive([Piece(start=1, end=1, duration=1)]), r"^Drive\.pieces = \[.*: must be a tuple of pieces"),
         (lambda: Drive((1.0,)), r"^Drive\.pieces\[0\] = 1\.0: must be a piece"),
         (lambda: Travel(0), r"^Travel\.distance = 0: must be .* above 0 \(in x_s\)"),
-        (lambda: Travel(-1), r"^Travel\.distance = -1: must be .* above 0"),
-        (lambda: ForceAbove(float("nan")), r"^ForceAbove\.force = nan: must be a finite number \(in f_s\)"),
         (lambda: ForceBelow("low"), r"^ForceBelow\.force = 'low': must be a number \(in f_s\)"),
     ],
 )

@@ -600,7 +600,7 @@ def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more
         ),
         (small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}), None),
         (small(drive__velocity=1e-300), None),
-        (quick_rig(name="x" * 300), "name"),
+        (quick_rig(name="x" * 3000), "name"),
         (quick_rig(assumed={"slider.mass": 5}), "assumed.slider.mass"),
     ],
     ids=lambda value: ascii(str(value)[-60:]),

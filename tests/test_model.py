@@ -93,16 +93,6 @@ def test_samples_agree_with_moments(delay):
         assert abs(estimate - exact) <= 6 * math.sqrt(max(1 - abs(exact) ** 2, 0) / n) + 1e-12
 
 
-def test_what_becomes_of_negative_draws():
-    n, below = 50_000, special.ndtr(-0.2 / 0.12)
-    delays = [RandomDelay(mean=0.2, std=0.12, negative=negative) for negative in ("clip", "redraw", "fold")]
-    clip, redraw, fold = (delay.sample(np.random.default_rng(2), n) for delay in delays)
-    assert abs(np.mean(clip == 0) - below) < 6 * math.sqrt(below / n)
-    assert not np.any([redraw == 0, fold == 0])
-    # Folding and clipping start from the same draws.
-    np.testing.assert_array_equal(clip[clip > 0], fold[clip > 0])
-
-
 def test_what_a_notebook_tries_works_or_says_what_to_write():
     assert Gaussian(1.0, 0.1) == Gaussian(mean=1.0, std=0.1)
     assert Uniform(0.8, 1.2) == Uniform(low=0.8, high=1.2)

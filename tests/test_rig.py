@@ -196,7 +196,6 @@ MISTAKES = [
     ("slider.stifness", "4 MN/m", "slider.stifness", "did you mean 'stiffness'"),
     ("slider.mass", None, "slider.mass", "is missing"),
     ("slider.mass", "-75 g", "slider.mass = '-75 g'", "at least 0"),
-    ("slider.mass", "75 mm", "slider.mass = '75 mm'", "not in a unit of 'kg'"),
     ("slider.mass", 75, "slider.mass = 75", "has no unit"),
     ("slider.mass", True, "slider.mass = True", "quantity"),
     ("slider.damping", "3 1/s", "slider", "give damping_ratio or damping, not both"),
@@ -204,7 +203,6 @@ MISTAKES = [
     (THRESHOLDS, {"distribution": "uniform", "low": 2.0, "high": 1.0}, f"{THRESHOLDS}.high = 1", "above 2"),
     (THRESHOLDS, {"distribution": "empirical"}, f"{THRESHOLDS}.samples", "missing"),
     ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "interface.initial", "nearer to 0"),
-    ("interface.contact_strength", "768 kg", "interface.contact_strength", "unit of 'N'"),
     ("interface.mu_s", 0.4, "interface", "give contact_strength or normal_load, mu_s and mu_k, not both"),
     ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
@@ -220,10 +218,8 @@ MISTAKES = [
     ("drive.velocity", {"from": "1 mm/s"}, "drive.velocity.to", "is missing"),
     ("drive.velocity", {"from": "2 mm/s", "to": "1 mm/s"}, "drive.velocity = {", "must be speeds, as in"),
     ("feasible", {"stifness": ["1 MN/m", "2 MN/m"]}, "feasible.stifness", "did you mean 'stiffness'"),
-    ("feasible", {"mass": "5 kg"}, "feasible.mass = '5 kg'", "must be a list"),
     ("feasible", {"mass": ["5 kg", "1 kg"]}, "feasible.mass", "the lowest first"),
     ("feasible", {"mass": ["5 N", "6 kg"]}, "feasible.mass[0] = '5 N'", "not in a unit of 'kg'"),
-    ("feasible", 3, "feasible = 3", "must be a table"),
     ("fitted", {"slider.mass": DRAWS}, "fitted.slider.mass.draws", "is missing"),
 ]
 
