@@ -25,18 +25,16 @@ class AgeingModel(Record):
     def friction(self, thresholds: Distribution, delay: DelayModel, velocity: float) -> float:
         """Return the force in steady sliding, per contact, of positive `thresholds`; `velocity` in ``x_s`` per time."""
         del thresholds, delay, velocity
-        raise InputError(
-            f"Interface.ageing = {self}: the force in steady sliding is not known; simulate, or give "
-            f"{type(self).__name__} a method friction(thresholds, delay, velocity)"
-        )
+        raise self._unknown("the force in steady sliding", "friction(thresholds, delay, velocity)")
 
     def response(self, thresholds: Distribution, delay: DelayModel) -> Any:
         """Return the linear response of steady sliding, a `stickslip.sliding.Response`."""
         del thresholds, delay
-        raise InputError(
-            f"Interface.ageing = {self}: the stability of smooth sliding is not known; simulate, or give "
-            f"{type(self).__name__} a method response(thresholds, delay)"
-        )
+        raise self._unknown("the stability of smooth sliding", "response(thresholds, delay)")
+
+    def _unknown(self, what: str, method: str) -> InputError:
+        kind = type(self).__name__
+        return InputError(f"Interface.ageing = {self}: {what} is not known; simulate, or give {kind} a method {method}")
 
 
 @register("langevin")

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
-from itertools import product
 
 from stickslip.errors import InputError, number, shown
 from stickslip.words import PREFIXES
@@ -48,9 +48,6 @@ _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("t", "tonne", 1000, _MASS),
     ("yr yrs", "year", _YEAR, _TIME),
     ("dyn", "dyne", Fraction(1, 10**5), _FORCE),
-)
-"""Units that take a prefix: symbols, names, which have a plural, sizes in SI units, and the exponents of these."""
-_WITHOUT_PREFIX: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("K", "kelvin", 1, {"K": 1}),
     ("min mins", "minute", 60, _TIME),
     ("h hr hrs", "hour", 3600, _TIME),
@@ -65,6 +62,9 @@ _WITHOUT_PREFIX: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("lbf", "", _POUND * _STANDARD_GRAVITY, _FORCE),
     ("psi", "", _POUND * _STANDARD_GRAVITY / (_FOOT / 12) ** 2, _PRESSURE),
 )
+"""Units: symbols, names, which have a plural, sizes in SI units, and the exponents of these."""
+_PREFIXED = 10
+"""How many of them, the first ones, take a prefix."""
 _UNCLEAR = {
     **dict.fromkeys(("ton", "tons"), "differs between countries; write 't' for 1000 kg"),
     **dict.fromkeys(("pound", "pounds"), "is a mass or a force; write 'lb' or 'lbf'"),
@@ -166,24 +166,22 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
 @lru_cache(maxsize=256)
 def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
     """Size of a unit in SI base units and the exponents of these; None if it is none that is known here."""
-    try:
-        size, dimensions = _size_of(unit) if re.fullmatch(_UNIT, unit) else (None, {})
-    except InputError:
-        return None
-    return None if size is None else (float(size), dimensions)
+    with suppress(InputError):
+        if re.fullmatch(_UNIT, unit):
+            size, dimensions = _size_of(unit)
+            return float(size), dimensions
+    return None
 
 
 @lru_cache(maxsize=1)
 def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
     """Every way to write one unit, with its size and the exponents of the SI base units."""
     ways: dict[str, tuple[Fraction, dict[str, int]]] = {}
-    for (symbol, (name, power)), (symbols, names, size, parts) in product(PREFIXES.items(), _UNITS):
-        words = [name + own for own in names.split()]
-        for way in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
-            ways[way] = Fraction(10) ** power * size, parts
-    for symbols, names, size, parts in (*_UNITS, *_WITHOUT_PREFIX):  # "ft" is a foot, and no femtotonne
-        for way in (*symbols.split(), *names.split(), *(f"{word}s" for word in names.split())):
-            ways[way] = Fraction(size), parts
+    for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():  # none comes last: "ft" is no femtotonne
+        for symbols, names, size, parts in _UNITS[:_PREFIXED] if symbol else _UNITS:
+            words = [name + own for own in names.split()]
+            for way in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
+                ways[way] = Fraction(10) ** power * size, parts
     return ways
 
 
