@@ -29,7 +29,7 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
+        raise _failed(path, "read", error) from None
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"{path}: is {_KINDS[stat.S_IFMT(found.st_mode)]}, not a {kind}")
     if found.st_size > largest:
@@ -45,11 +45,11 @@ def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
     try:
         return Path(path).read_bytes()
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise _failed(path, "read", error) from None
 
 
-def _unreadable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
-    return InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
+def _failed(path: str | os.PathLike[str], done: str, error: OSError | ValueError, remedy: str = "") -> InputError:
+    return InputError(f"{path}: cannot be {done} ({getattr(error, 'strerror', None) or error}){remedy}")
 
 
 def target(path: str | os.PathLike[str]) -> Path:
@@ -63,7 +63,7 @@ def target(path: str | os.PathLike[str]) -> Path:
             raise InputError(f"{path}: there is no directory {place.parent}; make it first") from None
         found = None
     except (OSError, ValueError) as error:
-        raise _unwritable(path, error) from None
+        raise _failed(path, "written", error, "; nothing was lost, choose another place") from None
     kind = stat.S_IFREG if found is None else stat.S_IFMT(found.st_mode)
     if kind == stat.S_IFDIR:
         raise InputError(f"{path}: is a directory; give the name of a file")
@@ -93,10 +93,5 @@ def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise _failed(path, "written", error, "; nothing was lost, choose another place") from None
     return Path(path)
-
-
-def _unwritable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
-    reason = getattr(error, "strerror", None) or error
-    return InputError(f"{path}: cannot be written ({reason}); nothing was lost, choose another place")

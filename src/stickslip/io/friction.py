@@ -50,7 +50,7 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
     """
 
     def ratio(std: float) -> float:
-        most, least = slow_friction(Gaussian(1.0, std), initial)  # type: ignore[arg-type]
+        most, least = slow_friction(Gaussian(1.0, std), initial)
         return most / least
 
     wanted, least, most = static / kinetic, ratio(WIDEST), ratio(NARROWEST)
@@ -61,4 +61,4 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
             + (more if wanted > most else "")
         )
     found = Gaussian(1.0, float(optimize.brentq(lambda std: ratio(std) - wanted, NARROWEST, WIDEST, xtol=1e-10)))
-    return found, kinetic / slow_friction(found, initial)[1]  # type: ignore[arg-type]
+    return found, kinetic / slow_friction(found, initial)[1]

@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from stickslip.errors import InputError, extreme, shown
 from stickslip.model.quantities import read_quantity, unit_size
@@ -16,6 +16,8 @@ from stickslip.model.units import UNITS, si_unit
 
 Sign = Literal["above 0", "at least 0", ""]
 
+LONGEST_TEXT = 2_000
+"""Characters of a text."""
 DECADES = 15
 """Powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions."""
 
@@ -38,7 +40,6 @@ class Key:
     default: Any = None
     required: bool = False
     measure: str = ""  # how to measure a property of the bench that has a default
-    longest: int = 2_000  # characters of a text
 
     @property
     def is_table(self) -> bool:
@@ -68,10 +69,10 @@ class Key:
         if kind is float or (is_quantity and kind is not list):
             is_natural = not is_quantity or (natural and not self.si)
             return self._number(value, "" if is_natural else self.si or si_unit(self.unit))
-        of_kind = type(value) is kind and not (kind is str and len(value) > self.longest)
+        of_kind = type(value) is kind and not (kind is str and len(value) > LONGEST_TEXT)
         if value not in self.choices if self.choices else not of_kind:
             wanted = {
-                str: f"text in quotes, of at most {self.longest} characters",
+                str: f"text in quotes, of at most {LONGEST_TEXT} characters",
                 bool: "true or false",
                 int: "a whole number",
                 list: f"a list, such as {toml(self.example)}",
@@ -109,19 +110,16 @@ def natural_unit_of(example: str) -> str:
     return next((unit for unit, size in sizes if size and measured and size[1] == measured[1]), "")
 
 
-@dataclass(frozen=True)
-class Either:
+class Either(NamedTuple):
     """Keys of a table that exclude each other: one way is taken, with all of its keys."""
 
     ways: tuple[tuple[str, ...], ...]
-    _: KW_ONLY
-    needed: bool = True  # where none is given, the first way is asked for
-    because: str = ""  # why not both, if that is not plain
+    needed: bool = False  # where none is given, the first way is asked for
 
-    @property
-    def clash(self) -> str:
-        """The refusal of two ways at once."""
-        return f"give {' or '.join(map(listed, self.ways))}, not both{self.because and f': {self.because}'}"
+
+def either(*ways: str, needed: bool = False) -> Either:
+    """The rule that keys of one way, parted by blanks, exclude those of another."""
+    return Either(tuple(tuple(way.split()) for way in ways), needed)
 
 
 def listed(names: Any) -> str:

@@ -1,12 +1,5 @@
 """Rig files: TOML in SI units (or natural ones) in, records of the model out, and back.
 
->>> from stickslip.io.rig_files import read_rig
->>> rig = read_rig("pmma_slider")
->>> round(rig.interface.delay.time, 3), rig.natural.velocity  # natural units
-(0.4, 1.0)
->>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
-4000000
-
 The records of the model are what a file is read into and checked by; what the keys of a file mean stands in
 `stickslip.io.rig_keys`. Stretchings of distributions are relative to ``interface.breaking_displacement``.
 """

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError
-from stickslip.io.keys import Either, Key, natural_unit_of
+from stickslip.io.keys import Either, Key, either, natural_unit_of
 from stickslip.model import Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -37,33 +37,25 @@ MATERIAL: Mapping[str, Mapping[str, str]] = {
 }
 """Of an elastic body: what is given directly, or follows from its shape and a property of the material."""
 SHAPE = ("spacing", "width", "height")
-COEFFICIENTS = ("mu_s", "mu_k")
-SCALES = ("contact_strength", "normal_load", *COEFFICIENTS, "breaking_displacement")
+SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacement")
 """Keys that are 1 in natural units, or make up what is."""
 
 
-def _either(one: str, *others: str, needed: bool = False, because: str = "") -> Either:
-    return Either(((one,), others), needed=needed, because=because)
-
-
 RULES: Mapping[str, tuple[Either, ...]] = {
-    "slider": (_either("damping_ratio", "damping", needed=True),),
+    "slider": (either("damping_ratio", "damping", needed=True),),
     **{
-        body: tuple(_either(m, direct, needed=direct != "leaf") for direct, m in material.items())
+        body: tuple(either(m, direct, needed=direct != "leaf") for direct, m in material.items())
         for body, material in MATERIAL.items()
     },
     "interface": (
-        _either("contact_strength", "normal_load", *COEFFICIENTS, needed=True),
-        _either("thresholds", *COEFFICIENTS, needed=True, because="they say how wide the thresholds are"),
-        _either("delay", "v_half"),
-        _either("newborn", *COEFFICIENTS, because="these are read as of unstretched newborns"),
-        _either("areas", *COEFFICIENTS, because="these are read as of equal contacts"),
-        _either("areas", "v_half", because="it is read as of equal contacts"),
+        either("contact_strength", "normal_load mu_s mu_k", needed=True),
+        either("thresholds", "mu_s mu_k", needed=True),
+        either("delay", "v_half"),
+        either("newborn", "mu_s mu_k"),  # coefficients are read as of unstretched newborns, and of equal contacts
+        either("areas", "mu_s mu_k"),
+        either("areas", "v_half"),
     ),
-    "drive": (
-        _either("velocity", "pieces", needed=True),
-        *(_either(*ways) for ways in (("distance", "duration"), ("distance", "pieces"), ("duration", "pieces"))),
-    ),
+    "drive": (either("velocity", "pieces", needed=True), either("distance", "duration", "pieces")),
 }
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -80,7 +72,7 @@ _NO_DELAY = (
 _INITIAL = "repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution"
 _REQUIRED = {"required": True}
 _MORE: Mapping[str, dict[str, Any]] = {
-    "top.name": {"default": "rig", "longest": 200},
+    "top.name": {"default": "rig"},
     "top.units": {"choices": ("SI", "natural"), "default": "SI"},
     "top.source": {"default": ""},
     "top.interface": _REQUIRED,
@@ -102,7 +94,7 @@ _MORE: Mapping[str, dict[str, Any]] = {
     "run.blocks": _REQUIRED,
     "run.stretching": _REQUIRED,
     "fitted.interval": _REQUIRED,
-    "fitted.how": {"longest": 400, **_REQUIRED},
+    "fitted.how": _REQUIRED,
     "fitted.draws": _REQUIRED,
     "bell.temperature": {"si": "K", "sign": "above 0"},
     "bell.activation_volume": {"si": "m^3", "sign": "above 0"},
@@ -183,20 +175,6 @@ _BOLTZMANN = 1.380649e-23
 """In J/K."""
 
 
-@dataclass(frozen=True)
-class Instead:
-    """Keys that a file may give in place of fields of a record, and how these follow from them."""
-
-    keys: Mapping[str, Key]
-    fields: tuple[str, ...]
-    made: Callable[..., tuple[Any, ...]]  # of the breaking displacement and their values
-
-    @property
-    def rule(self) -> Either:
-        """The keys or the fields."""
-        return Either((tuple(self.keys), self.fields))
-
-
 def _histogram(length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:
     del length  # stretchings are relative to it
     made = Empirical.from_samples(samples)
@@ -207,10 +185,12 @@ def _width(length: float, temperature: float, volume: float, strength: float) ->
     return (_BOLTZMANN * temperature / (strength * volume) * length,)
 
 
-INSTEAD: Mapping[type, Instead] = {
-    Empirical: Instead(_keys("empirical", _WITHIN["empirical"]), ("edges", "weights"), _histogram),
-    Bell: Instead(_keys("bell", _WITHIN["bell"]), ("width",), _width),
+INSTEAD: Mapping[type, tuple[Mapping[str, Key], tuple[str, ...], Callable[..., tuple[Any, ...]]]] = {
+    Empirical: (_keys("empirical", _WITHIN["empirical"]), ("edges", "weights"), _histogram),
+    Bell: (_keys("bell", _WITHIN["bell"]), ("width",), _width),
 }
+"""Keys that a file may give in place of fields of a record, and how these follow from the breaking displacement and
+them."""
 
 
 @cache
@@ -219,7 +199,7 @@ def keys_of(record: type) -> Mapping[str, Key]:
 
     Raises `InputError` if a delay of the user's own has a number without a unit: a file could not say what it means.
     """
-    found = dict(INSTEAD[record].keys) if record in INSTEAD else {}
+    found = dict(INSTEAD[record][0]) if record in INSTEAD else {}
     made = {field.name for field in fields(record) if field.init}
     for name, (kind, mark) in declared(record).items():
         if record in DELAYS.values() and name in made and mark is None and kind is float:

@@ -13,8 +13,8 @@ from typing import Any
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
-from stickslip.io.keys import Either, Key, toml
-from stickslip.io.rig_keys import COEFFICIENTS, MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
+from stickslip.io.keys import Either, Key, either, toml
+from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
 from stickslip.io.tables import NotedError, Tables, at
 from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
 from stickslip.model.body import BODIES
@@ -66,7 +66,7 @@ class _Reader:
     def rig(self) -> Rig:
         """The rig that the file describes."""
         file = self.file
-        one_body = Either(tuple((name,) for name in ("slider", *BODIES)), needed=False)
+        one_body = either("slider", *BODIES)
         top = file.table(self.document, {**{name: Key({}) for name in BODIES}, **rig_keys.TOP}, rules=(one_body,))
         tables = [self._table(name, top.get(name, {})) for name in (self.body, "interface", "drive", "simulation")]
         slider, interface, drive, simulation = tables
@@ -152,8 +152,9 @@ class _Reader:
             raise _refused(f"{place}.{word}", named, known)
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
-        instead = rig_keys.INSTEAD.get(kind)
-        values = self.file.whole(written, keys_of(kind), place, (instead.rule,) if instead else ())
+        of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
+        rules = (Either((tuple(of_others), fields), needed=True),) if fields else ()
+        values = self.file.whole(written, keys_of(kind), place, rules)
         for name, value in values.items():
             values[name] = self._record(value, f"{place}.{name}") if isinstance(value, Mapping) else value
         if rig_keys.by_time(kind):
@@ -161,11 +162,11 @@ class _Reader:
             with at(place, {"rate": "time"}):
                 return kind(rate=1.0, **values).with_time(time)
         names: dict[str, str] = {}
-        if instead and instead.keys.keys() <= values.keys():
-            names = dict.fromkeys(instead.fields, next(iter(instead.keys)))
+        if fields and values.keys() >= {*of_others}:
+            names = dict.fromkeys(fields, next(iter(of_others)))
             with at(place):
-                made = instead.made(self.length, *(values.pop(name) for name in instead.keys))
-            values |= dict(zip(instead.fields, made, strict=True))
+                made = made_of(self.length, *(values.pop(name) for name in of_others))
+            values |= dict(zip(fields, made, strict=True))
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
@@ -248,7 +249,7 @@ class _Reader:
             from stickslip.io.friction import thresholds_of
 
             with at("interface.mu_s"):
-                found = thresholds_of(*(interface[name] for name in COEFFICIENTS), interface["initial"])
+                found = thresholds_of(interface["mu_s"], interface["mu_k"], interface["initial"])
             interface["thresholds"], strength = found[0], found[1] * interface["normal_load"]
         fastest, x_s = max(abs(end) for piece in drive.pieces for end in (piece.start, piece.end)), self.length
         # The unit of time drops out of every result; this one keeps the numbers near 1.

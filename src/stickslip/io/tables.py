@@ -11,7 +11,7 @@ from typing import Any
 
 from stickslip.errors import InputError, shortened, shown, together
 from stickslip.io import files
-from stickslip.io.keys import Either, Key, toml
+from stickslip.io.keys import Either, Key, listed, toml
 
 LARGEST_FILE = 1_000_000
 """Bytes beyond which a file is no description of anything."""
@@ -124,7 +124,7 @@ class Tables:
         ways = [way for way in rule.ways if keys.keys() >= {*way}]  # some are none in natural units
         given = [way for way in ways if not content.keys().isdisjoint(way)]
         if len(given) > 1:
-            self.wrong(place or given[1][0], rule.clash)
+            self.wrong(place or given[1][0], f"give {' or '.join(map(listed, rule.ways))}, not both")
         elif ways and (given or rule.needed):
             for name in (given or ways)[0]:
                 if name not in content:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal, Protocol, runtime_checkable
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from scipy import special
 
 from stickslip.errors import InputError
 from stickslip.model.distributions import Distribution, Gaussian
-from stickslip.model.records import Number, check
+from stickslip.model.records import Number, Record
 from stickslip.model.registry import registry
 
 Array = NDArray[np.float64]
@@ -24,20 +24,15 @@ _NODE, _WEIGHT = np.polynomial.legendre.leggauss(96)
 NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
-@runtime_checkable
-class DelayModel(Protocol):
+class DelayModel(Record):
     """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a distribution of the user's own.
 
     One of one's own gives `sample`, and `parts` or `quadrature`; the rest follows from these.
     """
 
-    def __post_init__(self) -> None:
-        """Check the fields as they are declared."""
-        check(self)
-
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Draw `size` delays."""
-        ...
+        raise NotImplementedError
 
     def parts(self) -> Parts:
         """Given times and their weights, and the distributions of the rest with theirs; by default given times only.

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError
 from stickslip.model.quadrature import inverse_survival_of, partial_moment_of, transforms_of
-from stickslip.model.records import check
+from stickslip.model.records import Record
 from stickslip.model.registry import registry
 
 Array = NDArray[np.float64]
@@ -25,21 +24,16 @@ NEGLIGIBLE = 1e-16
 """Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""
 
 
-@runtime_checkable
-class Distribution(Protocol):
+class Distribution(Record):
     """A probability distribution on stretchings.
 
     A new distribution is a frozen dataclass that derives from this class and gives `density`, of integral 1; the places
     where it jumps belong into `knots`, and those where it bends make it faster there. The rest follows.
     """
 
-    def __post_init__(self) -> None:
-        """Check the fields as they are declared."""
-        check(self)
-
     def density(self, x: ArrayLike) -> Array:
         """Probability density at stretching `x`."""
-        ...
+        raise NotImplementedError
 
     @property
     def knots(self) -> tuple[float, ...]:
