@@ -357,7 +357,7 @@ def test_precursors_grow_along_the_line(pulled):
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: what = 'heat': must be one of velocity"),
+        (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: this Dataset has no heat of each block"),
         (lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))), r"^slip_profiles: .* no event of 3"),
         (ss.plot.front_curve, r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"),
     ],

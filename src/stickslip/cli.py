@@ -259,9 +259,10 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, json: boo
 
 def _motion(run: xr.Dataset, seen: object) -> str:
     """What a run or a trace did: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
-    from stickslip.measure import front_map, ramps
+    from stickslip.measure.fronts import in_words as of_fronts
+    from stickslip.measure.ramps import in_words as of_a_ramp
 
-    return "\n".join([ramps.in_words(run) or str(seen), *front_map.in_words(run)])
+    return "\n".join([of_a_ramp(run) or str(seen), *of_fronts(run)])
 
 
 @app.command

@@ -14,7 +14,7 @@ from stickslip.errors import InputError
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, axis, in_unit, packed, span
 from stickslip.io import rig_files as rigs
-from stickslip.measure import front_map as maps
+from stickslip.measure.fronts import on_blocks, pixels, rows
 from stickslip.model import Chain, Contacts, Output
 from stickslip.model.rig import Rig
 from stickslip.plot.style import envelope
@@ -41,7 +41,7 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
     watch(1.0)
     fewest = max(_FEWEST, body.blocks / 10)
     events, along = (
-        [row for row in maps.rows(table, name, most=_ROWS) if row["blocks"] >= fewest]
+        [row for row in rows(table, name, most=_ROWS) if row["blocks"] >= fewest]
         for table, name in ((measure.events(run), "event"), (measure.fronts(run), "front"))
     )
     # A bar that does not come to rest again has a front, and no event.
@@ -115,8 +115,10 @@ def _front(part: xr.Dataset, sound: float) -> Plain:
 def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int) -> Plain:
     """Force, velocity of the blocks and attached contacts in a part of a run, by the axes of time and force."""
     t, F = envelope(in_unit(part["time"], times), in_unit(part["spring_force"], force), 2 * most)
-    velocity = maps.front_map(part, "velocity", most=(most, documents.MOST["blocks"])).values
-    attached = maps.front_map(part, "attached", most=(most, documents.MOST["blocks"])).values
+    velocity, attached = (
+        pixels(on_blocks(part, name, "fronts"), (most, documents.MOST["blocks"]))[0]
+        for name in ("velocity", "attached")
+    )
     with np.errstate(divide="ignore"):
         shade = 1.0 + np.log10(velocity / fastest) / _DECADES
     return {

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import InputError, instance
-from stickslip.measure.arrays import Array, slope
-from stickslip.simulation import labelled
+from stickslip.measure.arrays import Array, check_numbers, slope
+from stickslip.measure.arrays import in_words as in_unit
+from stickslip.model import Chain
+from stickslip.simulation import labelled, rig_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +23,7 @@ _FEWEST = 5  # blocks from which a speed is read
 _FAST = 10.0  # blocks in an event are so many times faster than the drive ...
 _SLOWEST = 0.01  # ... or, where it stands still, faster than this part of the fastest block of the run
 _BREAKING = 0.01  # a block that holds takes part if it breaks more than this part of its contacts while it is fast
+_TOLD, _LARGE = 5, 3  # fronts that are told of, and blocks of the smallest event that is
 _IN_TIME = np.array([[0, 1, 0]] * 3)  # neighbours in time, for tables of samples and blocks
 _COLUMNS = {
     "first_block": ("1", "block that breaks, or slips, first"),
@@ -218,3 +221,86 @@ def _half_times(time: Array, X: Array) -> Array:
     low, rise = X[after - 1, block], X[after, block] - X[after - 1, block]
     part = np.divide(level - low, rise, out=np.ones_like(rise), where=rise != 0.0)
     return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
+
+
+# ------------------------------------------------------------------------------------- on a screen, and in words
+
+
+def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Means of a variable of each block over at most so many times and places; of a velocity, its largest size.
+
+    Returned with the edges of the times and of the places: block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
+    """
+    values, largest = np.asarray(field.values, dtype=float), field.name == "velocity"
+    values = np.abs(values) if largest else values
+    edges = [
+        np.unique(np.linspace(0, size, min(pieces, size) + 1).astype(int))
+        for size, pieces in zip(values.shape, most, strict=True)
+    ]
+    for axis, starts in enumerate(edges):
+        if largest:
+            values = np.maximum.reduceat(values, starts[:-1], axis=axis)
+        else:
+            values = np.add.reduceat(values, starts[:-1], axis=axis) / np.expand_dims(np.diff(starts), 1 - axis)
+    time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
+    return values, np.append(time, time[-1])[edges[0]], np.append(block, block[-1] + 1)[edges[1]] - 0.5
+
+
+def in_words(run: xr.Dataset) -> list[str]:
+    """Say the fronts and events of an elastic slider in a line each; nothing of other data."""
+    if "first_break" not in run:
+        return []
+    from stickslip.elastic.precursors import distance_to_the_first_break
+
+    rig, unit, last, said = rig_of(run), str(run["time"].attrs.get("units", "")), run.sizes["block"] - 1, []
+    body = rig.natural.slider
+    for row in rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []:
+        natural = row["front_speed"] / rig.unit("1/time")
+        if np.isfinite(natural):
+            stop = "arrested there" if 0 < row["last_block"] < last else "the end"
+            speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
+            if body.spacing is not None:
+                speed = f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
+            said.append(
+                f"front from t = {in_unit(row['start'], unit)}: blocks {row['first_block']} to {row['last_block']}, "
+                f"{stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of sound"
+            )
+    large = [row for row in rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _LARGE]
+    text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_LARGE} blocks"
+    if large:
+        longest = max(large, key=lambda row: float(row["blocks"]))
+        text += (
+            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {in_unit(longest['start'], unit)}, "
+            f"force drop {in_unit(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"
+        )
+    elif (distance := distance_to_the_first_break(rig)) is not None:
+        text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"
+    return [*said, text]
+
+
+def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
+    """One dict for each row of a table, at most so many; the longest ones if there are more."""
+    frame = table[[name for name, column in table.data_vars.items() if column.dims == (along,)]].to_dataframe()
+    chosen: list[dict[str, Any]] = frame.nlargest(most, "blocks").sort_index().to_dict("records")
+    return chosen
+
+
+def is_of_a_chain(run: xr.Dataset) -> bool:
+    """Whether a Dataset is a run of a chain, or of one row of a sheet."""
+    across = run.coords.get("across")
+    return (
+        {"broken", "velocity"} <= set(run) and "block" in run.dims and (across is None or across.max() == across.min())
+    )
+
+
+def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
+    """Take a variable of each block along time, or complain; the message begins with `who`."""
+    if name not in run or set(run[name].dims) != {"time", "block"}:
+        raise InputError(f"{who}: this Dataset has no {name} of each block; give a run of a Chain")
+    if run.sizes["time"] < 2:
+        raise InputError(f"{who}: the run holds fewer than two samples; select a longer time")
+    across = run.coords.get("across")
+    if across is not None and np.unique(across).size > 1:
+        raise InputError(f"{who}: a Sheet has many rows; select one: run.isel(block=run.across == 0)")
+    check_numbers(who, run[name])
+    return run[name].transpose("time", "block")

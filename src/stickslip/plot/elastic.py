@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from stickslip import measure
 from stickslip.elastic import Front, front_speed, front_threshold, precursor_force
 from stickslip.errors import InputError
-from stickslip.measure.front_map import front_map, on_blocks
+from stickslip.measure.fronts import on_blocks, pixels
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
 from stickslip.plot import style
 from stickslip.plot.style import along_time, dress, house_style, label, legend_above, new_axes, variable
@@ -66,8 +66,8 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
     >>> ss.plot.spacetime(ss.simulate(rig)).get_xlabel()
     'block'
     """
-    found = front_map(run, what, most=(_MOST_ROWS, run.sizes.get("block", 1)), who="plot")
-    field, drawn = found.variable, found.values
+    field = on_blocks(run, "friction_force" if what == "force" else what, "plot")
+    drawn, time, block = pixels(field, (_MOST_ROWS, field.sizes["block"]))
     text, scale, cmap = label(field, most=32), Normalize, "cividis"
     if what == "velocity":
         scale, cmap = LogNorm, "inferno"
@@ -77,7 +77,7 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
         drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
     norm = scale(float(drawn.min()), float(drawn.max()))
     ax = new_axes(style.COLUMN * 1.35, 3.2) if ax is None else ax
-    edges = (found.block, found.time, drawn) if upright else (found.time, found.block, drawn.T)
+    edges = (block, time, drawn) if upright else (time, block, drawn.T)
     mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
     times, blocks = (ax.yaxis, ax.xaxis) if upright else (ax.xaxis, ax.yaxis)

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter
 from stickslip.errors import InputError
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.arrays import in_words
-from stickslip.measure.front_map import is_of_a_chain
+from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
 from stickslip.model.units import engineering
 from stickslip.plot import style
