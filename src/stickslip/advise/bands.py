@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 
@@ -165,27 +166,23 @@ class Survey:
         """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
         grid = [v for band in self._linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
         places = [*self._works_at, *sorted(grid, key=lambda speed: abs(math.log(speed)))]
-        for i, speed in enumerate(places):
-            report(0.7 * i / len(places))
-            self.known.setdefault(speed, "")  # not known yet
-            self._try(speed, trials)
-        while (change := self._widest_change()) is not None and self._try(change, trials):
-            pass
-        report(1.0)
+        self.known = dict.fromkeys(places, "") | self.known  # not known yet
+        with suppress(Spent):
+            for i, speed in enumerate(places):
+                report(i / len(places))
+                self._try(speed, trials)
+            while (change := self._widest_change()) is not None:
+                self._try(change, trials)
 
-    def _try(self, speed: float, trials: Trials) -> bool:
-        """Simulate at a speed, if that has not been done; whether it is not too dear."""
+    def _try(self, speed: float, trials: Trials) -> None:
+        """Simulate at a speed, if that has not been done and is not too dear."""
         if not self.known.get(speed):
             case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
             try:
-                if estimate(case).seconds > _DEAREST:
-                    return False
-                self.known[speed] = trials.judge(case).kind
-            except Spent:
-                return False
+                too_dear = estimate(case).seconds > _DEAREST
+                self.known[speed] = "undecided" if too_dear else trials.judge(case).kind
             except InputError:
                 self.known[speed] = "undecided"
-        return True
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
         """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.

@@ -152,8 +152,8 @@ def settle(ride: Ride) -> tuple[Verdict, Ride]:
     while fate is None:
         ride, look = ride.look()
         looks.append(look)
-        fate = _fate(rig, looks, floor, growing)
-    answer, amplitude, reason = fate
+        fate = _fate(looks, floor, growing)
+    answer, amplitude, what = fate
     last, fastest = looks[-1], max(look.fastest for look in looks[-2:])
     kind: Kind = "undecided"
     if answer is False:
@@ -163,7 +163,7 @@ def settle(ride: Ride) -> tuple[Verdict, Ride]:
     verdict = Verdict(
         sustained=answer,
         kind=kind,
-        reason=reason,
+        reason=f"the oscillation of the force {what.format(rig.in_units(amplitude, 'force', 3 if answer else 4))}",
         peak_to_peak=amplitude * rig.unit("f_s"),
         period=last.period * rig.unit("time"),
         mean_force=last.mean_force * rig.unit("f_s"),
@@ -189,37 +189,26 @@ def _friction(rig: Rig) -> float:
     return kinetic_friction(interface, rig.natural.velocity)
 
 
-def _fate(rig: Rig, looks: list[Look], floor: float, growing: bool | None) -> tuple[bool | None, float, str] | None:
+def _fate(looks: list[Look], floor: float, growing: bool | None) -> tuple[bool | None, float, str] | None:
     """Whether it persists, its amplitude, and why, as soon as the looks tell."""
     size = np.array([look.amplitude for look in looks])
-    now = float(size[-1])
-
-    def fate(answer: bool | None, what: str, amplitude: float = now) -> tuple[bool | None, float, str]:
-        said = what.format(rig.in_units(amplitude, "force", 3 if answer else 4))
-        return answer, amplitude, f"the oscillation of the force {said}"
-
+    now, step = float(size[-1]), np.diff(np.log(np.maximum(size, 1e-300)))
     if now < 1e-9 * floor and growing is not True:
-        return fate(False, "has decayed; none is left")
+        return False, now, "has decayed; none is left"
     limit = CYCLES.at(np.concatenate([look.cycles for look in looks])) or LOOKS.at(size)
     if limit is not None and now > floor:
-        return fate(True, "settles at {}", limit)
-    if len(looks) < 3:
-        return None
-    step = np.diff(np.log(np.maximum(size, 1e-300)))
-    if now < floor and growing is not True and np.all(step[-2:] < 0):
-        return fate(False, "decays; it is down to {}")
+        return True, limit, "settles at {}"
+    if now < floor and growing is not True and len(looks) >= 3 and np.all(step[-2:] < 0):
+        return False, now, "decays; it is down to {}"
     if now > floor and len(looks) >= 10 and _has_no_trend(size[-8:]):
-        return fate(True, "scatters about {} without a trend", float(np.median(size[-8:])))
+        return True, float(np.median(size[-8:])), "scatters about {} without a trend"
     # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
-    if len(looks) < PATIENCE * (5 if growing else 3 if drifts else 1):
+    if len(looks) < max(PATIENCE * (5 if growing else 3 if drifts else 1), 3):
         return None
     if growing:
-        return fate(True, "has not settled, {} so far, but smooth sliding is unstable by linear theory")
-    third = max(len(step) // 3, 2)
-    if np.all(step[-2 * third :] < 0) and step[-third:].mean() < step[-2 * third : -third].mean() - LOOKS.none / 10:
-        return fate(False, "shrinks ever faster; it is down to {}")
-    return fate(None, f"{{}}, still changes by {step[-1]:.2g} a look after {len(looks)} looks")
+        return True, now, "has not settled, {} so far, but smooth sliding is unstable by linear theory"
+    return None, now, f"{{}}, still changes by {step[-1]:.2g} a look after {len(looks)} looks"
 
 
 def _has_no_trend(size: Array) -> bool:
