@@ -52,7 +52,7 @@ RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an 
 Json = Annotated[Switch, Parameter(help="Print JSON for a machine to read.")]
 Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
 Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
-Kind = Literal["overview", "phase", "stretchings", "energy", "spacetime", "fronts", "precursors", "slips"]
+Kind = Literal["overview", "phase", "energy", "spacetime", "fronts", "precursors", "slips"]
 
 
 @Parameter(name="*")

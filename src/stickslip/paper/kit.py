@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
+from stickslip.plot.style import panel as panel
 
 Array = NDArray[np.float64]
 Picture = matplotlib.figure.Figure
@@ -92,26 +93,6 @@ def power(x: Any, y: Any) -> float:
     """Return the slope of log y against log x; NaN if a value is."""
     spread = np.cov(np.log(x), np.log(y))
     return float(spread[0, 1] / spread[0, 0])
-
-
-def panel(
-    ax: Axes,
-    title: str,
-    x: xr.DataArray | str | None = None,
-    y: xr.DataArray | str | None = None,
-    legend: Any = None,
-    **properties: Any,
-) -> None:
-    """Name a panel and its axes, by variables or by words; place the legend; set limits, ticks and scales."""
-    ax.set(**properties)
-    for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
-        if isinstance(named, str):
-            axis.set_label_text(named)
-        elif named is not None:
-            plot.dress(axis, named)
-    if legend is not None:
-        ax.legend(loc=legend)
-    plot.letter(ax, title)
 
 
 def shade(ax: Axes, ends: Iterable[SupportsFloat], words: str, height: float) -> None:

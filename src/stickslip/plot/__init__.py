@@ -45,7 +45,6 @@ from stickslip.plot.runs import force_trace as force_trace
 from stickslip.plot.runs import overview as overview
 from stickslip.plot.runs import phase_portrait as phase_portrait
 from stickslip.plot.runs import side_by_side as side_by_side
-from stickslip.plot.runs import stretchings as stretchings
 from stickslip.plot.runs import velocity as velocity
 from stickslip.plot.style import BLACK as BLACK
 from stickslip.plot.style import BLUE as BLUE

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from stickslip.plot import style
-from stickslip.plot.style import dress, envelope, house_style, legend_above, letter, new_figure
+from stickslip.plot.style import envelope, house_style, legend_above, new_figure, panel
 
 Fit = Any  # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures, which take attributes
 Step = Any  # `stickslip.rate_state.Step`
@@ -34,23 +34,19 @@ def slips(data: xr.Dataset) -> Figure:
     for name, colour, text in (("peak", style.VERMILLION, "before a slip"), ("trough", style.BLUE, "after it")):
         trace.plot(data[f"{name}_time"], data[name], ".", color=colour, markersize=3, label=text)
     legend_above(trace)
-    size = np.sort(data["drop"].values)
-    drops.step(size, np.arange(1, size.size + 1) / size.size, where="post", color=style.BLACK)
+    drops.ecdf(data["drop"].values, color=style.BLACK)
     drops.axvline(data.attrs["smallest"], color=style.GREY, linestyle=style.DASHED, linewidth=0.9)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
     pairs.plot(data["peak"], data["trough"], ".", color=style.BLACK, markersize=3)
     rate.plot(data["peak_time"], data["loading_rate"], ".", color=style.BLACK, markersize=3)
     known, when = data["loading_rate"].values[1:], data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
-    for part in (slice(0, third), slice(known.size - third, None)):
+    for part in (slice(0, third), slice(-third, None)):
         rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=style.VERMILLION)
     rate.set_ylim(0, 2.0 * float(np.median(known)))
     named = (("time", "spring_force"), ("drop", ""), ("peak", "trough"), ("peak_time", "loading_rate"))
-    for ax, panel, (across, up) in zip((trace, drops, pairs, rate), "abcd", named, strict=True):
-        dress(ax.xaxis, data[across])
-        if up:
-            dress(ax.yaxis, data[up])
-        letter(ax, f"({panel})")
+    for ax, name, (across, up) in zip((trace, drops, pairs, rate), "abcd", named, strict=True):
+        panel(ax, f"({name})", data[across], data.get(up))
     return figure
 
 
@@ -64,23 +60,25 @@ def fitted(found: Fit) -> Figure:
         What `stickslip.fit` returns.
     """
     figure = new_figure(style.PAGE, 6.6)
-    grid = figure.add_gridspec(3, 2, height_ratios=(1, 1, 4))
-    measured = figure.add_subplot(grid[0, :])
-    simulated = figure.add_subplot(grid[1, :], sharex=measured, sharey=measured)
-    test, parameters = (figure.add_subplot(grid[2, i]) for i in range(2))
+    measured, simulated, test, parameters = figure.subplot_mosaic("aa;bb;cd", height_ratios=(1, 1, 4)).values()
+    simulated.sharex(measured)
+    simulated.sharey(measured)
     # A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales.
     events, made = found.events, found.simulated()
     begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
-    time = made["time"].values - 0.4 * float(made["time"][-1])
+    time, words = made["time"].values - 0.4 * float(made["time"][-1]), f"force ({events.force_unit})"
     closest = "simulated, the draw nearest to the medians"
     shown = (measured, events.time - begin, events.force, style.BLACK, "measured")
     for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, style.BLUE, closest)):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
-        letter(ax, title)
-        ax.set_ylabel(f"force ({events.force_unit})" if events.force_unit not in ("", "1") else "force")
-    measured.tick_params(labelbottom=False)
-    simulated.set_xlabel(f"time ({events.time_unit})" if events.time_unit else "time")
+        panel(
+            ax,
+            title,
+            f"time ({events.time_unit})" if events.time_unit else "time",
+            words.replace(" ()", "").replace(" (1)", ""),
+        )
+    measured.label_outer()
     _draw_test(test, found)
     _draw_intervals(parameters, found)
     return figure
@@ -96,8 +94,8 @@ def _draw_test(ax: Axes, found: Fit) -> None:
         text: Any = {"va": "center", "fontsize": 7, "annotation_clip": False}
         ax.annotate(one.name, (-_WIDEST - 0.2, at), ha="right", **text)
         ax.annotate(f"{one.p:.2g}", (_WIDEST + 0.2, at), color=colour, **text)
-    ax.set(xlim=(-_WIDEST, _WIDEST), yticks=[], xlabel="(value - median) / (range of 95 % / 4)")
-    letter(ax, "trace (dot), draws (bar), p")
+    words, within = "(value - median) / (range of 95 % / 4)", (-_WIDEST, _WIDEST)
+    panel(ax, "trace (dot), draws (bar), p", words, xlim=within, yticks=[])
     ax.spines["left"].set_visible(False)
 
 
@@ -110,8 +108,8 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
         ax.plot(middle, -row, "|", color="white", markersize=7)
         text = f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}"
         ax.annotate(text, (0, -row + 0.22), fontsize=7, annotation_clip=False)
-    ax.set(xlim=(0, 1), ylim=(-len(found.parameters) + 0.4, 0.7), xticks=[], yticks=[])
-    letter(ax, "90 % intervals within the prior")
+    ends = -len(found.parameters) + 0.4, 0.7
+    panel(ax, "90 % intervals within the prior", xlim=(0, 1), ylim=ends, xticks=[], yticks=[])
     ax.spines[["left", "bottom"]].set_visible(False)
 
 
@@ -138,9 +136,8 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
         curve = fit.friction(x)
         upper.plot(x, curve, color=colour, label=name)
         lower.plot(x, step.friction - curve, color=colour, linewidth=0.7)
-    upper.set_ylabel("friction")
-    lower.set_ylabel("residual")
-    lower.set_xlabel(f"displacement after the step ({length})")
+    panel(upper, "", None, "friction")
+    panel(lower, "", f"displacement after the step ({length})", "residual")
     legend_above(upper)
     return figure
 
@@ -165,9 +162,8 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
         line = peak[-1] + per_decade * np.log10(hold / hold[-1])
         upper.semilogx(hold, line, "--", color=style.VERMILLION, label="slope by rate and state")
     lower.semilogx(hold, run["relaxation"], "o-", color=style.BLUE, markersize=3.5)
-    dress(upper.yaxis, run["peak"].assign_attrs(long_name="peak above sliding"))
-    dress(lower.yaxis, run["relaxation"].assign_attrs(long_name="relaxation"))
-    dress(lower.xaxis, run["hold"].assign_attrs(spacing="log"))
+    panel(upper, "", None, run["peak"].assign_attrs(long_name="peak above sliding"))
+    panel(lower, "", run["hold"].assign_attrs(spacing="log"), run["relaxation"].assign_attrs(long_name="relaxation"))
     lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow
     legend_above(upper)
     return figure

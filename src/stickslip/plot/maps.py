@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.plot import style
-from stickslip.plot.style import Array, dress, house_style, label, letter, minus, new_figure
+from stickslip.plot.style import Array, house_style, label, minus, new_figure, panel
 from stickslip.words import number
 
 REGIMES: dict[str, tuple[str, str, str]] = {
@@ -69,14 +69,12 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")
     if "run" in data.dims:
-        across, up = (str(name)[:-3] for name in data.data_vars if str(name).endswith("_at") and name != "start_at")
-        return _plane(data, _draw_runs, across, up)
+        axes = [str(name)[:-3] for name in data.data_vars if str(name).endswith("_at") and name != "start_at"]
+        return _plane(data, _draw_runs, *axes)
     varied = [str(dim) for dim in data["regime"].dims if dim != "start"]
     axes = [dim for dim in varied if dim != "seed"] or varied
     if not 0 < len(axes) <= 2:
-        raise InputError(
-            f"plot: this sweep has {len(axes)} axes ({', '.join(axes)}): a picture holds two; select the others"
-        )
+        raise InputError(f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; select the others")
     data = data.sortby(varied)
     return _plane(data, _draw_cells, *axes) if len(axes) == 2 else _amplitude_along(data, *axes)
 
@@ -98,15 +96,11 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
     figure = new_figure(style.PAGE if len(starts) > 1 else 1.2 * style.COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
-        if start is not None:
-            letter(ax, f"({'abc'[i]}) {_STARTS.get(start, start)}")
         draw(ax, data, across, up, start)
         _draw_theory(ax, data, across, up)
-        dress(ax.xaxis, data[across])
-        dress(ax.yaxis, data[up])
+        panel(ax, "" if start is None else f"({'abc'[i]}) {_STARTS.get(start, start)}", data[across], data[up])
         ax.label_outer()
-    legend_below(figure)
-    return figure
+    return legend_below(figure)
 
 
 def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None) -> None:
@@ -117,16 +111,11 @@ def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | N
         kinds = first.where((kinds == first).all("seed"), "seeds differ")
     here, cells = kinds.transpose(up, across).to_numpy(), [_cell_edges(data[name]) for name in (across, up)]
     for kind, (colour, mark, hatch) in REGIMES.items():
-        mine = here == kind
-        if not mark or not mine.any():
-            continue
-        shown = np.ma.masked_array(np.ones(mine.shape), ~mine)
-        paint: Any = {"cmap": ListedColormap([colour]), "zorder": 0.5}
-        if hatch:
-            ax.pcolor(*cells, shown, **paint, hatch=hatch, edgecolor=style.GREY, linewidth=0)
-        else:
-            ax.pcolormesh(*cells, shown, **paint, rasterized=here.size > 10_000)
-        ax.fill([], [], facecolor=colour, hatch=hatch, label=kind, **EDGE)  # for the legend
+        shown = np.ma.masked_array(np.ones(here.shape), here != kind)
+        if mark and shown.count():
+            paint: Any = {"cmap": ListedColormap([colour]), "hatch": hatch or None, "edgecolor": style.GREY}
+            ax.pcolor(*cells, shown, **paint, linewidth=0, zorder=0.5, rasterized=here.size > 10_000)
+            ax.fill([], [], facecolor=colour, hatch=hatch, label=kind, **EDGE)  # for the legend
     ax.set(xlim=cells[0][[0, -1]], ylim=cells[1][[0, -1]])
 
 
@@ -180,16 +169,13 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     oscillation = data["peak_to_peak"]
     middle = oscillation.median("seed") if "seed" in oscillation.dims and axis != "seed" else oscillation
     middle = middle if "start" in middle.dims else middle.expand_dims(start=[""])
-    for start, dashes in zip(middle["start"].values, ("-", style.DASHED), strict=False):
-        look: Any = {"color": style.GREY, "linewidth": 0.9, "linestyle": dashes, "zorder": 1}
-        ax.plot(data[axis], middle.sel(start=start), **look, label=_STARTS.get(str(start), ""))
+    for line, dashes in zip(middle.transpose("start", ...), ("-", style.DASHED), strict=False):
+        words = _STARTS.get(str(line["start"].item()), "")
+        ax.plot(data[axis], line, color=style.GREY, linewidth=0.9, linestyle=dashes, zorder=1, label=words)
     _draw_marks(ax, _kinds(data), data[axis], oscillation, size=4.5)
     _draw_theory(ax, data, axis)
-    dress(ax.xaxis, data[axis])
-    dress(ax.yaxis, oscillation)
-    ax.set_ylim(bottom=0)
-    legend_below(figure)
-    return figure
+    panel(ax, "", data[axis], oscillation, ylim=(0, None))
+    return legend_below(figure)
 
 
 # ---------------------------------------------------------------- the stability map
@@ -208,17 +194,15 @@ def chart(found: xr.Dataset) -> Figure:
     figure = new_figure(1.6 * style.COLUMN, 4.6)
     ax = figure.add_subplot()
     _shade(ax, found, across, up)
-    for axis, name in ((ax.xaxis, across), (ax.yaxis, up)):
-        dress(axis, found[name].assign_attrs(spacing="log"))
-    ax.set(xlim=found[across][[0, -1]], ylim=found[up][[0, -1]])
+    limits = {"xlim": found[across][[0, -1]], "ylim": found[up][[0, -1]]}
+    panel(ax, "", *(found[name].assign_attrs(spacing="log") for name in (across, up)), **limits)
     hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
     written: list[Array] = []
     for x, y, mine in _curves(found, across, up, "curve"):
         ax.plot(x, y, color=style.BLACK, linewidth=1.6, label="limit of smooth sliding")
         for i in _places(ax, x, y, written):
-            ax.annotate(
-                "no oscillation" if np.isinf(hertz[mine][i]) else number(hertz[mine][i], 3), (x[i], y[i]), **_WRITTEN
-            )
+            frequency = hertz[mine][i]
+            ax.annotate("no oscillation" if np.isinf(frequency) else number(frequency, 3), (x[i], y[i]), **_WRITTEN)
     if "band" in found.dims and found.sizes["band"]:
         look: Any = {"color": style.BLUE, "linewidth": 3.0, "alpha": 0.7}
         ends = found[f"band_{up}_low"], found[f"band_{up}_high"]
@@ -228,8 +212,7 @@ def chart(found: xr.Dataset) -> Figure:
     unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
     ax.set_title(f"{title}\nnumbers: frequency at the limit ({unit}); growth above 0: unstable".lstrip())
-    legend_below(figure)
-    return figure
+    return legend_below(figure)
 
 
 def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
@@ -272,12 +255,13 @@ def _cell_edges(axis: xr.DataArray) -> Array:
     return np.exp(edges) if log else edges
 
 
-def legend_below(figure: Figure, patches: Iterable[Patch] = ()) -> None:
+def legend_below(figure: Figure, patches: Iterable[Patch] = ()) -> Figure:
     """Put one legend of all axes below them, where it hides no data, in as many rows as its width asks for."""
-    found: dict[Any, Any] = {patch.get_label(): patch for patch in patches}
+    found: dict[Any, Any] = dict.fromkeys(REGIMES) | {patch.get_label(): patch for patch in patches}
     for ax in figure.axes:
         found |= {name: handle for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
-    names = [kind for kind in REGIMES if kind in found] + [name for name in found if name not in REGIMES]
-    rows = math.ceil(len(names) / max(figure.get_figwidth() // _ENTRY, 1))
-    handles, columns = [found[name] for name in names], math.ceil(len(names) / max(rows, 1))
+    handles = [handle for handle in found.values() if handle is not None]
+    rows = math.ceil(len(handles) / max(figure.get_figwidth() // _ENTRY, 1))
+    columns = math.ceil(len(handles) / max(rows, 1))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4)
+    return figure

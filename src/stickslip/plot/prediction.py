@@ -50,8 +50,7 @@ def prediction(answer: Prediction) -> Figure:
     if rows:
         _margins(axes[2], answer)
         patches.append(_patch("unstable"))
-    legend_below(figure, patches)
-    return figure
+    return legend_below(figure, patches)
 
 
 def _title(rig: Any, sentence: str) -> str:
@@ -77,10 +76,9 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
             look = {"edgecolor": "white", "hatch": "/////"}
             ax.axvspan(band.low, band.high, facecolor="none", linewidth=0, **look)
             patches.append(Patch(facecolor=GREY, label="... or smooth: bistable (without noise)", **look))
-    rig, operation = answer.rig, answer.rig.operation
-    ax.axvline(rig.velocity, color=BLACK, linewidth=1.6)
-    place = ax.get_xaxis_transform()
-    ax.plot([rig.velocity], [1.0], "v", color=BLACK, markersize=6, clip_on=False, transform=place)
+    speed, upright = answer.rig.velocity, ax.get_xaxis_transform()
+    ax.axvline(speed, color=BLACK, linewidth=1.6)
+    ax.plot(speed, 1.0, "v", color=BLACK, markersize=6, clip_on=False, transform=upright)
     for speed, _ in answer.at_speeds:
         ax.plot([speed] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2)))
     if answer.between is not None:
@@ -88,7 +86,7 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
     _axis_of_speeds(ax, answer)
     ax.set(ylim=(0.0, 1.0), yticks=[])
     ax.spines["left"].set_visible(False)
-    others = "; dashed, its other speeds" if len(operation.speeds) > 1 else ""
+    others = "; dashed, its other speeds" if len(answer.rig.operation.speeds) > 1 else ""
     others = "; the bar is its range" if answer.between is not None else others
     ax.set_title(f"motion at each speed; the mark is this rig{others}", fontsize=8)
     return patches
@@ -96,16 +94,15 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
 
 def _axis_of_speeds(ax: Axes, answer: Any) -> None:
     """A logarithmic axis of the speeds searched."""
-    attributes = {"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
-    dress(ax.xaxis, xr.DataArray(np.array(answer.speeds_searched), attrs=attributes))
+    look = {"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
+    dress(ax.xaxis, xr.DataArray(np.array(answer.speeds_searched), attrs=look))
     ax.set_xlim(*answer.speeds_searched)
 
 
 def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
     run, period = answer.run, answer.regime.period
     if math.isfinite(period) and period > 0:
-        end = float(run["time"][-1])
-        run = run.sel(time=slice(max(float(run["time"][0]), end - _CYCLES_SHOWN * period), None))
+        run = run.sel(time=slice(float(run["time"][-1]) - _CYCLES_SHOWN * period, None))
     force_trace(run, ax)
     ax.axhline(answer.static_friction, color=GREY, linewidth=0.9, linestyle=DASHED)
     where: Any = {"xycoords": ("axes fraction", "data"), "xytext": (0, 2), "textcoords": "offset points", "ha": "right"}
@@ -168,5 +165,4 @@ def waves(answer: Any) -> Figure:
     ax.spines["left"].set_visible(False)
     figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
     named = {"unstable": "grows (linear)", "smooth sliding": "decays"}
-    legend_below(figure, [Patch(facecolor=_COLOURS[kind], label=name, **EDGE) for kind, name in named.items()])
-    return figure
+    return legend_below(figure, [Patch(facecolor=_COLOURS[kind], label=name, **EDGE) for kind, name in named.items()])

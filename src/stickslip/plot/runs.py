@@ -11,15 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from stickslip.errors import InputError
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.arrays import in_words
 from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
-from stickslip.model.units import engineering
 from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
-from stickslip.plot.style import along_time, dress, envelope, house_style, legend_above, new_axes, variable
+from stickslip.plot.style import along_time, dress, house_style, legend_above, new_axes, panel, variable
+from stickslip.words import prefixed
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
 _WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a logarithmic axis
@@ -50,11 +49,12 @@ def force_trace(
     if events is not None and events.sizes.get("event"):
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
-        gap = run["filled"].to_numpy().astype(bool)
-        text = f"{np.count_nonzero(gap)} filled in"
-        ax.plot(run["time"].to_numpy()[gap], force.to_numpy()[gap], "x", color=style.BLACK, markersize=4, label=text)
-    if "mu" in run and "load" in run:
-        _coefficient_on_the_right(ax, run)
+        gap = force[run["filled"].to_numpy().astype(bool)]
+        ax.plot(gap["time"], gap, "x", color=style.BLACK, markersize=4, label=f"{gap.size} filled in")
+    if "mu" in run and "load" in run:  # another scale, or, where the load changes, a line of its own
+        right = ax.twinx()
+        right.spines["right"].set_visible(True)
+        along_time(run, "mu", right, color=style.PURPLE, linewidth=0.7 if np.ptp(run["load"]) else 0.0)
     if ax.get_legend_handles_labels()[0]:
         legend_above(ax)
     return ax
@@ -106,29 +106,8 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     speed, force = (variable(run, name, "time") for name in ("velocity", "spring_force"))
     ax = new_axes() if ax is None else ax
-    large = speed.size > 10 * style.MOST_POINTS
-    ax.plot(speed, force, color=style.BLUE, linewidth=0.8, rasterized=large)
-    dress(ax.xaxis, speed)
-    dress(ax.yaxis, force)
-    return ax
-
-
-@house_style()
-def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the snapshots of the distribution of stretchings ``Q(x)`` that a run recorded."""
-    if "stretching_density" not in run or set(run["stretching_density"].dims) != {"snapshot", "x"}:
-        raise InputError("plot: this run holds no snapshots; record them with Output(snapshots=(1.0, 2.0))")
-    ax = new_axes() if ax is None else ax
-    count = run.sizes["snapshot"]
-    colours = style.dark_to_bright(count) if count > len(style.PALETTE) else style.PALETTE
-    unit = style.unit_text(str(run["snapshot"].attrs.get("units", ""))).replace("time units", "")
-    for one, colour in zip(run["stretching_density"].transpose("snapshot", "x"), colours, strict=False):
-        name = f"t = {float(one['snapshot']):.4g} {unit}".strip()
-        ax.plot(run["x"], one, color=colour, label=name, drawstyle="steps-mid")
-    dress(ax.xaxis, run["x"])
-    dress(ax.yaxis, run["stretching_density"])
-    ax.set_ylim(bottom=0)
-    legend_above(ax, columns=min(count, 3))
+    ax.plot(speed, force, color=style.BLUE, linewidth=0.8, rasterized=speed.size > 10 * style.MOST_POINTS)
+    panel(ax, "", speed, force)
     return ax
 
 
@@ -153,9 +132,8 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.stackplot(thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0)
     total = work + sum(float(part[0]) for part in parts)
     ax.plot(thin["time"], total, color=style.BLACK, linestyle=style.DASHED, label="work of the drive")
-    dress(ax.xaxis, thin["time"])
     words = str(work.attrs.get("long_name", "")).replace("work of the drive", "energy")
-    dress(ax.yaxis, total.assign_attrs(work.attrs | {"long_name": words}))
+    panel(ax, "", thin["time"], total.assign_attrs(work.attrs | {"long_name": words}))
     ax.margins(x=0)
     legend_above(ax, columns=3)
     return ax
@@ -221,33 +199,14 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
             return f"drive from {_speed(low, run)} to {_speed(high, run)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
-    if seconds := ratio(seen.time_unit, "s"):
-        how_often = in_words(1.0 / (seconds * seen.period), "Hz", 3)
-    else:
-        how_often = f"period {in_words(seen.period, seen.time_unit, 3)}"
+    seconds, period = ratio(seen.time_unit, "s"), f"period {in_words(seen.period, seen.time_unit, 3)}"
+    how_often = in_words(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
     return f"{seen.kind}, {how_often}, drop {in_words(seen.drop, seen.force_unit, 3)}"
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
-    unit = str(run["drive_velocity"].attrs.get("units", "")) if "drive_velocity" in run else ""
-    said = engineering(value, unit) if unit == "m/s" else f"{value:.4g} {style.unit_text(unit)}"
-    return said.replace(" um", " µm").strip()
-
-
-def _coefficient_on_the_right(ax: Axes, run: xr.Dataset) -> None:
-    """Another axis for the coefficient of friction: a scale, or, where the load changes, a line of its own."""
-    mu, load = variable(run, "mu", "time"), run["load"].to_numpy()
-    if np.ptp(load) == 0.0:
-        force = run["spring_force"].to_numpy()
-        at = int(np.argmax(np.abs(force)))
-        factor = float(mu[at]) / float(force[at]) if force[at] else 1.0
-        scale: Any = (lambda force: force * factor, lambda mu: mu / factor)
-        other: Any = ax.secondary_yaxis("right", functions=scale)
-    else:
-        other = ax.twinx()
-        other.plot(*envelope(run["time"].to_numpy(), mu.to_numpy()), color=style.PURPLE, linewidth=0.7)
-    other.spines["right"].set_visible(True)
-    dress(other.yaxis, mu)
+    factor, unit = prefixed(value, str(run["drive_velocity"].attrs.get("units", "")))
+    return f"{value / factor:.4g} {style.unit_text(unit)}".strip()
 
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:

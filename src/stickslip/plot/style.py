@@ -141,6 +141,27 @@ def letter(ax: Axes, text: str) -> None:
     ax.set_title(text, loc="left")
 
 
+def panel(
+    ax: Axes,
+    title: str = "",
+    x: xr.DataArray | str | None = None,
+    y: xr.DataArray | str | None = None,
+    legend: Any = None,
+    **properties: Any,
+) -> None:
+    """Name a panel and its axes, by variables or by words; place the legend; set limits, ticks and scales."""
+    ax.set(**properties)
+    for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
+        if isinstance(named, str):
+            axis.set_label_text(named)
+        elif named is not None:
+            dress(axis, named)
+    if legend is not None:
+        ax.legend(loc=legend)
+    if title:
+        letter(ax, title)
+
+
 def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
     """Take a variable along one dimension, or complain."""
     if name not in data:
@@ -164,8 +185,7 @@ def along_time(
     drawn = variable(run, name, "time")
     ax = new_axes(PAGE, height) if ax is None else ax
     ax.plot(*envelope(run["time"].to_numpy(), drawn.to_numpy()), **style)
-    dress(ax.xaxis, run["time"])
-    dress(ax.yaxis, drawn)
+    panel(ax, "", run["time"], drawn)
     ax.margins(x=0.01)
     return ax, drawn
 
