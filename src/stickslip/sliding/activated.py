@@ -26,7 +26,7 @@ from stickslip.kernels import lives as kernel
 from stickslip.kernels.lives import perturbed
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lives import growth_of, hazard_of, lives_of, threshold_nodes
-from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Perturbed, Response
+from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Perturbed, Response, Scales
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLives:
@@ -108,8 +108,9 @@ class ActivatedResponse(Response):
         slow, fast = np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.geomspace(top, 1e3 * top, 90)
         return np.asarray(velocity * np.concatenate([slow, np.arange(step, top, step), fast]))
 
-    def cycle(self, velocity: float) -> float:
-        return float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)
+    def scales(self, velocity: float) -> Scales:
+        cycle = float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)
+        return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
 
 
 def response(interface: Interface) -> ActivatedResponse:

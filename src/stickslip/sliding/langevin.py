@@ -30,6 +30,7 @@ from stickslip.sliding.response import (
     Parts,
     Perturbed,
     Response,
+    Scales,
     speed_by_speed,
 )
 
@@ -50,7 +51,6 @@ class AgedResponse(Response):
 
     # Of the table; about sharp resonances at low speed it is some times less. Counts come from it, crossings do not.
     accuracy: ClassVar[float] = 1e-3
-    lives: ClassVar[float] = 4.0
 
     def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
         return speed_by_speed(self._on_axis, velocity, 1j * omega)
@@ -68,9 +68,10 @@ class AgedResponse(Response):
         w = np.union1d(np.geomspace(1e-4 / longest, highest, 240), fine[fine < highest])
         return np.asarray(w * self._square)
 
-    def cycle(self, velocity: float) -> float:
+    def scales(self, velocity: float) -> Scales:
         u = self._reduced(velocity)
-        return 1.0 / ((u + u * u) * self._square)
+        cycle = 1.0 / ((u + u * u) * self._square)
+        return Scales(cycle, cycle, cycle, fastest=np.inf, leftmost=-4.0 / cycle)
 
     @cached_property
     def _square(self) -> float:

@@ -47,10 +47,25 @@ class Parts(NamedTuple):
     denominator: ComplexArray
 
 
+class Scales(NamedTuple):
+    """Times and frequencies of a response at one speed."""
+
+    cycle: float
+    """Mean time between two attachments of a contact."""
+    pace: float
+    """Time by which growth and decay are measured."""
+    memory: float
+    """Longest time over which the response remembers."""
+    fastest: float
+    """Frequency beyond which kappa turns no more by itself, or infinite."""
+    leftmost: float
+    """Real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow, or diverge."""
+
+
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `kappa` or `parts`, `frequencies`, the scale `cycle` and its `accuracy`; if `kappa` is
+    A model of contacts gives `kappa` or `parts`, `frequencies`, `scales` and its `accuracy`; if `kappa` is
     slow, a table on the axis as `axis_parts`.
     """
 
@@ -58,8 +73,6 @@ class Response(ABC):
     """Of kappa, per contact: a mode nearer to neutral than that is undecided."""
     certain: ClassVar[bool] = False
     """Whether the response can be followed along lines left of the axis, so that roots there can be counted."""
-    lives: ClassVar[float] = 8.0
-    """How quickly a mode may decay to be looked for, per cycle."""
 
     @property
     def inert(self) -> bool:
@@ -76,8 +89,8 @@ class Response(ABC):
         """Rising angular frequencies that follow every turn of kappa, up to `top`, or to where it turns no more."""
 
     @abstractmethod
-    def cycle(self, velocity: float) -> float:
-        """Mean time between two attachments of a contact."""
+    def scales(self, velocity: float) -> Scales:
+        """Times and frequencies at a speed."""
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""
@@ -90,23 +103,6 @@ class Response(ABC):
     def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
         """`parts` at ``s = i omega``."""
         return self.parts(velocity, 1j * omega)
-
-    def leftmost(self, velocity: float) -> float:
-        """Real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow, or diverge."""
-        return -self.lives / self.cycle(velocity)
-
-    def pace(self, velocity: float) -> float:
-        """Time by which growth and decay are measured."""
-        return self.cycle(velocity)
-
-    def memory(self, velocity: float) -> float:
-        """Longest time over which the response remembers."""
-        return self.cycle(velocity)
-
-    def fastest(self, velocity: float) -> float:
-        """Frequency beyond which kappa turns no more by itself, or infinite."""
-        del velocity
-        return math.inf
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray] | None:
         """Frequencies up to `top` and far beyond, and centres of discs through 0 that hold kappa whatever the delay."""
@@ -131,7 +127,7 @@ class Response(ABC):
         furthest = float(np.min(points.real, initial=0.0))
         with np.errstate(over="ignore", invalid="ignore"):
             kappa = _ratio(self.parts(speed, points))
-        known = not self.certain or furthest == 0 or furthest > self.leftmost(float(np.min(speed)))
+        known = not self.certain or furthest == 0 or furthest > self.scales(float(np.min(speed))).leftmost
         if not (known and np.all(np.isfinite(kappa))):
             raise InputError(
                 f"s = {furthest:g}: too far left of the imaginary axis: the distribution of thresholds has no "

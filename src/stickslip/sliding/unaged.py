@@ -39,6 +39,7 @@ from stickslip.sliding.response import (
     MeanLives,
     Parts,
     Response,
+    Scales,
 )
 from stickslip.sliding.transforms import Axis, axis_table, transforms
 
@@ -75,28 +76,19 @@ class UnagedResponse(Response):
         """Numerator and denominator vanish together at ``s = 0``."""
         return 0 if self.inert else 1
 
-    def leftmost(self, velocity: float) -> float:
-        """Abscissa of convergence of the transform of the distribution."""
-        return -math.inf if self.inert else self.distribution.leftmost * velocity
-
     def _path(self, velocity: float | Array) -> Array:
         """``m1 + v <tau>``: mean distance the slider goes between two attachments of a contact, in ``x_s``."""
         return np.asarray(self._mean + velocity * self._mean_delay)
 
-    def cycle(self, velocity: float) -> float:
-        return float(self._path(velocity)) / velocity
-
-    def pace(self, velocity: float) -> float:
-        """Time by which growth and decay are measured: the cycle of a contact, or the delay if it slides with a force.
-
-        At high frequencies the delay is all that is left of the response, and ``f_d`` keeps it from fading.
-        """
-        cycle = self.cycle(velocity)
-        return cycle if self.sliding_force == 0 or self.inert else min(cycle, self._mean_delay)
-
-    def fastest(self, velocity: float) -> float:
-        """Frequency beyond which the scatter of the thresholds has wiped out their memory."""
-        return 8.0 * velocity / self.distribution.standard_deviation() if not self.inert else 0.0
+    def scales(self, velocity: float) -> Scales:
+        cycle, memory = float(self._path(velocity)) / velocity, self._largest / velocity + self.delay.longest
+        if self.inert:
+            return Scales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
+        # At high frequencies the delay is all that is left of the response, and f_d keeps it from fading.
+        pace = cycle if self.sliding_force == 0 else min(cycle, self._mean_delay)
+        # The scatter of the thresholds wipes out their memory; their transform has an abscissa of convergence.
+        fastest = 8.0 * velocity / self.distribution.standard_deviation()
+        return Scales(cycle, pace, memory, fastest, self.distribution.leftmost * velocity)
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         if self.inert:
@@ -114,14 +106,14 @@ class UnagedResponse(Response):
         if self.inert:
             omega = self.frequencies(velocity, top)
             return omega, self.axis_parts(velocity, omega)
-        table = self._table(velocity * self.memory(velocity), top / velocity)
+        table = self._table(velocity * self.scales(velocity).memory, top / velocity)
         stop = int(np.searchsorted(velocity * table.y, top)) + 2
         omega = velocity * table.y[:stop]
         return omega, self._joined(velocity, 1j * omega, table.complement[:stop], table.shape[:stop])
 
     def frequencies(self, velocity: float, top: float) -> Array:
         """Angular frequencies up to `top`, as close as the memory of contacts asks, then as their delay does."""
-        step = STEP / self.memory(velocity)
+        step = STEP / self.scales(velocity).memory
         omega = np.arange(0.5, min(top / step, _MOST_STEPS)) * step
         if self.sliding_force == 0 or self.inert or top <= _MOST_STEPS * step:
             return omega
@@ -152,10 +144,6 @@ class UnagedResponse(Response):
                 "give the rig some damping, or the thresholds more standard deviation"
             )
         return axis_table(hashable(self.distribution), step, count)
-
-    def memory(self, velocity: float) -> float:
-        """Longest time over which the response remembers: the largest threshold and the longest delay."""
-        return self._largest / velocity + self.delay.longest
 
     @cached_property
     def _largest(self) -> float:

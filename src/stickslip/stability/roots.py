@@ -46,10 +46,10 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
     Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be told.
     """
     (neutral,) = neutral_frequencies(response, [(body, velocity)])
-    growing, limit = neutral.unstable(), response.leftmost(velocity)
+    growing, scales = neutral.unstable(), response.scales(velocity)
     starts, roots = _first_starts(response, body, velocity, neutral), np.empty(0, dtype=complex)
-    for step in _lines(response, growing, limit):
-        line = max(step / response.pace(velocity), 0.9 * limit)
+    for step in _lines(response, growing, scales.leftmost):
+        line = max(step / scales.pace, 0.9 * scales.leftmost)
         starts = np.concatenate([starts, _starts_from_line(response, body, velocity, line)])
         roots = _polished(response, body, velocity, starts)
         if is_rightmost(response, body, velocity, roots, growing):
@@ -100,7 +100,7 @@ def _value(response: Response, body: Impedance, velocity: float, s: ComplexArray
 
 def _first_starts(response: Response, body: Impedance, velocity: float, neutral: Neutral | None = None) -> ComplexArray:
     """Modes of the rig alone, neutral ones, and where ``Z + kappa`` changes sign on the real axis."""
-    own, limit, cycle = natural_frequencies(body), response.leftmost(velocity), response.cycle(velocity)
+    own, (cycle, _, _, _, limit) = natural_frequencies(body), response.scales(velocity)
     # Far right kappa falls at the rate at which contacts come to attach.
     soft = 0.0 if response.inert else 1.0 / (cycle * float(body(np.zeros(1, dtype=complex))[0].real))
     top = 10 * max(1 / cycle, soft, float(np.max(np.abs(own), initial=0.0)))
@@ -119,12 +119,11 @@ def _first_starts(response: Response, body: Impedance, velocity: float, neutral:
 
 def _starts_from_line(response: Response, body: Impedance, velocity: float, line: float) -> ComplexArray:
     """Where Newton's method would go in one step from points along a line: the roots near it, and some more."""
-    cycle = response.cycle(velocity)
-    top = 10.0 / cycle + (response.fastest(velocity) if not response.inert else 0.0)
+    cycle, pace, _, fastest, _ = response.scales(velocity)
+    top = 10.0 / cycle + fastest
     if response.inert and not natural_frequencies(body).size:
         top = 1e4 * top
-    if response.pace(velocity) < cycle:  # kappa does not fade
-        cycle = response.pace(velocity)
+    if pace < cycle:  # kappa does not fade
         top = max(doubtful_below(response, body, velocity, None), top)
     if line == 0.0:
         omega, (numerator, denominator) = response.sampled(velocity, top)
@@ -136,7 +135,7 @@ def _starts_from_line(response: Response, body: Impedance, velocity: float, line
         step = -value / (-1j * np.gradient(value, omega))
     size = np.abs(step)
     # One start from each dip of the step along the line; roots further off have no dip of their own.
-    dip = np.isfinite(size) & (size < 5.0 / cycle)
+    dip = np.isfinite(size) & (size < 5.0 / pace)
     dip[1:-1] &= (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])
     return np.asarray((line + 1j * omega + step)[dip])
 
@@ -146,8 +145,8 @@ def _starts_from_line(response: Response, body: Impedance, velocity: float, line
 
 def _polished(response: Response, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
     """Distinct roots that Newton's method reaches, right of the limit; one of each pair, rightmost first."""
-    cycle, longest, limit = response.cycle(velocity), 1.0 / response.pace(velocity), response.leftmost(velocity)
-    radius = 1e-3 / cycle
+    cycle, pace, _, _, limit = response.scales(velocity)
+    longest, radius = 1.0 / pace, 1e-3 / cycle
     if isinstance(body, Modes):
         radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real))))
     # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no other step is taken.
@@ -197,9 +196,9 @@ def is_rightmost(response: Response, body: Impedance, velocity: float, roots: Co
         return False
     if growing or not response.certain:
         return True
-    cycle, best = response.cycle(velocity), float(roots[0].real)
+    (cycle, _, _, _, limit), best = response.scales(velocity), float(roots[0].real)
     after = roots.real[roots.real < best - 1e-6 / cycle]
-    nearest = max(float(after[0]) if after.size else -math.inf, response.leftmost(velocity), best - 0.2 / cycle)
+    nearest = max(float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle)
     line = 0.5 * (best + nearest)
     return count_right_of(response, body, velocity, line) == with_partners(roots[roots.real > line])
 
@@ -232,8 +231,9 @@ def _followed_line(
     response: Response, body: Impedance, velocity: float, line: float, product: Callable[[Array], ComplexArray]
 ) -> tuple[Array, ComplexArray] | None:
     """Frequencies along a line so close that the phase of a product can be followed, and the product there."""
-    own, unit = natural_frequencies(body), 1.0 / response.memory(velocity)
-    fine_top = max(response.fastest(velocity), 10 * unit)
+    own, scales = natural_frequencies(body), response.scales(velocity)
+    unit = 1.0 / scales.memory
+    fine_top = max(scales.fastest, 10 * unit)
     top = max(fine_top, 2.0 * float(np.max(np.abs(np.concatenate([own, poles(body)])), initial=0.0)))
     near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
     for _ in range(30):

@@ -66,7 +66,7 @@ def doubtful_below(response: Response, body: Impedance, velocity: float, softest
     """
     held = None if softest is None else softest - float(body(np.zeros(1, dtype=complex))[0].real)
     special = np.concatenate([resonances(body), np.abs(natural_frequencies(body))])
-    top = response.fastest(velocity)
+    top = response.scales(velocity).fastest
     while (discs := response.discs(velocity, top)) is not None:
         omega, centre = merged(discs[0], special, discs[1], np.interp(special, *discs))
         z = body(1j * omega)
