@@ -197,9 +197,7 @@ def predict(
 
 @app.command
 def new(
-    example: Annotated[
-        str | None, Parameter(help="Name of a rig that comes with the package; without one, their names are listed.")
-    ] = None,
+    example: Annotated[str | None, Parameter(help="Name of a rig; without one, all that ship are listed.")] = None,
 ) -> None:
     """Print a rig file to start from: `stickslip new brake_pad > my.toml`."""
     from stickslip.io import rig_files as rigs
@@ -273,9 +271,7 @@ def measure(
     displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
     flip: Flip = False,
-    minimum_drop: Annotated[
-        str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
-    ] = None,
+    minimum_drop: Annotated[str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N.")] = None,
     after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
     events: Annotated[File, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
@@ -413,9 +409,7 @@ def map(
 
 @app.command
 def sweep(
-    file: Annotated[
-        File, Parameter(help="A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status.")
-    ] = None,
+    file: Annotated[File, Parameter(help="A sweep file in TOML; `stickslip new phase_diagram` prints one.")] = None,
     *,
     store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
     status: Annotated[Switch, Parameter(help="Run nothing: say how far the sweep is.")] = False,

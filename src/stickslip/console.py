@@ -38,22 +38,16 @@ def executor_of(workers: int | None, processes: bool, scheduler: str | None) -> 
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
     try:
-        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        client: Any = Client(scheduler, timeout="10s", set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(
-            f"--scheduler {scheduler}: cannot be reached ({reason}); start one with: dask scheduler"
-        ) from None
+        why = f"--scheduler {scheduler}: cannot be reached ({error}); start one with: dask scheduler"
+        raise InputError(why) from None
     try:
         if not client.nthreads():
             print(f"no workers yet; start one with: dask worker {scheduler}", file=sys.stderr)
         yield client.get_executor()
     finally:
         client.close(timeout=5)
-
-
-_PATIENCE = "10s"
-"""How long a scheduler is waited for."""
 
 
 @contextmanager

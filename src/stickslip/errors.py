@@ -49,17 +49,14 @@ class InputError(ValueError):
     place : str
         What the message begins with: a field of a record (``"Slider.mass"``), or a key of a file
         (``"interface.delay"``); empty if it is about no single one.
+    mistakes : tuple of InputError
+        Each mistake that the message tells of.
     """
 
     def __init__(self, message: str, place: str = "", mistakes: tuple[InputError, ...] = ()) -> None:
         super().__init__(one_line(message))
         self.place = place
-        self._mistakes = mistakes
-
-    @property
-    def mistakes(self) -> tuple[InputError, ...]:
-        """Each mistake that the message tells of."""
-        return self._mistakes or (self,)
+        self.mistakes = mistakes or (self,)
 
     def at(self, place: str) -> InputError:
         """Return the same error at another place: the key of a file in place of the field of a record."""

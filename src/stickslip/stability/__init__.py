@@ -16,30 +16,7 @@ from stickslip.stability.impedances import Impedance, Modes, RadiationDamping
 from stickslip.stability.maps import boundary, stability_map
 from stickslip.stability.modes import count_unstable, dynamic_stiffness, growth_rate
 
-__all__ = [
-    "AGEING",
-    "DAMPING",
-    "DELAY",
-    "MASS",
-    "PARAMETERS",
-    "STD",
-    "STIFFNESS",
-    "VELOCITY",
-    "Crossing",
-    "Crossings",
-    "Impedance",
-    "Modes",
-    "Parameter",
-    "RadiationDamping",
-    "TurningVelocity",
-    "boundary",
-    "count_unstable",
-    "critical",
-    "critical_spring",
-    "dynamic_stiffness",
-    "friction_slope",
-    "growth_rate",
-    "onset",
-    "stability_map",
-    "turning_velocities",
-]
+__all__ = ["AGEING", "DAMPING", "DELAY", "MASS", "PARAMETERS", "STD", "STIFFNESS", "VELOCITY", "Parameter"]
+__all__ += ["TurningVelocity", "dynamic_stiffness", "friction_slope", "turning_velocities"]
+__all__ += ["Crossing", "Crossings", "count_unstable", "critical", "critical_spring", "growth_rate", "onset"]
+__all__ += ["Impedance", "Modes", "RadiationDamping", "boundary", "stability_map"]
