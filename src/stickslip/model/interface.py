@@ -17,14 +17,14 @@ from stickslip.model.activation import Activation, Barrier
 from stickslip.model.ageing import AgeingModel, FixedGrowth
 from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
-from stickslip.model.records import Number, Part, check
+from stickslip.model.records import Number, Part, Record
 
 _SIZES = 1e-3, 1e3
 """In ``x_s``, between which the median of the thresholds must lie."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interface:
+class Interface(Record):
     """An interface made of many contacts.
 
     Parameters
@@ -78,19 +78,7 @@ class Interface:
     areas: Literal["fresh", "site"] | None = None
 
     def __post_init__(self) -> None:
-        check(self)
-        self._check_size()
-        self._check_areas()
-        for name, born in (("initial", self.initial), ("newborn", self.newborn)):
-            if born is not None and (lost := self._beyond_thresholds(born)) > 1e-3:
-                largest = self.threshold_distribution.support[1]
-                raise InputError(
-                    f"Interface.{name} = {born}: {100 * lost:.3g} % of the contacts would start beyond the "
-                    f"largest threshold ({largest:g}); narrow it or bring it nearer to 0",
-                    f"Interface.{name}",
-                )
-
-    def _check_size(self) -> None:
+        super().__post_init__()
         median = float(self.threshold_distribution.inverse_survival(0.5))
         if not _SIZES[0] <= median <= _SIZES[1]:  # what solvers call small is small beside x_s
             raise InputError(
@@ -98,12 +86,20 @@ class Interface:
                 "units of x_s, the breaking displacement: divide by it, or read the rig from a file with SI units",
                 "Interface.thresholds",
             )
-
-    def _check_areas(self) -> None:
         for name, kinds in {"ageing": FixedGrowth | None, "temperature": Barrier | None}.items():
             if self.areas is not None and not isinstance(given := getattr(self, name), kinds):
                 raise InputError(
                     f"Interface.areas = {self.areas!r}: not available with {name} = {given}; leave one of them out"
+                )
+        strongest = self.threshold_distribution.support[1]
+        largest = strongest if self.areas is None else math.sqrt(strongest)
+        for name, born in (("initial", self.initial), ("newborn", self.newborn)):
+            above, below = born.survival([largest, -largest]) if born is not None else (0.0, 1.0)
+            if (lost := float(above + 1.0 - below)) > 1e-3:
+                raise InputError(
+                    f"Interface.{name} = {born}: {100 * lost:.3g} % of the contacts would start beyond the "
+                    f"largest threshold ({strongest:g}); narrow it or bring it nearer to 0",
+                    f"Interface.{name}",
                 )
 
     @property
@@ -132,10 +128,3 @@ class Interface:
     def threshold_distribution(self) -> Distribution:
         """The distribution of thresholds conditioned on positive values, as every solver uses it."""
         return self.thresholds.positive()
-
-    def _beyond_thresholds(self, stretchings: Distribution) -> float:
-        high = self.threshold_distribution.support[1]
-        if self.areas is not None:
-            high = math.sqrt(high)
-        beyond = stretchings.survival([high, -high])
-        return float(beyond[0] + 1.0 - beyond[1])

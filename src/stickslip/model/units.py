@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -102,17 +103,14 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     Forces, energies and stiffnesses, per contact in natural units, become those of the whole interface. The
     provenance stays as it is: it describes the run in natural units.
     """
-    converted = {}
-    for name in map(str, [*data.data_vars, *data.coords]):
-        variable = data[name]
+    converted = data.copy()
+    for name, variable in data.variables.items():
         units = str(variable.attrs.get("units"))
-        if units not in UNITS or units == "1" or variable.dtype.kind not in "fiu":
-            continue
-        title = str(variable.attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")
-        values = variable.to_numpy() * scales.unit(units)
-        converted[name] = (variable.dims, values, {"units": si_unit(units), "long_name": title})
-    coords = {name: value for name, value in converted.items() if name in data.coords}
-    return data.assign({name: v for name, v in converted.items() if name not in coords}).assign_coords(coords)
+        if units in UNITS and units != "1" and variable.dtype.kind in "fiu":
+            title = re.sub(",? per contact", "", str(variable.attrs.get("long_name", name)))
+            values = variable.to_numpy() * scales.unit(units)
+            converted[name] = (variable.dims, values, {"units": si_unit(units), "long_name": title})
+    return converted
 
 
 def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) -> str:
