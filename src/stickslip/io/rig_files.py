@@ -15,7 +15,7 @@ from typing import Any
 
 from stickslip.errors import InputError, instance, shortened
 from stickslip.io.rig_reader import from_document as from_document
-from stickslip.io.rig_writer import RigWriter
+from stickslip.io.rig_writer import to_document as to_document
 from stickslip.io.tables import read_toml
 from stickslip.model.body import BODIES
 from stickslip.model.rig import Rig
@@ -104,11 +104,3 @@ _LIST = re.compile(r"\[\n((?: {4}[-+.\de]+,\n)+)\]")
 def _wrapped(found: re.Match[str]) -> str:
     numbers = " ".join(found[1].split()).removesuffix(",")
     return textwrap.fill(f"[{numbers}]", 110, subsequent_indent="    ")
-
-
-def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:
-    """Return what a rig file holds, from the records, in so many digits, or in as few as read back the same.
-
-    The damping is given by its ratio if `damping_ratio` says so, by default if that is a number of few digits.
-    """
-    return RigWriter(rig, digits).document(damping_ratio)

@@ -25,35 +25,38 @@ from stickslip.model.units import Scales, engineering, si_unit
 Document = dict[str, Any]
 
 
-class RigWriter:
+def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:
+    """Return what a rig file holds, from the records, in so many digits, or in as few as read back the same.
+
+    The damping is given by its ratio if `damping_ratio` says so, by default if that is a number of few digits.
+    """
+    writer = _Writer(rig, digits)
+    found = {
+        "name": rig.name,
+        "units": "natural" if writer.natural else None,
+        "source": rig.source,
+        **writer.body(damping_ratio),
+        "interface": writer.interface(),
+        "drive": writer.drive(),
+        "simulation": writer.simulation(),
+        "feasible": {
+            name: [writer.quantity(end, parameter_named(name).unit) for end in ends]
+            for name, *ends in rig.operation.feasible
+        },
+        "assumed": {key: item.how for key, item in rig.assumed.items() if not item.default},
+        "fitted": {
+            key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)} for key, one in rig.fitted.items()
+        },
+    }
+    return {name: content for name, content in found.items() if content or name == "name"}
+
+
+class _Writer:
     """Writes the records of a rig as the tables of a file; without scales every quantity is a plain number."""
 
     def __init__(self, rig: Rig, digits: int | None) -> None:
         self.rig, self.digits, self.natural = rig, digits, rig.scales is None
         self.scales = rig.scales or Scales(force=1.0, stretching=1.0)
-
-    def document(self, damping_ratio: bool | None) -> Document:
-        """The content of the file."""
-        rig = self.rig
-        found = {
-            "name": rig.name,
-            "units": "natural" if self.natural else None,
-            "source": rig.source,
-            **self._body(damping_ratio),
-            "interface": self._interface(),
-            "drive": self._drive(),
-            "simulation": self._simulation(),
-            "feasible": {
-                name: [self._quantity(end, parameter_named(name).unit) for end in ends]
-                for name, *ends in rig.operation.feasible
-            },
-            "assumed": {key: item.how for key, item in rig.assumed.items() if not item.default},
-            "fitted": {
-                key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)}
-                for key, one in rig.fitted.items()
-            },
-        }
-        return {name: content for name, content in found.items() if content or name == "name"}
 
     def _refuse(self, what: str) -> InputError:
         return InputError(f"rig {self.rig.name!r}: {what} cannot be written into a rig file")
@@ -79,22 +82,22 @@ class RigWriter:
                 found[name] = [self._number(item) for item in value]
             elif name == "time" and rig_keys.by_time(type(record)):
                 read_back = lambda si: converted(record.with_time(si), self.scales.natural) == record  # noqa: E731
-                found[name] = self._quantity(value, "time", read_back)
+                found[name] = self.quantity(value, "time", read_back)
             else:
-                found[name] = self._quantity(value, key.unit) if key.unit else self._number(value)
+                found[name] = self.quantity(value, key.unit) if key.unit else self._number(value)
         return found
 
     def _named(self, key: str, record: Any) -> Any:
         """A record that a table names, or the word or the time that says it."""
         if isinstance(record, Delay):
-            return "never" if math.isinf(record.time) else self._quantity(record.time, "time")
+            return "never" if math.isinf(record.time) else self.quantity(record.time, "time")
         if isinstance(record, OnArrest):
             return "on arrest"
         word, kinds = rig_keys.KINDS[key]
         kind: Any = type(record)
         return {word: self._name_of(record, kinds)} | self._values(record, keys_of(kind))
 
-    def _body(self, damping_ratio: bool | None) -> Document:
+    def body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider
         name = self._name_of(slider, {"slider": Slider} | BODIES)
         # Section and material became springs and masses.
@@ -108,39 +111,39 @@ class RigWriter:
             del found["damping" if damping_ratio and slider.mass > 0 else "damping_ratio"]
         return {name: found}
 
-    def _interface(self) -> Document:
+    def interface(self) -> Document:
         interface, scales = self.rig.interface, self.scales
         blocks, found = 1 if self.natural else getattr(self.rig.slider, "size", 1), {}
         if not self.natural:
-            found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
-            found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == scales.stretching)
+            found["contact_strength"] = self.quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
+            found["breaking_displacement"] = self.quantity(1.0, "x_s", lambda si: si == scales.stretching)
         # A default that was taken is left out, so that it is taken, and told of, again.
         found |= self._values(interface, TABLES["interface"], defaults=False)
         if self.digits is not None:
             found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}
         if force := interface.sliding_force:
             read_back = lambda si: si / blocks / scales.force == force  # noqa: E731
-            found["sliding_force"] = self._quantity(blocks * force, "f_s", read_back)
+            found["sliding_force"] = self.quantity(blocks * force, "f_s", read_back)
         return found
 
-    def _drive(self) -> Document:
+    def drive(self) -> Document:
         pieces, operation = self.rig.drive.pieces, self.rig.operation
         if any(piece.until is not None for piece in pieces):
             raise self._refuse("a drive with conditions")
         if len(pieces) > 1 or pieces[0].start != pieces[0].end:
             return {"pieces": [self._values(piece, rig_keys.PIECE) for piece in pieces]}
         velocity, duration = pieces[0].start, pieces[0].duration
-        speeds = [self._quantity(speed, "x_s/time") for speed in operation.between or operation.speeds or (velocity,)]
+        speeds = [self.quantity(speed, "x_s/time") for speed in operation.between or operation.speeds or (velocity,)]
         of_range = dict(zip(("from", "to"), speeds, strict=True)) if operation.between else None
         found: Document = {"velocity": of_range or (speeds if operation.speeds else speeds[0])}
         if velocity == 0:
-            return found | {"duration": self._quantity(duration, "time")}
+            return found | {"duration": self.quantity(duration, "time")}
         if self.digits is None and duration == USUAL_DISTANCE / abs(velocity):
             return found  # a default, too
         read_back = lambda si: self.scales.natural(si, "x_s") / abs(velocity) == duration  # noqa: E731
-        return found | {"distance": self._quantity(abs(velocity) * duration, "x_s", read_back)}
+        return found | {"distance": self.quantity(abs(velocity) * duration, "x_s", read_back)}
 
-    def _simulation(self) -> Document:
+    def simulation(self) -> Document:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
             raise self._refuse("a start with a perturbation, or with blocks at rest,")
@@ -154,7 +157,7 @@ class RigWriter:
         is_table = isinstance(start, Prestressed)
         found["start"] = self._values(start, rig_keys.START, defaults=False) if is_table else words[type(start)]
         if output.interval is not None:
-            found["interval"] = self._quantity(output.interval, "time")
+            found["interval"] = self.quantity(output.interval, "time")
         return found
 
     def _number(self, value: Any) -> Any:
@@ -162,7 +165,7 @@ class RigWriter:
             return float(f"{value:.{self.digits}g}")
         return value
 
-    def _quantity(self, value: float, unit: str, same: Callable[[float], bool] | None = None) -> Any:
+    def quantity(self, value: float, unit: str, same: Callable[[float], bool] | None = None) -> Any:
         """A natural value as it stands in a file: the shortest text that reads back as the same, or the nearest.
 
         `same` tells whether a value in SI units is the one to be written, where it is not divided by the unit.
