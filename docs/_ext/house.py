@@ -9,7 +9,6 @@ import re
 import shutil
 import sys
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -123,9 +122,9 @@ def _kind(key: Any) -> str:
     """What may stand in place of a key's value, in words."""
     if key.unit:
         words = [f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *map(_code, key.words)]
-        return " or ".join([*words, "a table, see below"] if Mapping in key.also else words)
+        return " or ".join([*words, "a table, see below"] if "table" in key.also else words)
     if key.choices:
-        return " or ".join([*map(_code, key.choices), *(["a table, see below"] if Mapping in key.also else [])])
+        return " or ".join([*map(_code, key.choices), *(["a table, see below"] if "table" in key.also else [])])
     if key.is_table:
         return "list of tables, see below" if isinstance(key.example, list) else "a table, see below"
     kinds = {str: "text", int: "whole number", list: "list of numbers", tuple: "list of numbers"}

@@ -6,7 +6,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -34,9 +34,9 @@ class Key:
     unit: str = ""  # natural unit of a quantity; without one the value is a pure number, a text, a list
     si: str = ""  # SI unit of a quantity that no scale of the rig measures, in files of natural units, too
     sign: Sign = ""
-    choices: tuple[str, ...] = ()  # all that may be written, if that is known
-    words: tuple[str, ...] = ()  # what may stand there in place of a number
-    also: tuple[type, ...] = ()  # besides: `Mapping` for a table, `list` for a list
+    choices: Collection[str] = ()  # all that may be written, if that is known
+    words: Collection[str] = ()  # what may stand there in place of a number
+    also: Collection[str] = ()  # besides: "table", "list"
     default: Any = None
     required: bool = False
     measure: str = ""  # how to measure a property of the bench that has a default
@@ -48,7 +48,8 @@ class Key:
 
     def is_left(self, value: object) -> bool:
         """Whether a value is read elsewhere: a table, or a word in place of a number."""
-        return self.is_table or value in self.words or isinstance(value, self.also)
+        kind = "table" if isinstance(value, Mapping) else "list" if isinstance(value, list) else ""
+        return self.is_table or value in self.words or kind in self.also
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
         """Return the value: a quantity in SI units, or in natural ones if the file is in those.

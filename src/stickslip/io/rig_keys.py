@@ -64,42 +64,7 @@ RULES: Mapping[str, tuple[Either, ...]] = {
 
 _EXAMPLES = tomllib.loads(Path(__file__).with_name("every_key.toml").read_text("utf-8"))
 _WITHIN: Mapping[str, Mapping[str, Any]] = _EXAMPLES.pop("within")
-_NO_DELAY = (
-    "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts "
-    "never strengthen with rest and nothing can stick-slip; the speed at which the kinetic friction has fallen to half "
-    "its value in slow sliding is v_half"
-)
-_INITIAL = "repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution"
-_REQUIRED = {"required": True}
-_MORE: Mapping[str, dict[str, Any]] = {
-    "top.name": {"default": "rig"},
-    "top.units": {"choices": ("SI", "natural"), "default": "SI"},
-    "top.source": {"default": ""},
-    "top.interface": _REQUIRED,
-    "top.drive": _REQUIRED,
-    "slider.damping_ratio": {"sign": "at least 0"},
-    **{f"{body}.damping": {"default": 0.0, "required": False} for body in ("chain", "sheet")},
-    "interface.mu_s": {"sign": "above 0"},
-    "interface.mu_k": {"sign": "above 0"},
-    "interface.breaking_displacement": _REQUIRED,
-    "interface.initial": {"default": {"distribution": "gaussian", "mean": 0.0, "std": 0.01}, "measure": _INITIAL},
-    "interface.delay": {"sign": "at least 0", "words": ("never", "on arrest"), "also": (Mapping,), "default": 0.0}
-    | {"measure": _NO_DELAY},
-    "drive.velocity": {"sign": "", "also": (list, Mapping)},
-    "simulation.method": {"choices": tuple(METHODS), "default": "contacts"},
-    "simulation.seed": {"default": 1},
-    "simulation.rtol": {"default": 1e-4},
-    "simulation.start": {"choices": ("from rest", "sliding"), "also": (Mapping,), "default": "from rest"},
-    "start.stretching": {"also": (list,), **_REQUIRED},
-    "run.blocks": _REQUIRED,
-    "run.stretching": _REQUIRED,
-    "fitted.interval": _REQUIRED,
-    "fitted.how": _REQUIRED,
-    "fitted.draws": _REQUIRED,
-    "bell.temperature": {"si": "K", "sign": "above 0"},
-    "bell.activation_volume": {"si": "m^3", "sign": "above 0"},
-    "bell.shear_strength": {"unit": "", "si": "Pa"},
-}
+_MORE: Mapping[str, dict[str, Any]] = _EXAMPLES.pop("more")
 """What neither a record nor an example says of a key."""
 _USUAL = {"mean": 1.0, "scale": 1.0}
 """What is taken for the scale of a distribution that is left out: that of `breaking_displacement`."""
@@ -114,7 +79,9 @@ def _keys(table: str, examples: Mapping[str, Any], record: type | None = None) -
             said |= {"unit": unit, "sign": "above 0"}
         elif said.get("unit") and not isinstance(example, (str, list)):
             example = "2 ms" if said["unit"] == "time" else f"2 {si_unit(said['unit'])}"
-        found[name] = Key(example, **(said | _MORE.get(f"{table}.{name}", {})))
+        if (path := f"{table}.{name}") == "simulation.method":
+            said["choices"] = tuple(METHODS)
+        found[name] = Key(example, **(said | _MORE.get(path, {})))
     return found
 
 
