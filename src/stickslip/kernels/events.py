@@ -21,7 +21,6 @@ Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider po
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,9 +32,9 @@ from .drive import ARRESTED, DRAWS_USED_UP, FINISHED, LOOK, PAUSED, STOPPED, Pie
 from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
-from .motion import Constants, Leg, Motion
+from .motion import Constants, Leg
 from .oscillator import Slider
-from .records import Counts, Floats, Records
+from .records import Counts, Floats, Record, Records
 from .shared_clock import Clock, is_shared
 from .tournament import enter, smallest, tournaments, winner
 
@@ -84,7 +83,7 @@ class State(NamedTuple):
     ahead: Queue
     behind: Queue
     waiting: Queue
-    motion: Sequence[Motion]
+    motion: Record
     cuts: Floats
 
 
@@ -110,7 +109,7 @@ def make_state(
     threshold: Floats,
     pending: Floats,
     scale_time: float,
-    motion: Sequence[Motion],
+    motion: Record,
 ) -> State:
     """Return the state of an interface at time 0.
 
@@ -278,14 +277,14 @@ def _drop(state: State, place: int) -> None:
 
 
 @inlined
-def _variate(m: Motion, draws: Draws) -> float:
+def _variate(m: Record, draws: Draws) -> float:
     m.variates_used += 1
     return float(draws.variates[m.variates_used - 1])
 
 
 @bare
 def _enclose(
-    m: Motion, slot: int, birth: float, strength: float, draws: Draws, rule: Rule, of: Records, times: Floats, N: int
+    m: Record, slot: int, birth: float, strength: float, draws: Draws, rule: Rule, of: Records, times: Floats, N: int
 ) -> float:
     """Draw the next box of a contact; how far it reaches."""
     own = of[slot]
@@ -431,7 +430,7 @@ class _Edges(NamedTuple):
 
 
 @inlined
-def _edges(m: Motion, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
+def _edges(m: Record, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
     """Where the element yields; while it does so already, nowhere."""
     ahead, behind, low, high = np.inf, -np.inf, -np.inf, np.inf
     if boxes is not None:
@@ -445,14 +444,14 @@ def _edges(m: Motion, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
 
 
 @inlined
-def _holds_again(m: Motion) -> None:
+def _holds_again(m: Record) -> None:
     """The element ceases to yield."""
     m.anchor = m.position - m.slides * m.sliding_force
     m.slides, m.slid = 0, m.slides
 
 
 @inlined
-def _element_turns(m: Motion, flight: Flight, c: Constants) -> bool:
+def _element_turns(m: Record, flight: Flight, c: Constants) -> bool:
     """Whether the element ceases to yield, or yields again, as the slider sets out."""
     onwards = heading(flight)
     if m.slides != 0 and onwards * m.slides < 0.0:
@@ -467,7 +466,7 @@ def _element_turns(m: Motion, flight: Flight, c: Constants) -> bool:
 
 
 @inlined
-def _yields(m: Motion, edges: _Edges, side: int, first: float) -> bool:
+def _yields(m: Record, edges: _Edges, side: int, first: float) -> bool:
     """Whether the element gives way before the contact whose key is `first`; it yields from here on."""
     limit = edges.ahead if side == 1 else edges.behind
     if not side * limit < first:
@@ -504,7 +503,7 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
 
 
 @inlined
-def _begin(m: Motion, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants) -> tuple[Leg, _Edges]:
+def _begin(m: Record, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants) -> tuple[Leg, _Edges]:
     """Motion from here on, if nothing happened."""
     leg = motion.set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
@@ -550,7 +549,7 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
 
 
 @inlined
-def _crosses(m: Motion, edges: _Edges, side: int, first: float, boxes: Boxes | None) -> bool:
+def _crosses(m: Record, edges: _Edges, side: int, first: float, boxes: Boxes | None) -> bool:
     """Whether the slider passes an edge of the window before a contact or the element gives way."""
     edge = edges.high if side == 1 else edges.low
     if not (side * edge < first and side * edge < side * (edges.ahead if side == 1 else edges.behind)):
@@ -562,7 +561,7 @@ def _crosses(m: Motion, edges: _Edges, side: int, first: float, boxes: Boxes | N
 
 
 @inlined
-def _stops(m: Motion, arrests: bool) -> bool:
+def _stops(m: Record, arrests: bool) -> bool:
     """The slider turns round; whether it has stopped after a break."""
     m.slid = 0
     if arrests and m.breaks > m.breaks_at_arrest:
@@ -583,7 +582,7 @@ def _due(state: State, boxes: Boxes) -> tuple[float, int]:
 
 
 @inlined
-def short_of(m: Motion, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, bool]:
+def short_of(m: Record, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, bool]:
     """Whether there are too few thresholds, delays and variates for any event that may come next."""
     thresholds, variates = 1, False
     if boxes is not None:

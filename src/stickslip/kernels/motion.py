@@ -8,75 +8,37 @@ Detached contacts share one stretching ``y``, which follows the slider with stif
 """
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from ._jit import bare, inlined
 from .drive import NOWHERE, Piece, Quadratic, Sampling, drive_at, holds
 from .flight import NEAR, Flight, at, energies, take_off
 from .oscillator import Slider
-from .records import Floats
+from .records import Floats, Record, blank, record
+
+MOTION = record(
+    "time position velocity births squares reference stiffness work damped broken sliding_force anchor looked least",
+    counts="attached sample events breaks breaks_at_arrest slides slid direction keeps_behind attachments "
+    "thresholds_used delays_used variates_used",
+)
+"""Where the slider is, what is summed over the contacts, and how far samples and random numbers are used.
+
+`births` is the sum over the attached contacts of stiffness times position of birth, about `reference`, `squares` that
+of the squares, `stiffness` that of all. While elastic, the detached contacts have no force with the slider at `anchor`.
+Then its position at the time of a look, and a bound on all keys in the queue of those behind. `breaks_at_arrest` are
+those up to the last arrest; `slides` is the sign of the motion in which the detached contacts slide, 0 while they are
+elastic, `slid` the side to which they slid just now, until the slider turns round (0: none), `direction` that in which
+the slider moved last; whether the queue of those behind is kept; and attachments since the last summing up.
+"""
 
 
-class Motion:
-    """Where the slider is, what is summed over the contacts, and how far samples and random numbers are used.
-
-    A record of an array, which numba reads and writes by these names.
-    """
-
-    time: float
-    position: float
-    velocity: float
-    births: float
-    """Sum of stiffness times position of birth, about `reference`, of the attached contacts."""
-    squares: float
-    """The same of the squares."""
-    reference: float
-    stiffness: float
-    """Of all attached contacts together."""
-    work: float
-    damped: float
-    broken: float
-    sliding_force: float
-    anchor: float
-    """Position of the slider at which the detached contacts, while elastic, have no force."""
-    looked: float
-    """Position of the slider at the time of a look."""
-    least: float
-    """No attached contact has a smaller key in the queue of those behind."""
-    attached: int
-    sample: int
-    events: int
-    breaks: int
-    breaks_at_arrest: int
-    """Breaks up to the last arrest."""
-    slides: int
-    """Sign of the motion in which the detached contacts slide, 0 while they are elastic."""
-    slid: int
-    """The side to which they slid just now, until the slider turns round: 1, -1, or 0 for none."""
-    direction: int
-    """In which the slider moved last: 1 or -1."""
-    keeps_behind: int
-    """Whether the queue of those behind is kept."""
-    attachments: int
-    """Since the last summing up."""
-    thresholds_used: int
-    delays_used: int
-    variates_used: int
-
-
-MOTION = np.dtype([(name, kind) for name, kind in Motion.__annotations__.items()])
-
-
-def make_motion(X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.0, slides: int = 0) -> Sequence[Motion]:
-    """Return the array of the one record; `slides` is 1 or -1 if the detached contacts slide already."""
-    motion: Any = np.zeros(1, MOTION).view(np.recarray)
+def make_motion(X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.0, slides: int = 0) -> Record:
+    """Return an array of the one record; `slides` is 1 or -1 if the detached contacts slide already."""
+    motion = blank(MOTION, 1)
     motion.position = motion.anchor = motion.reference = X
     motion.velocity, motion.sliding_force, motion.slides = velocity, sliding_force, slides
     motion.direction = -1 if velocity < 0 else 1
-    return motion  # type: ignore[no-any-return]
+    return motion
 
 
 class Constants(NamedTuple):
@@ -127,22 +89,22 @@ def constants(slider: Slider, f_d: float, N: float, stiffest: float) -> Constant
 
 
 @inlined
-def detached_stretching(m: Motion, X: float) -> float:
+def detached_stretching(m: Record, X: float) -> float:
     """Common stretching of the detached contacts with the slider at `X`."""
-    return m.slides * m.sliding_force if m.slides != 0 else X - m.anchor
+    return float(m.slides * m.sliding_force if m.slides != 0 else X - m.anchor)
 
 
 @inlined
-def contact_force(m: Motion, N: float) -> float:
+def contact_force(m: Record, N: float) -> float:
     """Friction force, per contact."""
     force = m.stiffness * (m.position - m.reference) - m.births
     if m.sliding_force > 0.0:
         force += (N - m.attached) * detached_stretching(m, m.position)
-    return force / N
+    return float(force / N)
 
 
 @inlined
-def set_out(m: Motion, drive: Quadratic, c: Constants) -> Leg:
+def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
     """Motion from here on, if nothing happened."""
     t, X = m.time, m.position
     D, drive_v = drive_at(drive, t)
@@ -169,7 +131,7 @@ def set_out(m: Motion, drive: Quadratic, c: Constants) -> Leg:
 
 
 @inlined
-def balance(m: Motion, drive: Quadratic, c: Constants) -> float:
+def balance(m: Record, drive: Quadratic, c: Constants) -> float:
     """Where a slider without mass is in balance."""
     pull = c.K * drive_at(drive, m.time)[0] + (m.stiffness * m.reference + m.births) * c.part
     stiffness = c.K + m.stiffness * c.part
@@ -180,11 +142,11 @@ def balance(m: Motion, drive: Quadratic, c: Constants) -> float:
             stiffness += free
         else:
             pull -= free * m.slides * c.f_d
-    return pull / stiffness
+    return float(pull / stiffness)
 
 
 @inlined
-def sample(m: Motion, row: Floats, leg: Leg, part: float, a: float, c: Constants) -> None:
+def sample(m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants) -> None:
     """Fill a row with what the flight passes a time `part` after its beginning.
 
     Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the start,
@@ -212,7 +174,7 @@ def sample(m: Motion, row: Floats, leg: Leg, part: float, a: float, c: Constants
 
 
 @inlined
-def sample_until(m: Motion, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants) -> bool:
+def sample_until(m: Record, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants) -> bool:
     """Fill the samples up to `end`, or to the first at which the condition holds, and go there; whether it does."""
     drive = piece.drive
     while m.sample < sampling.times.size and sampling.times[m.sample] <= end:
@@ -229,7 +191,7 @@ def sample_until(m: Motion, piece: Piece, sampling: Sampling, leg: Leg, end: flo
 
 
 @inlined
-def fly(m: Motion, leg: Leg, h: float, y: float, u: float, a: float, c: Constants) -> None:
+def fly(m: Record, leg: Leg, h: float, y: float, u: float, a: float, c: Constants) -> None:
     """Make the end of the flight the state, but for its time."""
     if not c.rigid:
         work, squares = energies(leg.motion, h, y, u, leg.F_d, c.K, leg.drive_v, a)
@@ -245,7 +207,7 @@ def fly(m: Motion, leg: Leg, h: float, y: float, u: float, a: float, c: Constant
 
 
 @inlined
-def detached_energy(m: Motion, c: Constants) -> float:
+def detached_energy(m: Record, c: Constants) -> float:
     """Energy that one detached contact holds, per contact."""
     if c.f_d == 0.0:
         return 0.0
@@ -253,7 +215,7 @@ def detached_energy(m: Motion, c: Constants) -> float:
 
 
 @inlined
-def count_in(m: Motion, birth: float, k: float, c: Constants) -> None:
+def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
     """Count a contact of stiffness `k` that attaches: it lets go of the force it slid with, and may be stretched."""
     x = m.position - birth
     m.broken += detached_energy(m, c) - 0.5 * k * x * x * c.part
@@ -265,7 +227,7 @@ def count_in(m: Motion, birth: float, k: float, c: Constants) -> None:
 
 
 @inlined
-def count_out(m: Motion, birth: float, k: float, c: Constants) -> None:
+def count_out(m: Record, birth: float, k: float, c: Constants) -> None:
     """Count a contact of stiffness `k` that breaks: what it stored is lost, but for what a detached one holds."""
     x = m.position - birth
     m.broken += 0.5 * k * x * x * c.part - detached_energy(m, c)
@@ -278,7 +240,7 @@ def count_out(m: Motion, birth: float, k: float, c: Constants) -> None:
 
 
 @bare
-def leap(m: Motion, to: float, c: Constants) -> None:
+def leap(m: Record, to: float, c: Constants) -> None:
     """Move a slider without mass at once."""
     if m.slides != 0:
         m.broken += (c.N - m.attached) * c.part * m.slides * c.f_d * (to - m.position)

@@ -66,7 +66,7 @@ def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
     """Solve for the contacts that break and re-attach from 0 to a distance, at so many points and two finer grids."""
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
-    first = _initial(contacts, np.linspace(0.0, distance, 4 * points + 1)).broken
+    first = 1.0 - _initial(contacts, np.linspace(0.0, distance, 4 * points + 1)).attached
     coarse, middle, fine = (solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
     broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
     if contacts.shift.size == 1 and contacts.shift[0] == 0:
@@ -99,16 +99,13 @@ def observe(contacts: Contacts, re_attached: ReAttached, X: Floats) -> Response:
     """
     initial = _initial(contacts, X)
     force, attached, rate, stiffness = _interpolate(re_attached.values, X / re_attached.spacing)
-    once, carried, breaking = _at_once(contacts), _carried(contacts), initial.rate + rate
+    once, carried = _at_once(contacts), _carried(contacts)
+    breaking, broken = initial.rate + rate, 1.0 - initial.attached
     stiffness += initial.stiffness
     if carried:
         stiffness += carried * re_attaching(contacts, re_attached, X, breaking)
-    return Response(
-        initial.force + carried * once * initial.broken + force,
-        1.0 - (1.0 - once) * initial.broken + attached,
-        breaking,
-        stiffness,
-    )
+    force += initial.force + carried * once * broken
+    return Response(force, 1.0 - (1.0 - once) * broken + attached, breaking, stiffness)
 
 
 def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Floats, breaking: Floats) -> Floats:
@@ -125,14 +122,7 @@ def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Floats, breakin
     return total
 
 
-class _Initial(NamedTuple):
-    force: Floats
-    broken: Floats
-    rate: Floats
-    stiffness: Floats
-
-
-def _initial(contacts: Contacts, X: Floats) -> _Initial:
+def _initial(contacts: Contacts, X: Floats) -> Response:
     """The contacts of the start: those still there, and those that break for the first time."""
     known = contacts.reach[:, None]
     values = np.zeros((4, X.size))
@@ -140,10 +130,9 @@ def _initial(contacts: Contacts, X: Floats) -> _Initial:
         inside, x, survivors, scale = _survivors(contacts, X[block])
         breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
         values[:, block][:, inside] = [
-            np.sum(term, axis=0) for term in (x * survivors, -survivors, breaking, survivors - x * breaking)
+            np.sum(term, axis=0) for term in (x * survivors, survivors, breaking, survivors - x * breaking)
         ]
-    values[1] += contacts.weight.sum()
-    return _Initial(*values)
+    return Response(*values)
 
 
 def _blocks(contacts: Contacts, X: Floats) -> list[slice]:

@@ -13,8 +13,7 @@ behind has lost its digits: breaks have no memory, so that a clock can be wound,
 """
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,7 @@ from ._jit import bare, inlined
 from .boxes import CHANCE, Rule
 from .event_queue import Queue, size, used
 from .hazard import BELL, LOGARITHMIC
-from .motion import Motion
-from .records import Floats
+from .records import Floats, Record, blank, record
 from .tournament import enter, play, smallest, tournaments, winner
 
 _LAG = 30.0
@@ -34,52 +32,29 @@ _NEVER = 1e-15
 """Breaks, of all contacts until the window is laid anew, that do not come."""
 
 
-class Dial:
-    """One of the two clocks, a record: of contacts stretched forwards, or backwards with all positions mirrored."""
+_DIAL = record("edge reading pace top safe first due", counts="kept")
+"""One of the two clocks: of contacts stretched forwards, or backwards with all positions mirrored.
 
-    edge: float
-    """Of the window, on the side of larger rates."""
-    reading: float
-    """When the window was laid."""
-    pace: float
-    """Rate of the clock over its value then."""
-    top: float
-    """Largest edge since it was wound."""
-    safe: float
-    """The window does for contacts that attach with thresholds beyond this position."""
-    first: float
-    """Reading of the next proposal, as it was seen last, and its time."""
-    due: float
-    kept: int
+The edge of the window on the side of larger rates; the reading when the window was laid, and the rate of the clock over
+its value then; the largest edge since it was wound. The window does for contacts that attach with thresholds beyond
+`safe`. Then the reading of the next proposal, as it was seen last, and its time.
+"""
 
-
-class Window:
-    """Where and until when the clocks run evenly, a record."""
-
-    low: float
-    high: float
-    since: float
-    until: float
-    wanted: int
-    """Variates to wind the clocks with."""
-
-
-_DIAL = np.dtype(list(Dial.__annotations__.items()))
-_WINDOW = np.dtype(list(Window.__annotations__.items()))
+_WINDOW = record("low high since until", counts="wanted")
+"""Where and until when the clocks run evenly, and how many variates are wanted to wind them."""
 
 
 class Clock(NamedTuple):
     """The two clocks, ahead first, and a tournament each of the readings at which contacts are proposed."""
 
-    window: Sequence[Window]
-    dials: Sequence[Dial]
+    window: Record  # shape (1,)
+    dials: Record  # shape (2,)
     readings: Floats
 
 
 def make_clock(contacts: int) -> Clock:
     """Return a clock that is wound as soon as time goes on; one of no contacts never is."""
-    window: Any = np.zeros(1, _WINDOW).view(np.recarray)
-    dials: Any = np.zeros(2, _DIAL).view(np.recarray)
+    window, dials = blank(_WINDOW, 1), blank(_DIAL, 2)
     window.low, window.high, window.until = -np.inf, np.inf, -np.inf if contacts else np.inf
     return Clock(window, dials, tournaments(np.full((2, max(contacts, 1)), np.inf)))
 
@@ -93,10 +68,10 @@ def is_shared(rule: Rule) -> bool:
 
 
 @inlined
-def runs_evenly(clock: Clock, m: Motion) -> bool:
+def runs_evenly(clock: Clock, m: Record) -> bool:
     """Whether the slider is in the window."""
     window = clock.window[0]
-    return window.low < m.position < window.high and m.time < window.until
+    return bool(window.low < m.position < window.high and m.time < window.until)
 
 
 @inlined
@@ -106,7 +81,7 @@ def _strikes(clock: Clock, side: int, width: float) -> float:
     if reading != dial.first:
         dial.first = reading
         dial.due = clock.window[0].since + math.expm1((reading - dial.reading) / width) / dial.pace
-    return dial.due
+    return float(dial.due)
 
 
 @inlined
@@ -140,7 +115,7 @@ def _reading(clock: Clock, side: int, rest: float, width: float, time: float, va
 
 @inlined
 def propose(
-    clock: Clock, side: int, slot: int, rest: float, contacts: int, rule: Rule, m: Motion, variates: Floats
+    clock: Clock, side: int, slot: int, rest: float, contacts: int, rule: Rule, m: Record, variates: Floats
 ) -> None:
     """Draw when a clock proposes a contact, if it is kept; where the window does not do for it, it is laid anew."""
     dial = clock.dials[side]
@@ -161,7 +136,7 @@ def forget(clock: Clock, slot: int, contacts: int) -> None:
 
 
 @bare
-def wind(clock: Clock, rule: Rule, m: Motion, held: Queue, first: float, first_behind: float, variates: Floats) -> bool:
+def wind(clock: Clock, rule: Rule, m: Record, held: Queue, first: float, first_behind: float, variates: Floats) -> bool:
     """Lay the window about the slider, and wind clocks where that is due; not if there are too few variates.
 
     `held` are the attached contacts; no threshold is met ahead before `first`, behind before `first_behind`, mirrored.
@@ -211,7 +186,7 @@ def wind(clock: Clock, rule: Rule, m: Motion, held: Queue, first: float, first_b
 
 
 @bare
-def _wind(clock: Clock, side: int, rule: Rule, m: Motion, held: Queue, variates: Floats) -> None:
+def _wind(clock: Clock, side: int, rule: Rule, m: Record, held: Queue, variates: Floats) -> None:
     """Draw all readings of a clock."""
     for place in range(used(held)):
         contact = held.entries[place]
