@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -89,12 +89,8 @@ def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:
 
 def _stop(until: Condition | None, X: float) -> Stop:
     """Return a condition as the kernels take it, on a piece that begins with the slider at `X`."""
-    match until:
-        case Travel(distance):
-            return Stop(TRAVEL, distance, X)
-        case ForceAbove(force):
-            return Stop(FORCE_ABOVE, force, X)
-        case ForceBelow(force):
-            return Stop(FORCE_BELOW, force, X)
-        case None:
-            return Stop()
+    if until is None:
+        return Stop()
+    kinds = {Travel: TRAVEL, ForceAbove: FORCE_ABOVE, ForceBelow: FORCE_BELOW}
+    (value,) = astuple(until)
+    return Stop(kinds[type(until)], value, X)

@@ -47,8 +47,6 @@ SCALARS = (
 FIELDS = ("displacement", "velocity", "friction_force", "attached", "broken")
 """What they go on with, each for all blocks."""
 
-MOST_CONTACTS = 100_000_000
-"""Of all blocks: some 6 GB."""
 ANGLE = 0.05
 """Longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4."""
 _DASHPOT = 0.2
@@ -293,12 +291,6 @@ class BlocksOfContacts(ElasticEngine):
         body, self._balanced = self.slider, isinstance(method, QuasiStatic)
         if self._balanced and not isinstance(body, Chain):
             raise InputError("QuasiStatic: is for a Chain; use Contacts")
-        if body.size * method.count > MOST_CONTACTS:
-            raise InputError(
-                f"Contacts.count = {method.count}: {body.size} blocks would have {body.size * method.count:.2g} "
-                f"contacts; give at most {MOST_CONTACTS // body.size} ({MOST_CONTACTS:.0e} in all)",
-                "Contacts.count",
-            )
         self._streams = Streams(beginning.interface, method.seed, body.size)
         x, threshold, waiting = contacts_of(beginning, self._streams, method.count, self._prestress)
         X, V = self._start(beginning, np.where(threshold > 0, x, self._element[:, None]).mean(axis=1))

@@ -55,14 +55,10 @@ class Steps(Engine, Protocol):
     columns: ClassVar[tuple[str, ...]] = MOTION
     angle: ClassVar[float] = 0.35  # that of its steps: samples finer than that show no more
 
-    state: Array
-    """Time, position of the slider, and what else the kernel keeps there."""
-    longest: float
-    """Largest step of time."""
-    reach: float
-    """Largest way of the slider in a step."""
-    budget: int
-    """Steps in an advance: some 50 ms."""
+    state: Array  # time, position of the slider, and what else the kernel keeps there
+    longest: float  # largest step of time
+    reach: float  # largest way of the slider in a step
+    budget: int  # steps in an advance: some 50 ms
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples of `stickslip.kernels.stepping`."""
