@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
-from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.errors import InputError, UndecidedError, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace
 from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
@@ -71,9 +71,6 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         If the drive does not change, goes up and down more than once, or travels less than two windows, or
         there are too few samples in a window.
     """
-    import xarray as xr
-
-    instance("transitions: run", run, xr.Dataset, "a run of simulate()")
     trace = Trace.of(run)
     if trace.drive is None:
         raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
@@ -170,7 +167,7 @@ def _turning_time(t: Array, drive: Array) -> float:
             f"transitions: the drive keeps its velocity ({drive[-1]:.4g}); ramp it, or ask for the regime"
         )
     margin = 1e-3 * float(drive.max())
-    peaks, _ = turning_points(np.concatenate([[0.0], drive, [0.0]]), margin)
+    peaks, _ = turning_points(np.pad(drive, 1), margin)
     if len(peaks) > 1:
         raise UndecidedError(
             f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
