@@ -321,7 +321,7 @@ def test_speeds_add_the_delay_and_holds_ageing():
     assert "contacts age" in str(found)
     close, _ = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))
     assert abs(math.log(close / half)) < 3.0 * close.error / close < 1.0
-    with pytest.raises(InputError, match="does not fall"):
+    with pytest.raises(InputError, match="does not show at which speed it halves"):
         half_speed_of(speeds, forces[::-1])
     with pytest.raises(InputError, match="at least 3"):
         strengthening_of(((1.0, 10.0), ("10 s", "11 N")))
