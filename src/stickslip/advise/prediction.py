@@ -13,7 +13,6 @@ from stickslip.advise.mitigations import has, mitigated, reach
 from stickslip.advise.runs import Steady, Trials, cycle_of, trial
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure import Regime
-from stickslip.measure.arrays import Trace
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY
@@ -85,7 +84,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     recording, seen, state = _watch(rig, part(report, 0.2, 1.0))
     if modes:  # what grows is no transient
         seen = replace(seen, reason=seen.reason.split(" (seen for")[0])
-    late = Trace.of_recording(recording).part(seen.window[0]).force
+    late = recording.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
     # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
     # slider that never stops attaches none that wait for its arrest.
     delay = rig.interface.delay

@@ -10,8 +10,7 @@ import numpy as np
 
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure import Regime, regime_of
-from stickslip.measure.arrays import Trace
+from stickslip.measure import Regime, regime
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.model import Contacts, FromRest, FromSliding
 from stickslip.model.drive import Drive, constant
@@ -123,7 +122,7 @@ class Trials:
         """
         case, few, lasts = run.rig, isinstance(run.rig.method, Contacts), 0.0
         for left in reversed(range(most)):
-            seen = regime_of(run)
+            seen = regime(run.dataset())
             doubtful = few and seen.kind in OSCILLATES and linearly_unstable(case) is False
             if seen.kind != "undecided" and not doubtful:
                 return run, seen, "stays"
@@ -192,8 +191,8 @@ def _is_steady(run: Recording, seen: Regime) -> bool:
 
 def _variance(run: Recording, begin: float, end: float = math.inf) -> tuple[float, float]:
     """Logarithm of the variance of the force between two times, with its standard error over parts of the run."""
-    trace = Trace.of_recording(run).part(begin, end)
-    squares = (trace.force - trace.force.mean()) ** 2
+    force = run.dataset()["spring_force"].sel(time=slice(begin, end)).to_numpy()
+    squares = (force - force.mean()) ** 2
     parts = np.array([part.mean() for part in np.array_split(squares, _PARTS)])
     mean = max(float(parts.mean()), 1e-300)
     return math.log(mean), float(parts.std(ddof=1)) / mean / math.sqrt(_PARTS)

@@ -15,7 +15,7 @@ from stickslip.measure.fronts import events, fronts
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
-from stickslip.measure.verdict import Regime, Segment, regime, regime_of
+from stickslip.measure.verdict import Regime, regime
 
-__all__ = ["Criterion", "Cycles", "Regime", "Segment", "counted", "drops", "events", "find_cycles", "fronts"]
-__all__ += ["read_trace", "regime", "regime_and_drops", "regime_of", "statistics", "transitions"]
+__all__ = ["Criterion", "Cycles", "Regime", "counted", "drops", "events", "find_cycles", "fronts"]
+__all__ += ["read_trace", "regime", "regime_and_drops", "statistics", "transitions"]

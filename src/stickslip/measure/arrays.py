@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
 from stickslip.io.datasets import read_provenance
-from stickslip.model import Contacts, Population, Slider
-from stickslip.simulation import Recording
 from stickslip.words import engineering
 
 if TYPE_CHECKING:
@@ -23,11 +21,11 @@ Array = NDArray[np.float64]
 FEWEST_READINGS = 16
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
 _VARIABLES = {
+    "t": "time",
     "force": "spring_force",
     "X": "displacement",
     "velocity": "velocity",
     "drive": "drive_velocity",
-    "attached": "attached",
     "displacement": "measured_displacement",
 }
 
@@ -52,14 +50,13 @@ class Trace:
 
     t: Array
     force: Array
-    X: Array | None
-    velocity: Array | None
-    drive: Array | None
-    attached: Array | None
     sign: float
     largest: float
-    contacts: int | None = None
+    X: Array | None = None
+    velocity: Array | None = None
+    drive: Array | None = None
     displacement: Array | None = None
+    contacts: int | None = None
     time_unit: str = ""
     force_unit: str = ""
     quantity: str = "force"
@@ -74,83 +71,44 @@ class Trace:
             raise InputError(
                 "measure: need a Dataset with the variable spring_force along time; read a file with read_trace()"
             )
-        check_numbers("measure", data["time"])
-        t = np.asarray(data["time"].values, dtype=float)
-        if t.size < FEWEST_READINGS:
-            raise InputError(
-                f"measure: {t.size} samples of spring_force are too few to judge; {FEWEST_READINGS} is the least"
-            )
-        if not (np.all(np.isfinite(t)) and np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
-            raise InputError(
-                f"measure: the times must be finite and rising over {SMALLEST:g}, in another unit if need be"
-            )
-        arrays: dict[str, Any] = dict.fromkeys(_VARIABLES)
+        arrays: dict[str, Array] = {}
         for key, name in _VARIABLES.items():
             if name not in data:
                 continue
             check_numbers("measure", data[name])
             along = data[name].mean("block") if "block" in data[name].dims else data[name]
             arrays[key] = values = np.asarray(along.values, dtype=float)
-            if values.shape != t.shape:
+            if values.shape != arrays["t"].shape:
                 raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
                 raise InputError(
-                    f"measure: {name} = {values[bad[0]]:g} at t = {t[bad[0]]:g}: {bad.size} of {t.size} values are "
-                    "not finite; drop or fill them first"
+                    f"measure: {name} = {values[bad[0]]:g} at t = {arrays['t'][bad[0]]:g}: {bad.size} of "
+                    f"{values.size} values are not finite; drop or fill them first"
                 )
+        t, drive, force = arrays["t"], arrays.get("drive"), arrays["force"]
+        if t.size < FEWEST_READINGS:
+            raise InputError(
+                f"measure: {t.size} samples of spring_force are too few to judge; {FEWEST_READINGS} is the least"
+            )
+        if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
+            raise InputError(f"measure: the times must be rising over {SMALLEST:g}, in another unit if need be")
         # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
-        turned = arrays["drive"] is None and bool(data.attrs.get("flipped"))
-        told = str(data["spring_force"].attrs.get("long_name", ""))
-        return cls._along_the_drive(
-            arrays | {"t": t},
-            turned,
+        # A force with its zero well within its range is without its mean: what is left does not tell it.
+        alone = not data.attrs.get("flipped") and np.mean(force) < 0 and -np.min(force) > 3.0 * np.max(force)
+        sign = -1.0 if (alone if drive is None else np.mean(drive) < 0) else 1.0
+        arrays |= {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if key in arrays}
+        top = float(np.max(arrays["force"]))  # of a force that never pulls that way, the largest in size
+        time, told = data["time"].attrs, data["spring_force"].attrs
+        return cls(
+            **arrays,
+            sign=sign,
+            largest=top if top > 0 else float(np.max(np.abs(force))),
             contacts=_contacts(data),
-            time_unit=printable(str(data["time"].attrs.get("units", ""))),
-            force_unit=printable(str(data["spring_force"].attrs.get("units", ""))),
-            quantity="coefficient of friction" if "coefficient" in told else "force",
+            time_unit=printable(str(time.get("units", ""))),
+            force_unit=printable(str(told.get("units", ""))),
+            quantity="coefficient of friction" if "coefficient" in str(told.get("long_name", "")) else "force",
         )
-
-    @classmethod
-    def of_recording(cls, run: Recording) -> Trace:
-        """Take them from a run, in the rig's units."""
-        rig, track, slider = run.rig, run.track, run.rig.slider
-        if not isinstance(slider, Slider):
-            return cls.of(run.dataset())
-        length, speed = rig.unit("x_s"), rig.unit("x_s/time")
-        arrays = {
-            "t": rig.unit("time") * track.times,
-            "force": slider.stiffness * (track.drive_position - track["displacement"]) * rig.unit("f_s"),
-            "X": track["displacement"] * length,
-            "velocity": track["velocity"] * speed,
-            "drive": track.drive_velocity * speed,
-            "attached": track["attached"],
-        }
-        return cls._along_the_drive(
-            arrays,
-            contacts=rig.method.count if isinstance(rig.method, (Contacts, Population)) else None,
-            time_unit=rig.unit_name("time"),
-            force_unit=rig.unit_name("f_s"),
-        )
-
-    @classmethod
-    def _along_the_drive(cls, arrays: dict[str, Any], turned: bool = False, **more: Any) -> Trace:
-        drive, force = arrays["drive"], arrays["force"]
-        # A force with its zero well within its range is without its mean: what is left does not tell the direction.
-        below = np.mean(force) < 0 and -np.min(force) > 3.0 * np.max(force) if drive is None else np.mean(drive) < 0
-        sign = -1.0 if below and not turned else 1.0
-        along = {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if arrays[key] is not None}
-        top = float(np.max(along["force"]))  # of a force that never pulls that way, the largest in size
-        largest = top if top > 0 else float(np.max(np.abs(along["force"])))
-        return cls(**arrays | along, sign=sign, largest=largest, **more)
-
-    def time_in_words(self, time: float) -> str:
-        """A time with its unit."""
-        return in_words(time, self.time_unit, 2)
-
-    def force_in_words(self, force: float) -> str:
-        """A force with its unit."""
-        return in_words(force, self.force_unit, 3)
 
     @property
     def gaps(self) -> NDArray[np.intp]:
@@ -161,7 +119,7 @@ class Trace:
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
-        known = {name: values for name in ("t", *_VARIABLES) if (values := getattr(self, name)) is not None}
+        known = {name: values for name in _VARIABLES if (values := getattr(self, name)) is not None}
         return replace(self, **{name: values[inside] for name, values in known.items()})
 
 
@@ -175,19 +133,21 @@ def _contacts(data: xr.Dataset) -> int | None:
     try:
         rig = read_provenance(data)["arguments"]["rig"]
         slider = rig["slider"]
-        count = rig["method"]["count"] * slider.get("blocks", slider.get("along", 1) * slider.get("across", 1))
-    except (InputError, KeyError, TypeError):
+        count: int = int(rig["method"]["count"]) * slider.get(
+            "blocks", slider.get("along", 1) * slider.get("across", 1)
+        )
+    except (InputError, KeyError, TypeError, ValueError, AttributeError):
         return None
-    return count if isinstance(count, int) and count > 0 else None
+    return max(count, 0)
 
 
 def without_line(values: Array, at: Array) -> Array:
-    """Values less the straight line through them. Sums, as products of long vectors would wake the threads of BLAS."""
+    """Values less the straight line through them."""
     return np.asarray(values - values.mean() - slope(values, at) * (at - at.mean()))
 
 
 def slope(values: Array, at: Array) -> float:
-    """Slope of the straight line through values."""
+    """Slope of the straight line through values. By sums: products of long vectors would wake the threads of BLAS."""
     at = at - at.mean()
     return float((at * (values - values.mean())).sum()) / float((at * at).sum())
 
@@ -196,3 +156,11 @@ def memory(rest: Array) -> float:
     """How alike neighbouring residuals are, 0 to 1: n are worth n (1 - r)/(1 + r) independent ones (Bartlett)."""
     power = float(rest @ rest)
     return max(float(rest[1:] @ rest[:-1]) / power, 0.0) if power > 0 else 0.0
+
+
+def mean_and_std(values: Array) -> tuple[float, float, float]:
+    """Mean, sample standard deviation and coefficient of variation of the values that are known."""
+    kept = values[np.isfinite(values)]
+    mean = float(kept.mean()) if kept.size else math.nan
+    std = float(kept.std(ddof=1)) if kept.size > 1 else math.nan
+    return mean, std, std / abs(mean) if mean else math.nan

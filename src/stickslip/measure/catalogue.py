@@ -9,9 +9,9 @@ import numpy as np
 
 from stickslip import words
 from stickslip.errors import number, printable
-from stickslip.measure.arrays import Array, Trace
+from stickslip.measure.arrays import Array, Trace, mean_and_std
 from stickslip.measure.bench import find_strokes
-from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips, mean_and_std
+from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips
 from stickslip.measure.verdict import Regime, judged
 from stickslip.words import prefixed
 

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stickslip.measure.arrays import Array, without_line
+from stickslip.measure.arrays import Array, mean_and_std, without_line
 
 PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
 JITTER = math.sqrt(-2.0 * math.log(PERIODIC)) / (2.0 * math.pi)
 """Variation of the cycles that leaves a sine this correlation at one period, as ``exp(-(2 pi CV)^2 / 2)``: .13."""
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
-_HALF = 0.5  # the first peak of the autocorrelation above this part of the highest is near the period ...
-_BESIDE = 1.4  # ... which is the highest peak up to this many times further: ringing puts smaller ones beside it
+_HALF = 0.5  # the first peak of the autocorrelation above this part of the highest is that of one period
 _TOGETHER = 0.7  # of a period: rises closer than this belong to one cycle (ringing crosses the levels again)
 
 _BESIDE_A_LINE, _NEXT = 12, 2  # frequencies that a line is held against, and left out on either side of it
@@ -62,21 +61,17 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     in a typical cycle to the next.
     """
     lag, correlation = _autocorrelation_peak(t, force)
-    lowest, highest = force.min(keepdims=True), force.max(keepdims=True)
-    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag)) if math.isfinite(lag) else np.empty(0, dtype=int)
-    if starts.size >= FEWEST_CYCLES and np.diff(starts).all():  # one cycle that is larger than the others says nothing
-        lowest, highest = (extreme.reduceat(force, starts) for extreme in (np.minimum, np.maximum))
-    low, high = float(np.median(lowest)), float(np.median(highest))
-    _, times = rises(t, force, (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0)
-    first = [0] if times.size else []
-    for i in range(1, times.size):
-        if not times[i] - times[first[-1]] < _TOGETHER * lag:
-            first.append(i)
-    times = times[first]
-    each = np.diff(times)
-    period = float(each.mean()) if each.size else math.nan
-    variation = float(each.std(ddof=1)) / period if each.size > 1 else math.nan
-    return Cycles(period=period, variation=variation, correlation=correlation, times=times)
+    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag)) if correlation else np.zeros(0, dtype=int)
+    if starts.size < FEWEST_CYCLES or not np.diff(starts).all():
+        starts = np.zeros(1, dtype=int)
+    # Of each cycle: one that is larger than the others says nothing.
+    low, high = (float(np.median(extreme.reduceat(force, starts))) for extreme in (np.minimum, np.maximum))
+    begins: list[float] = []
+    for time in rises(t, force, (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0)[1].tolist():
+        if not begins or not time - begins[-1] < _TOGETHER * lag:
+            begins.append(time)
+    period, _, variation = mean_and_std(np.diff(begins))
+    return Cycles(period=period, variation=variation, correlation=correlation, times=np.array(begins))
 
 
 def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.intp], Array]:
@@ -94,20 +89,18 @@ def spectral_line(t: Array, force: Array, chance: float) -> tuple[float, float]:
     A line is held against the `_BESIDE_A_LINE` frequencies beside it, two next to it left out: of noise of any colour
     that is even there, ``(1 + x/n)^-n`` of all ordinates exceed `x` times the mean of `n` others by chance.
     """
-    size = fft.prev_fast_len(t.size, real=True)
+    size, edge = fft.prev_fast_len(t.size, real=True), _BESIDE_A_LINE // 2
     power = np.abs(fft.rfft(_evenly(t[:size], force[:size])))[1:] ** 2 / size**2
-    first, others = _BESIDE_A_LINE // 2 + _NEXT, float(_BESIDE_A_LINE)
-    if power.size <= 2 * first:
+    if power.size <= 2 * (edge + _NEXT):
         return math.nan, 0.0
-    total = np.concatenate([[0.0], np.cumsum(power)])
-    at = np.arange(first, power.size - first)
-    near = total[at + _NEXT + 1] - total[at - _NEXT]
-    beside = np.maximum(total[at + first + 1] - total[at - first] - near, 1e-12 * total[-1] + 1e-300)  # of rounding
-    best = int(np.argmax(power[at] / beside))
-    if power.size * (1.0 + power[at[best]] / beside[best]) ** -others > chance:
+    near, wide = (np.convolve(power, np.ones(2 * width + 1), "valid") for width in (_NEXT, edge + _NEXT))
+    near, line = near[edge:-edge], power[edge + _NEXT : -edge - _NEXT]
+    beside = np.maximum(wide - near, 1e-12 * power.sum() + 1e-300)  # of rounding
+    best = int(np.argmax(line / beside))
+    if power.size * (1.0 + line[best] / beside[best]) ** -float(_BESIDE_A_LINE) > chance:
         return math.nan, 0.0
-    period = float(np.ptp(t[:size])) * size / (size - 1) / (at[best] + 1)
-    return period, 4.0 * math.sqrt(max(float(near[best] - beside[best] * (2 * _NEXT + 1) / others), 0.0))
+    period = float(np.ptp(t[:size])) * size / (size - 1) / (best + edge + _NEXT + 1)
+    return period, 4.0 * math.sqrt(max(float(near[best] - beside[best] * (2 * _NEXT + 1) / _BESIDE_A_LINE), 0.0))
 
 
 def _evenly(t: Array, force: Array) -> Array:
@@ -131,7 +124,5 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     tops = tops[(tops > np.argmax(power < 0)) & (power[tops] > 0)] if power.min() < 0 else tops[:0]
     if not tops.size:
         return math.nan, 0.0
-    first = tops[np.argmax(power[tops] >= _HALF * power[tops].max())]
-    near = tops[(tops >= first) & (tops <= _BESIDE * first)]
-    best = int(near[np.argmax(power[near])])
-    return best * step, float(power[best])
+    first = int(tops[np.argmax(power[tops] >= _HALF * power[tops].max())])
+    return first * step, float(power[first])

@@ -39,13 +39,13 @@ class Slips:
     start: Peaks
     end: Peaks
     times: Array  # of the peaks
-    before: Array
+    before: Array  # force before each slip
     after: Array
-    smallest: float
+    smallest: float  # drop that counts, or that could be seen
     noise: float
     criterion: str
     cycles: Cycles
-    cut: int = 0
+    cut: int  # drops that the ends of the data or a gap cut off
 
     @property
     def size(self) -> int:
@@ -70,16 +70,10 @@ class Slips:
         return replace(self, **{name: getattr(self, name)[keep] for name in of_each}, **change)
 
 
-def mean_and_std(values: Array) -> tuple[float, float, float]:
-    """Mean, sample standard deviation and coefficient of variation of the values that are known."""
-    kept = values[np.isfinite(values)]
-    mean = float(kept.mean()) if kept.size else math.nan
-    std = float(kept.std(ddof=1)) if kept.size > 1 else math.nan
-    return mean, std, std / abs(mean) if mean else math.nan
-
-
 def weighted_median(values: Array, weights: Array) -> float:
-    """Value below which half of the weight lies."""
+    """Value below which half of the weight lies; not a number if there is none."""
+    if not values.size:
+        return math.nan
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
@@ -113,12 +107,6 @@ def resolution(force: Array) -> float:
     return step if float(np.mean(off < 0.1)) > 0.99 else 0.0
 
 
-def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
-    """Whether a force shows white noise about a line and nothing else: no more of it, and no period."""
-    rest, chance = without_line(trace.force, trace.t), WHITE / math.sqrt(trace.t.size)
-    return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance
-
-
 def _chance_drop(size: float, within: float, noise: float) -> float:
     """Drop that noise alone may show between two of so many samples, one `within` so many of the other.
 
@@ -150,18 +138,28 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     """Drops by a threshold that comes from the data: above noise, and not small beside the typical drop.
 
-    Those cut off at the ends or by a gap are left out.
+    A force that is white noise about a line, no more of it and no period, has none. Those cut off at the ends or by a
+    gap are left out.
     """
     noise, cycles, t, force = white_noise(trace.force), find_cycles(trace.t, trace.force), trace.t, trace.force
-    least = smallest = minimum_drop or 0.0
+    smallest = least = minimum_drop or 0.0
     criterion = "drops of at least the minimum_drop given"
     if minimum_drop is None:
-        force, least, smallest, criterion = _threshold(trace, noise, cycles)
-    back = None
-    if trace.X is not None:
-        drive = np.zeros(t.size) if trace.drive is None else np.abs(trace.drive)
-        back = -trace.X - cumulative_trapezoid(drive, t, initial=0)
-    peaks, troughs = pick(t, force, smallest, back=back)
+        by_chance = _chance_drop(t.size, t.size, noise)
+        if trace.velocity is None:
+            force, by_chance = _smoothed(force, noise)
+        by_chance = max(by_chance, 2.5 * resolution(trace.force), 1e-7 * float(np.max(np.abs(force))), 1e-300)
+        peaks, troughs = turning_points(force, by_chance)
+        drops, more = force[peaks] - force[troughs], WHITE / math.sqrt(t.size)
+        white = without_line(trace.force, t).std() <= (1.0 + more) * noise and cycles.correlation <= 2.0 * more
+        smallest, least = math.inf, by_chance
+        if drops.size and not white:
+            smallest = least = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
+        criterion = (
+            f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
+            f"{by_chance:.2g}, which the noise ({noise:.2g}) could show by chance"
+        )
+    peaks, troughs = pick(t, force, smallest, back=_way_back(trace))
     across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
     whole = (peaks > 0) & (troughs < force.size - 1) & ~across
     peak, trough = peaks[whole], troughs[whole]
@@ -170,7 +168,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     if trace.velocity is None and peak.size and noise > CORRECTED * float(np.median(before - after)):
         # The largest of many noisy samples lies above the force, and the smallest below it, by up to three standard
         # deviations of the noise: their difference overstates a drop. Lines through the loading beside it do not.
-        most, beside = 3.0 * noise, (np.append(0, end[:-1]) + 1, np.append(start[1:], t.size - 1))
+        most, beside = 3.0 * noise, (np.append(0, end)[:-1] + 1, np.append(start, t.size - 1)[1:])
         before = np.clip(_levels(trace, start, beside[0]), before - most, before + most)
         after = np.clip(_levels(trace, end, beside[1]), after - most, after + most)
     found = Slips(
@@ -188,26 +186,6 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         cut=int(np.count_nonzero(~whole)),
     )
     return found if minimum_drop is None else found.only(found.drops >= minimum_drop)
-
-
-def _threshold(trace: Trace, noise: float, cycles: Cycles) -> tuple[Array, float, float, str]:
-    """Force in which to look for drops, the least that could be seen, the smallest that counts, and why."""
-    force, chance = trace.force, _chance_drop(trace.t.size, trace.t.size, noise)
-    if trace.velocity is None:
-        force, chance = _smoothed(force, noise)
-    rounding = 1e-7 * float(np.max(np.abs(force)))
-    by_chance = max(chance, 2.5 * resolution(trace.force), rounding, 1e-300)
-    peaks, troughs = turning_points(force, by_chance)
-    drops = force[peaks] - force[troughs]
-    if drops.size == 0 or (trace.contacts is None and is_white(trace, noise, cycles)):
-        criterion = f"no drop exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
-        return force, by_chance, math.inf, criterion
-    smallest = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
-    criterion = (
-        f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above {by_chance:.2g}, "
-        f"which the noise ({noise:.2g}{'' if force is trace.force else ', smoothed'}) could show by chance"
-    )
-    return force, smallest, smallest, criterion
 
 
 def fastest(trace: Trace, found: Slips) -> Array:
@@ -243,14 +221,20 @@ def turning_points(values: Array, drop: float, rise: float | None = None) -> tup
     return ends[np.searchsorted(ends, peaks)], troughs
 
 
+def _way_back(trace: Trace) -> Array | None:
+    """The way of the slider against the drive's direction less that of the drive; None where it is not known."""
+    if trace.X is None or trace.drive is None:
+        return None
+    return np.asarray(-trace.X - cumulative_trapezoid(np.abs(trace.drive), trace.t, initial=0))
+
+
 def pick(
     t: Array, force: Array, drop: float, rise: float | None = None, *, back: Array | None = None
 ) -> tuple[Peaks, Peaks]:
     """Peaks and troughs of the slips of a force: drops that stand out, each joined with the ringing that it sets off.
 
-    A rise is ringing where it is smaller than the drop before, and the slider's swing back makes more of it than the
-    way of the drive: where the motion is known, by `back`, the way of the slider against the drive's direction less
-    that of the drive; else where it is twice as fast as the force usually rises, and takes at most twice
+    A rise is ringing where it is smaller than the drop before, and the slider's swing back, by `back`, makes more of it
+    than the way of the drive; else where it is twice as fast as the force usually rises, and takes at most twice
     the time of the drop before it, as far as that is resolved: a swing back takes as long as a swing, however the
     loading quickens.
     """
@@ -269,8 +253,7 @@ def pick(
     for peak, trough, swing in zip(peaks[1:].tolist(), troughs[1:].tolist(), swings.tolist(), strict=True):
         first, lowest = joined[-1]
         if swing and force[peak] - force[last] < force[first] - force[lowest]:  # ringing decays
-            if force[trough] < force[lowest]:
-                joined[-1][1] = trough
+            joined[-1][1] = min(lowest, trough, key=force.__getitem__)
         else:
             joined.append([peak, trough])
         last = trough
@@ -294,10 +277,8 @@ def _levels(trace: Trace, at: Peaks, other: Peaks) -> Array:
     """Force at samples, by straight lines through a third of the samples from there to others, 3 to 50 of them."""
     levels = np.empty(at.size)
     for i, (here, there) in enumerate(zip(at.tolist(), other.tolist(), strict=True)):
-        many = min(max((abs(there - here) + 1) // 3, 3), 50)
-        inside = slice(here, min(there + 1, here + many))
-        if there <= here:
-            inside = slice(max(there, here - many + 1), here + 1)
+        way = 1 if there > here else -1
+        inside = np.arange(here, there + way, way)[: min(max((abs(there - here) + 1) // 3, 3), 50)]
         t, force = trace.t[inside] - trace.t[here], trace.force[inside]
         levels[i] = force.mean() - (slope(force, t) * t.mean() if force.size > 2 else 0.0)
     return levels

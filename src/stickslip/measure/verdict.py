@@ -13,18 +13,17 @@ import numpy as np
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Trace, in_words, slope
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, mean_and_std, slope
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
-from stickslip.measure.evidence import ENOUGH, ERRORS, MOST, TINY, Criterion, Evidence, gather
+from stickslip.measure.evidence import ENOUGH, MOST, TINY, Criterion, Evidence, gather
 from stickslip.measure.periods import FEWEST_CYCLES
-from stickslip.measure.slips import FEWEST_IN_A_DROP, Slips, fast_ones, find_slips, mean_and_std
-from stickslip.simulation import Recording
+from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["TINY", "Kind", "Regime", "regime", "regime_of"]
+__all__ = ["TINY", "Kind", "Regime", "regime"]
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
@@ -38,43 +37,29 @@ SLIPS: Kind = "stick-slip"
 LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
 
-_LOADING = "the force still {moves}, by {drift} in the window, and shows no complete slip; {more}"
 _HIDDEN = "a period of {line} stands out of noise of {part}, which hides whether it is slips: record more often"
-_DOUBT = "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"
 
 RULES: tuple[tuple[str, Kind, str], ...] = (
-    ("-cycles -slips -size", SMOOTH, "the force fluctuates by {swing}, peak to peak"),
-    ("-cycles line", OPEN, _HIDDEN),
-    ("-cycles drifts", OPEN, _LOADING),
-    ("-drops -unfinished masks", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
-    ("-drops -unfinished", SMOOTH, "the force shows noise only, {part}"),
-    ("-cycles", OPEN, "too short: {count} of the {fewest} complete cycles that a verdict needs; about {missing} more"),
+    ("-cycles -slips -size", SMOOTH, "the force fluctuates by {size}, peak to peak"),
+    ("-cycles drifts", OPEN, "the force still {moves} in the window, and shows no complete slip; {more}"),
+    ("-drops masks", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
+    ("-drops", SMOOTH, "the force shows noise only, {part}"),
+    ("-cycles", OPEN, "too short: {count} of the {fewest} complete cycles that a verdict needs; {more}"),
     ("noise slips strong", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
     ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
-    ("chance -noise -enough", OPEN, _DOUBT),
-    ("turns", OPEN, "{parts}"),
-    ("shrinks small -slips", SMOOTH, "{changes}, and is down to {left}"),
+    ("chance -noise -enough", OPEN, "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"),
+    ("shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
     ("shrinks", OPEN, "{changes}; {more} whether it persists"),
+    ("grows -slips", OPEN, "{changes}; {more}"),
+    ("repeats pauses", OPEN, "{pause}: judge each part by itself"),
     ("slips", SLIPS, "{manner} slips that persist: {how}"),
-    ("grows", OPEN, "{changes}; {more}"),
-    ("-size", SMOOTH, "the force oscillates by {swing}, peak to peak"),
-    ("-resolved", OPEN, "drops of {part} last fewer than {samples} samples: record more often"),
-    ("periodic alone normal", OPEN, _DOUBT),
+    ("-size", SMOOTH, "the force oscillates by {size}, peak to peak"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}: {how}"),
     ("line", OPEN, _HIDDEN),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
     ("", OPEN, "irregular oscillation of {part} that is neither slips nor noise: {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Segment:
-    """A part of a record in one regime, from `begin` to `end` in its unit of time."""
-
-    kind: Kind
-    begin: float
-    end: float
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -130,8 +115,6 @@ class Regime(Answer):
     table : tuple of Criterion
         The tests that kind and reason are read off: each with its statistic, its limit, where that comes from
         (theory, statistics, or a convention), and whether it was passed.
-    segments : tuple of Segment
-        The parts of a record that is in one regime and then in another; empty where it is in one.
     """
 
     kind: Kind
@@ -158,7 +141,6 @@ class Regime(Answer):
     force_unit: str = ""
     notes: tuple[str, ...] = ()
     table: tuple[Criterion, ...] = ()
-    segments: tuple[Segment, ...] = ()
 
     @property
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
@@ -178,31 +160,28 @@ class Regime(Answer):
         return hash(self.kind)
 
     def __str__(self) -> str:
-        begin, end = self.window
-        divisor, unit = prefixed(end, self.time_unit)
-
-        def force(value: float, digits: int) -> str:
-            return in_words(value, self.force_unit, digits)
-
+        divisor, unit = prefixed(self.window[1], self.time_unit)
+        begin, end = (time / divisor for time in self.window)
+        mean, swing, noise, drop = (
+            in_words(value, self.force_unit, digits)
+            for value, digits in ((self.mean_force, 4), (self.peak_to_peak, 3), (self.noise, 2), (self.drop, 3))
+        )
         lines = [
             f"{self.kind}: {self.reason}",
-            f"evaluated over t = {words.number(begin / divisor)} to {in_words(end / divisor, unit)}; {self.quantity} "
-            f"{force(self.mean_force, 4)} on average, peak to peak {force(self.peak_to_peak, 3)}, noise "
-            f"{force(self.noise, 2)}",
+            f"evaluated over t = {words.number(begin)} to {in_words(end, unit)}; {self.quantity} {mean} on average, "
+            f"peak to peak {swing}, noise {noise}",
         ]
         if self.mean_mu is not None and self.static_mu is not None:
-            lines.append(
-                f"coefficient of friction {words.number(self.mean_mu, 3)} on average (kinetic), "
-                f"{words.number(self.static_mu, 3)} at most (static)"
-            )
+            kinetic, static = (words.number(mu, 3) for mu in (self.mean_mu, self.static_mu))
+            lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
         if self.cycles:
-            line = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window, drop {force(self.drop, 3)}"
-            line += _variation(self.drop_variation)
+            told = [f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window", f"drop {drop}"]
+            told[1] += _variation(self.drop_variation)
             if math.isfinite(self.period):
-                line += f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
+                told.append(f"period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}")
             if math.isfinite(self.slip_phase):
-                line += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
-            lines.append(line)
+                told.append(f"slip phase: {100 * self.slip_phase:.0f} % of the cycle")
+            lines.append(", ".join(told))
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half of the window over the first: {self.trend:.3g}")
         if self.largest_velocity is not None:
@@ -244,11 +223,6 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     return judged(data, after)[1]
 
 
-def regime_of(run: Recording) -> Regime:
-    """Return the regime of a run that has not become a Dataset; the same as of the Dataset."""
-    return _over_the_window(Trace.of_recording(run))
-
-
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     """The trace that data hold, or what comes after a time, and its regime; a coefficient of friction by its size."""
     trace = Trace.of(data)
@@ -257,7 +231,10 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
         if trace.t.size < FEWEST_READINGS:
             least = f"fewer than {FEWEST_READINGS} samples lie after it"
             raise InputError(f"after = {begin:g}: {least}; the data end at t = {end:g}")
-    seen = _over_the_window(trace, whole=after is None)
+    if trace.drive is None:
+        seen = _of_a_bench(trace, whole=after is None)
+    else:
+        seen = _of_a_run(trace, trace.drive) if after is None else _judge(trace)
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
         inside = size.sel(time=slice(*seen.window))
@@ -265,21 +242,18 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     return trace, seen
 
 
-def _over_the_window(trace: Trace, *, whole: bool = True) -> Regime:
-    """Choose the window in all of the data, or take what was chosen, and judge it; of a bench, with notes."""
-    if trace.drive is None:
-        return _of_a_bench(trace, whole=whole)
-    if not whole:
-        return _judge(trace)
-    differs = np.flatnonzero(np.abs(trace.drive - trace.drive[-1]) > CONSTANT_DRIVE * abs(trace.drive[-1]))
+def _of_a_run(trace: Trace, drive: Array) -> Regime:
+    """Judge the last part of the last stretch of constant driving, or twice as much if that holds few drops."""
+    differs = np.flatnonzero(np.abs(drive - drive[-1]) > CONSTANT_DRIVE * abs(drive[-1]))
     first = int(differs[-1]) + 1 if differs.size else 0
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return _judge(trace)
     begin, end = trace.t[first], trace.t[-1]
-    late, longer = (trace.part(end - parts * LATE_PART * (end - begin)) for parts in (1, 2))
-    found = find_slips(late) if late.t.size >= FEWEST_READINGS else None
-    if found is None or 0 < found.size <= FEWEST_CYCLES:
-        late, found = longer, find_slips(longer)
+    for part in (LATE_PART, 2.0 * LATE_PART):
+        late = trace.part(end - part * (end - begin))
+        found = find_slips(late)
+        if late.t.size >= FEWEST_READINGS and not 0 < found.size <= FEWEST_CYCLES:
+            break
     seen = _judge(late, found)
     if seen.kind not in (SLIPS, LASTS) or not end - begin < LONG_TRANSIENT * seen.period:
         return seen
@@ -289,17 +263,14 @@ def _over_the_window(trace: Trace, *, whole: bool = True) -> Regime:
 
 def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
     """Judge a force alone: its longest stretch without a gap, once it is loaded, or its strokes; with notes."""
-    notes, gaps = [], trace.gaps.tolist()
-    if gaps:
-        begin, end = (words.number(trace.t[i]) for i in (gaps[0], gaps[0] + 1))
-        notes.append(f"no readings from t = {begin} to {end} {trace.time_unit}".rstrip())
-        notes[0] += f", and {len(gaps) - 1} more gaps" * (len(gaps) > 1)
-        starts = [0, *(gap + 1 for gap in gaps)]
-        stretches = [trace.part(*trace.t[[i, j]]) for i, j in zip(starts, [*starts[1:], -1], strict=True)]
-        longest = max(stretches, key=lambda part: float(np.ptp(part.t)))
-        if longest.t.size >= FEWEST_READINGS:
-            trace = longest
-            notes[0] += ": the longest stretch without a gap was judged"
+    notes = []
+    if trace.gaps.size:
+        edges = [trace.t[0], *trace.t[trace.gaps + 1], math.inf]
+        begin, end = (words.number(trace.t[i]) for i in (trace.gaps[0], trace.gaps[0] + 1))
+        more = f", and {trace.gaps.size - 1} more gaps" * (trace.gaps.size > 1)
+        notes.append(f"no readings from t = {begin} to {end}{more}: the longest stretch without a gap was judged")
+        stretches = [trace.part(*pair) for pair in itertools.pairwise(edges)]
+        trace = max(stretches, key=lambda part: (part.t.size >= FEWEST_READINGS, float(np.ptp(part.t))))
     if strokes := find_strokes(trace):
         seen = _of_strokes(strokes)
     else:
@@ -317,37 +288,31 @@ def _of_strokes(strokes: list[Trace]) -> Regime:
     """Judge each stroke by itself, and sum up."""
     seen = [_judge(stroke) for stroke in strokes]
     count = Counter(each.kind for each in seen)
-    usual = next((kind for kind, _ in count.most_common() if kind != OPEN), OPEN)
-    typical = next(each for each in seen if each.kind == usual)
+    kind = next((kind for kind, _ in count.most_common() if kind != OPEN), OPEN)
+    typical = next(each for each in seen if each.kind == kind)
     told = ", ".join(f"{many} {kind}" for kind, many in count.most_common())
     reason = f"reciprocating test, {len(seen)} strokes judged separately ({told}); {typical.reason}"
-    kind = usual
     if count[kind] < MOST_STROKES * len(seen):
         kind, reason = OPEN, f"{reason}; judge a part of the strokes"
-    window = seen[0].window[0], seen[-1].window[1]
-    return replace(typical, kind=kind, reason=reason, window=window)
+    return replace(typical, kind=kind, reason=reason, window=(seen[0].window[0], seen[-1].window[1]))
 
 
-def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -> Regime:
+def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     found = find_slips(trace) if found is None else found
-    seen = gather(trace, found)
-    stuck, drive = None, None if trace.drive is None else float(trace.drive.mean())
-    largest = float(trace.velocity.max()) / drive if trace.velocity is not None and drive else None
-    if trace.velocity is not None and drive:
-        stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    kind, reason, segments = OPEN, _fault(trace, found), tuple[Segment, ...]()
+    seen, largest, stuck, drive = gather(trace, found), None, None, None
+    if trace.drive is not None:
+        drive = float(trace.drive.mean())
+        if trace.velocity is not None and drive:
+            largest = float(trace.velocity.max()) / drive
+            stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
+    kind, reason = OPEN, _fault(trace, found)
     if not reason:
-        facts, said = seen.facts, _in_words(trace, seen, stuck)
-        if in_parts and "cycles" in facts and facts & {"slips", "periodic"}:
-            if "paused" in facts and (segments := _around_pauses(trace, found, seen.tests["paused"])):
-                facts, said["parts"] = facts | {"turns"}, _parts_in_words(trace, segments)
-            elif "shrinks" in facts and (step := _step(trace, found)):
-                facts, said["how"] = facts - {"shrinks"}, f"{said['how']}; {step}"
+        said = _in_words(trace, found, seen, stuck)
         kind, reason = next(
             (kind, reason.format_map(said))
             for conditions, kind, reason in RULES
-            if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
+            if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
         )
     slips = fast_ones(trace, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
@@ -375,8 +340,7 @@ def _judge(trace: Trace, found: Slips | None = None, *, in_parts: bool = True) -
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
-        table=tuple(seen.tests.values()),
-        segments=segments,
+        table=seen.table,
     )
 
 
@@ -396,101 +360,45 @@ def _fault(trace: Trace, found: Slips) -> str:
     return ""
 
 
-def _in_words(trace: Trace, seen: Evidence, stuck: float | None) -> dict[str, object]:
+def _in_words(trace: Trace, found: Slips, seen: Evidence, stuck: float | None) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
-    span, facts, count = float(np.ptp(trace.t)), seen.facts, int(seen.value("cycles"))
+    values, facts, span, count = seen.values, seen.facts, float(np.ptp(trace.t)), int(seen.values["cycles"])
 
-    def part(of: float) -> str:
-        return f"{100 * of:.3g} % of the largest force"
+    def time(value: float) -> str:
+        return in_words(value, trace.time_unit, 2)
 
-    how = f"slip phase: {100 * seen.value('phase'):.0f} % of the cycle"
-    if "fast" in facts or ("fast" in seen.tests and "resolved" in facts):
-        how = f"the slider reaches {seen.value('fast'):.3g} times the velocity of the drive in a typical cycle"
-    elif "held" in seen.tests and not facts & {"phase", "periodic"}:
-        how = f"the force rises at its full rate for {100 * seen.value('held'):.0f} % of the time"
-    if "noise" in facts:
-        how += f"; as expected from the noise of {trace.contacts} contacts"
-    elif {"slips", "grows"} <= facts:
-        how += "; the slips still grow"
+    range_ = float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0)
+    part, size, small = (f"{100 * of:.3g} % of the largest force" for of in (range_, values["size"], values["small"]))
+    how = f"slip phase: {100 * values.get('phase', math.nan):.0f} % of the cycle"
+    if "fast" in facts or ("resolved" in facts and values["fast"] == values["fast"]):
+        how = f"the slider reaches {values['fast']:.3g} times the velocity of the drive in a typical cycle"
+    elif "held" in facts and "phase" not in facts and not seen.cycles:
+        how = f"the force rises at its full rate for {100 * values['held']:.0f} % of the time"
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
         sticks = (
             f"the slider sticks for {100 * stuck:.0f} % of the time" if stuck >= STICKS else "the slider never sticks"
         )
-    drift, each = slope(trace.force, trace.t) * span, span / max(count, 1)
-    swing = part(float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0))
-    # So long that there are enough cycles, and a trend shows, or the rest of the oscillation that was begun.
-    more = trace.time_in_words(max(ENOUGH / max(count, 1), 2.0) * span)
-    motion = "oscillation" if facts & {"slips", "periodic"} or "normal" not in facts else "fluctuation"
-    changes = "decays" if seen.trend < 1.0 else "still grows"
+    drift = slope(trace.force, trace.t) * span
+    edges = np.concatenate([trace.t[:1], found.times, trace.t[-1:]])
+    longest = int(np.argmax(np.diff(edges)))
+    # So long that there are enough cycles, and a trend shows.
+    needed = max((ENOUGH if "cycles" in facts else FEWEST_CYCLES + 1) / max(count, 1), 2.0)
     return {
-        "part": swing,
-        "swing": part(seen.value("size")),
-        "left": part(seen.value("small")),
-        "ample": f"the force fluctuates by {swing}, without a period",
-        "line": trace.time_in_words(seen.line),
+        "part": part,
+        "size": size,
+        "small": small,
+        "ample": f"the force fluctuates by {part}, without a period",
+        "line": time(seen.line),
         "count": count,
         "fewest": FEWEST_CYCLES,
-        "samples": FEWEST_IN_A_DROP,
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": how,
         "sticks": sticks,
-        "changes": f"the {motion} {changes}, by a factor {seen.trend:.2g} from one half of the window to the other",
-        "moves": "rises" if drift > 0 else "falls",
-        "drift": trace.force_in_words(abs(drift)),
-        "missing": trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each)),
-        "more": f"about {more} more{', or the velocity of the slider,' * (trace.velocity is None)} would tell",
+        "changes": f"the amplitude {'decays' if seen.trend < 1.0 else 'still grows'}, by a factor {seen.trend:.2g} "
+        "from one half of the window to the other",
+        "moves": f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}",
+        "pause": f"no drops from t = {time(edges[longest])} to {time(edges[longest + 1])}",
+        "more": f"about {time(needed * span)} more would tell",
     }
-
-
-def _around_pauses(trace: Trace, found: Slips, pause: Criterion) -> tuple[Segment, ...]:
-    """The parts of a record with pauses among its slips, each judged by itself; none if they are of one kind."""
-    limits = np.concatenate([[trace.t[0]], found.times, [trace.t[-1]]])
-    waits = np.diff(limits)
-    usual = float(waits.max()) / pause.statistic
-    edges, pauses = [float(trace.t[0])], []
-    for i in np.flatnonzero(waits >= pause.limit * usual):
-        begin = float(trace.t[found.end[i - 1]]) if i else float(trace.t[0])
-        end = float(limits[i + 1]) - (usual if i < found.size else 0.0)  # before the force rises again
-        edges += [begin, end]
-        pauses.append(begin)
-    segments: list[Segment] = []
-    for begin, end in itertools.pairwise([*edges, math.inf]):
-        part = trace.part(begin, end)
-        if part.t.size >= FEWEST_READINGS:
-            each = _judge(part, in_parts=False)
-            if each.kind != OPEN or begin in pauses:
-                segments.append(Segment(kind=each.kind, begin=each.window[0], end=each.window[1]))
-    groups = [list(group) for _, group in itertools.groupby(segments, key=lambda segment: segment.kind)]
-    merged = tuple(replace(group[0], end=group[-1].end) for group in groups)
-    return merged if len(merged) > 1 and {each.kind for each in merged} & {SLIPS, LASTS} else ()
-
-
-def _parts_in_words(trace: Trace, segments: tuple[Segment, ...]) -> str:
-    if len(segments) > FEWEST_CYCLES:
-        return f"slips and pauses take turns, in {len(segments)} parts: judge each by itself"
-    ends = [f" up to t = {trace.time_in_words(segment.end)}" for segment in segments[:-1]]
-    told = [
-        f"{'nothing' if each.kind == OPEN else each.kind}{end}" for each, end in zip(segments, [*ends, ""], strict=True)
-    ]
-    return f"{', then '.join(told)}: judge each part by itself"
-
-
-def _step(trace: Trace, found: Slips) -> str:
-    """Since when drops are smaller, if a step fits better than a line, by three errors, and both parts are alike."""
-    size, at = np.log(found.drops), found.times - found.times.mean()
-    if size.size < 2 * FEWEST_CYCLES:
-        return ""
-    count = np.arange(1, size.size)
-    gain = np.cumsum(size - size.mean())[:-1] ** 2 * size.size / (count * (size.size - count))
-    gain[: FEWEST_CYCLES - 1] = gain[size.size - FEWEST_CYCLES :] = 0.0
-    best = int(np.argmax(gain))
-    power = max(float(np.sum((size - size.mean()) ** 2)) - float(gain[best]), 0.0) / max(size.size - 2, 1)
-    if gain[best] - float(at @ size) ** 2 / float(at @ at) <= ERRORS**2 * power:
-        return ""
-    since = float(found.times[best + 1])
-    before, after = (_judge(part, in_parts=False).kind for part in (trace.part(trace.t[0], since), trace.part(since)))
-    times = np.median(found.drops[best + 1 :]) / np.median(found.drops[: best + 1])
-    told = f"from t = {trace.time_in_words(since)} on, the drops are {times:.2g} times as large"
-    return told if before == after != OPEN else ""
