@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,9 +15,10 @@ from stickslip.errors import InputError, shortened, shown
 from stickslip.io import files
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.bench import far_outside, spikes
-from stickslip.measure.headings import Heading, ratio, simple, unit_named
+from stickslip.measure.headings import Heading, ratio, simple
 from stickslip.measure.tables import Table, read_cell, read_table
 from stickslip.model.quantities import read_value
+from stickslip.simulation import labelled
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,12 +95,12 @@ def read_trace(
     try:
         table = read_table(raw, delimiter, decimal)
         del raw  # and the table, once read: they are as large as the file
-        constant = _constant(load)
+        constant = read_value("load", load, "N", "20 N") if isinstance(load, str) and read_cell(load)[1] else None
         asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
         chosen = _choose(table, asked, seconds or table.step)
         if seconds:
             chosen.pop("time", None)
-        units = {name: table.headings[i].unit for name, i in chosen.items()}
+        units = {"time": "", "load": "N"} | {name: table.headings[i].unit for name, i in chosen.items()}
         if table.headings[chosen["force"]].quantity == "coefficient":
             units["force"] = "1"
         values, notes = _rows(table, chosen, seconds or table.step or 0.0)
@@ -108,7 +108,7 @@ def read_trace(
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if constant:
-        values["load"], units["load"] = np.full_like(values["force"], constant[0]), constant[1]
+        values["load"] = np.full_like(values["force"], constant)
     return _dataset(units, values, notes, flip).assign_attrs(source=Path(path).name)
 
 
@@ -119,27 +119,25 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     force = values["force"]
     force[far_outside(force)] = np.nan
     times = values.setdefault("time", step * np.arange(force.size, dtype=float))
-    bad = lines[~(np.isfinite(times) & np.isfinite(force))]
-    if bad.size > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
+    bad = lines[~(np.isfinite(times) & np.isfinite(force))].tolist()
+    told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
+    if len(bad) > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         raise InputError(
-            f"{bad.size} of {lines.size} rows cannot be read, first line {bad[0]}: "
-            f"{shortened(table.line(int(bad[0])))!r}; each row needs a finite number, in the unit of the others and "
-            "not far outside the rest; choose the columns, or mend the file"
+            f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; each row needs a finite number, in the "
+            "unit of the others and not far outside the rest; choose the columns, or mend the file"
         )
-    if (left := lines.size - bad.size) < FEWEST_READINGS:
+    if (left := lines.size - len(bad)) < FEWEST_READINGS:
         raise InputError(f"{left} readings are too few to judge; at least {FEWEST_READINGS} are needed")
     known = np.flatnonzero(np.isfinite(times))
-    back = np.flatnonzero(np.diff(times[known]) <= 0)
+    back = known[1:][np.diff(times[known]) <= 0]
     if back.size:
-        before, after = known[back[0] : back[0] + 2]
         raise InputError(
-            f"line {lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times must rise: sort "
-            "the rows, or give the step (--step on the command line, step= in Python) instead"
+            f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before; times must "
+            "rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
         )
-    first = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5].tolist()]
-    first += [f"and {bad.size - 5} more"] if bad.size > 5 else []
-    told = f"rows could not be read; the force there is interpolated in time ({'; '.join(first)})"
-    return values, [f"{bad.size} of {lines.size} {told}"] if bad.size else []
+    told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
+    text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
+    return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
 
 
 def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
@@ -147,54 +145,49 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
     import xarray as xr
 
     force, times = values["force"], values["time"]
-    readable = np.isfinite(times) & np.isfinite(force)
+    rows = np.flatnonzero(np.isfinite(times) & np.isfinite(force))
     spiky = spikes(force)
+    kept = np.flatnonzero(np.isfinite(times[rows[0] : rows[-1] + 1])) + rows[0]
+    missing = ~np.isfinite(force) | spiky
     force[spiky] = np.nan
-    kept = np.isfinite(times)
-    kept[: np.argmax(readable)] = kept[readable.size - np.argmax(readable[::-1]) :] = False
     t = times[kept]
 
-    def filled(name: str) -> Array:
-        part: Array = values[name][kept]
+    def along_time(name: str, text: str, sign: float = 1.0) -> Any:
+        part = values[name][kept]
         known = np.isfinite(part)
-        return part if known.all() else np.asarray(np.interp(t, t[known], part[known]))
+        return labelled(
+            text, "time", sign * (part if known.all() else np.interp(t, t[known], part[known])), units[name]
+        )
 
-    def along_time(column: object, unit: str, text: str) -> tuple[str, object, dict[str, str]]:
-        return "time", column, {"units": unit, "long_name": text}
-
-    unit, coefficient = units["force"] or "N", units["force"] == "1"
-    pull = (-1.0 if flip else 1.0) * filled("force")
-    found = {
-        "spring_force": along_time(pull, unit, "coefficient of friction" if coefficient else "force"),
-        "filled": along_time((~readable | spiky)[kept], "1", "row was unreadable, or a spike; force interpolated"),
-    }
     if spiky.any():
         notes.append(f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
     for name, usual in (("force", "N"), ("time", "s")):
-        if not units.get(name, usual):
+        if not units[name]:
+            units[name] = usual
             notes.append(f"the file names no unit of the {name}: {usual} assumed")
+    coefficient = units["force"] == "1"
+    what = "coefficient of friction" if coefficient else "force"
+    found = {
+        "spring_force": along_time("force", what, -1.0 if flip else 1.0),
+        "filled": labelled("row was unreadable, or a spike; force interpolated", "time", missing[kept], "1"),
+    }
     if "displacement" in values:
-        way = filled("displacement")
-        found["measured_displacement"] = along_time(way, units["displacement"], "displacement, as measured")
+        found["measured_displacement"] = along_time("displacement", "displacement, as measured")
     if "load" in values:
-        load, of_load = filled("load"), units["load"] or unit
-        found["load"] = along_time(load, of_load, "normal load")
-        size = 1.0 if unit == of_load else ratio(unit, of_load)
+        units["load"] = units["load"] or units["force"]
+        found["load"] = along_time("load", "normal load")
+        pull, load = found["spring_force"][1], found["load"][1]
+        size = 1.0 if units["force"] == units["load"] else ratio(units["force"], units["load"])
         if size and not coefficient:
             mu = np.divide(size * pull, load, out=np.full(t.size, np.nan), where=load != 0)
-            found["mu"] = along_time(mu, "1", "coefficient of friction")
+            found["mu"] = labelled("coefficient of friction", "time", mu, "1")
         elif not coefficient:
-            notes.append(f"no coefficient of friction: the force is in {unit}, the load in {of_load}")
+            notes.append(f"no coefficient of friction: the force is in {units['force']}, the load in {units['load']}")
     return xr.Dataset(
         found,
-        coords={"time": along_time(t, units.get("time") or "s", "time")},
+        coords={"time": along_time("time", "time")},
         attrs={"rows": force.size, "flipped": int(flip), "note": "; ".join(notes)},
     )
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Which column is what
-# ---------------------------------------------------------------------------------------------------------------------
 
 
 def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | None) -> dict[str, int]:
@@ -215,36 +208,23 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
         if len(found) == 1:
             chosen[name] = found[0]
         elif name == "force" or (name == "time" and not step):
-            or_step = ", or give the seconds from one row to the next (--step on the command line, step= in Python)"
             raise InputError(
-                f"which column is the {name}? Name it (--{name} on the command line, {name}= in Python)"
-                f"{or_step if name == 'time' else ''}; there are {table.listed()}"
+                f"which column is the {name}? Name it (--{name} on the command line, {name}= in Python); for times, "
+                f"the step will do (--step or step=); there are {table.listed()}"
             )
     return chosen
 
 
 def _column(table: Table, name: str, wanted: str | int) -> int:
     """Index of a column given by name or number."""
-    text, titles = str(wanted), [heading.name for heading in table.headings]
+    text = str(wanted)
     names = {simple(text), simple(Heading.read(text).name)} - {""}
-    found = [i for i, title in enumerate(titles) if simple(title) in names]
+    found = [i for i, heading in enumerate(table.headings) if simple(heading.name) in names]
     if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         found = [int(text) - 1]
     if len(found) != 1 or found[0] not in table.numeric:
-        others = {simple(title): title for title in titles if simple(title) not in names}
-        near = difflib.get_close_matches(simple(text), others, n=1, cutoff=0.5)
         raise InputError(
-            f"{name} = {shown(wanted)}: no such column of numbers, or several of this name; "
-            f"{f'did you mean {others[near[0]]!r}? ' if near else ''}counted from 1, there are {table.listed()}"
+            f"{name} = {shown(wanted)}: no such column of numbers, or several of this name; counted from 1, there are "
+            f"{table.listed()}"
         )
     return found[0]
-
-
-def _constant(load: str | int | None) -> tuple[float, str] | None:
-    """The load, where it is given as a quantity and not as a column."""
-    value, unit = read_cell(load) if isinstance(load, str) else (None, "")
-    if value is None or not unit:
-        return None
-    if (unit_named(unit) or ("",))[0] not in ("force", "stress") or value <= 0:
-        raise InputError(f"load = {shown(load)}: must be a force above 0 such as '20 N', or a column")
-    return value, unit
