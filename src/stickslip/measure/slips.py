@@ -103,8 +103,8 @@ def resolution(force: Array) -> float:
         return 0.0
     steps = np.diff(values)
     step = float(np.median(steps[steps <= 1.5 * np.median(steps)]))  # most differences are multiples of it
-    off = np.abs((force - values[0]) / step - np.round((force - values[0]) / step))
-    return step if float(np.mean(off < 0.1)) > 0.99 else 0.0
+    near = np.abs((force - values[0]) / step % 1.0 - 0.5) > 0.4
+    return step if float(np.mean(near)) > 0.99 else 0.0
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:

@@ -39,7 +39,16 @@ OPEN: Kind = "undecided"
 
 _HIDDEN = "a period of {line} stands out of noise of {part}, which hides whether it is slips: record more often"
 
+_TURNED = (
+    "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the command "
+    "line, flip=True in read_trace)"
+)
+
 RULES: tuple[tuple[str, Kind, str], ...] = (
+    ("turned", OPEN, _TURNED),
+    ("constant", OPEN, "the force never changes: is the sensor connected?"),
+    ("halted", OPEN, "the drive stands still"),
+    ("ramped", OPEN, "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"),
     ("-cycles -slips -size", SMOOTH, "the force fluctuates by {size}, peak to peak"),
     ("-cycles drifts", OPEN, "the force still {moves} in the window, and shows no complete slip; {more}"),
     ("-drops masks", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
@@ -71,12 +80,11 @@ class Regime(Answer):
     kind : {"smooth sliding", "stick-slip", "sustained oscillation", "undecided"}
         *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least
         3.5 times the velocity of the drive. Where only the force is known: drops take at most a quarter of the
-        time, or, of an irregular force, it rises at its full rate for most of the time. The slips may be irregular;
-        `period_variation` says how much. *Sustained oscillation*: a cycle that persists, in which the slider stays
-        slower than that; the reason says whether it sticks. *Smooth sliding*: no oscillation, or noise of the
-        contacts, or fluctuation without a period that is distributed as noise, or an oscillation below 2 % of the
-        largest force, or one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for the
-        reason given, which says what would decide it, or the parts of the record differ.
+        time, or, of an irregular force, it rises at its full rate for most of the time. *Sustained oscillation*: a
+        cycle that persists, in which the slider stays slower than that; the reason says whether it sticks. *Smooth
+        sliding*: no oscillation, or noise of the contacts, or fluctuation without a period that is distributed as
+        noise, or an oscillation below 2 % of the largest force, or one that decays and is below 10 %. *Undecided*: the
+        evidence does not suffice, for the reason given, which says what would decide it.
     reason : str
         Why, in plain words.
     window : tuple of float
@@ -86,9 +94,8 @@ class Regime(Answer):
     static_friction : float
         Largest force in all of the data: what amplitudes are compared with.
     trend : float
-        Ratio of the drops in the second half of the window to those in the first, from a straight line
-        through their logarithms (of the standard deviation of the force in parts of the window, where it has
-        neither slips nor a period); 1 is steady.
+        Ratio of the drops in the second half of the window to those in the first, from a straight line through their
+        logarithms (of the standard deviation of the force in eight parts, where it has no period); 1 is steady.
     cycles : int
         Complete cycles in the window; of a force that is not periodic, complete drops.
     period, period_variation : float
@@ -99,12 +106,9 @@ class Regime(Answer):
         Fraction of the time in which the force drops: .5 for a sine, near 0 for a sawtooth.
     noise : float
         Standard deviation of the noise from sample to sample, in the unit of the force.
-    drive_velocity : float or None
-        Mean velocity of the drive in the window; None where it is not known.
-    largest_velocity : float or None
-        Largest slider velocity in the window, over the drive's velocity.
-    stuck : float or None
-        Fraction of the time in which the slider is slower than a twentieth of the drive.
+    drive_velocity, largest_velocity, stuck : float or None
+        Where they are known, the mean velocity of the drive in the window, the largest of the slider over that of the
+        drive, and the fraction of the time in which the slider is slower than a twentieth of the drive.
     mean_mu, static_mu : float or None
         With a normal load: the coefficient of friction, on average in the window and at most in all of the data.
     quantity, time_unit, force_unit : str
@@ -301,19 +305,20 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     found = find_slips(trace) if found is None else found
     seen, largest, stuck, drive = gather(trace, found), None, None, None
-    if trace.drive is not None:
-        drive = float(trace.drive.mean())
+    if trace.drive is None:
+        faults = {"turned": is_mirrored(trace, found), "constant": bool(not np.ptp(trace.force))}
+    else:
+        drive, top = float(trace.drive.mean()), float(np.max(np.abs(trace.drive)))
+        faults = {"halted": not top, "ramped": bool(np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * top)}
         if trace.velocity is not None and drive:
             largest = float(trace.velocity.max()) / drive
             stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    kind, reason = OPEN, _fault(trace, found)
-    if not reason:
-        said = _in_words(trace, found, seen, stuck)
-        kind, reason = next(
-            (kind, reason.format_map(said))
-            for conditions, kind, reason in RULES
-            if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
-        )
+    facts = seen.facts | {name for name, holds in faults.items() if holds}
+    kind, reason = next(
+        (kind, reason)
+        for conditions, kind, reason in RULES
+        if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
+    )
     slips = fast_ones(trace, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
@@ -321,7 +326,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
     return Regime(
         kind=kind,
-        reason=reason,
+        reason=reason.format_map(_in_words(trace, found, seen, stuck)),
         window=(float(trace.t[0]), float(trace.t[-1])),
         peak_to_peak=float(np.ptp(trace.force)),
         mean_force=trace.sign * float(trace.force.mean()),
@@ -344,22 +349,6 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     )
 
 
-def _fault(trace: Trace, found: Slips) -> str:
-    """What forbids a verdict: a drive that does not move evenly, a sensor that is turned, or does not move at all."""
-    if trace.drive is None:
-        if is_mirrored(trace, found):
-            return (
-                "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on "
-                "the command line, flip=True in read_trace)"
-            )
-        return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
-    if not trace.drive.any():
-        return "the drive stands still"
-    if np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
-        return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
-    return ""
-
-
 def _in_words(trace: Trace, found: Slips, seen: Evidence, stuck: float | None) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
     values, facts, span, count = seen.values, seen.facts, float(np.ptp(trace.t)), int(seen.values["cycles"])
@@ -369,16 +358,15 @@ def _in_words(trace: Trace, found: Slips, seen: Evidence, stuck: float | None) -
 
     range_ = float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0)
     part, size, small = (f"{100 * of:.3g} % of the largest force" for of in (range_, values["size"], values["small"]))
-    how = f"slip phase: {100 * values.get('phase', math.nan):.0f} % of the cycle"
-    if "fast" in facts or ("resolved" in facts and values["fast"] == values["fast"]):
+    how = f"slip phase: {100 * values['phase']:.0f} % of the cycle"
+    if "fast" in facts or ("resolved" in facts and math.isfinite(values["fast"])):
         how = f"the slider reaches {values['fast']:.3g} times the velocity of the drive in a typical cycle"
     elif "held" in facts and "phase" not in facts and not seen.cycles:
         how = f"the force rises at its full rate for {100 * values['held']:.0f} % of the time"
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
-        sticks = (
-            f"the slider sticks for {100 * stuck:.0f} % of the time" if stuck >= STICKS else "the slider never sticks"
-        )
+        often = f"sticks for {100 * stuck:.0f} % of the time" if stuck >= STICKS else "never sticks"
+        sticks = f"the slider {often}"
     drift = slope(trace.force, trace.t) * span
     edges = np.concatenate([trace.t[:1], found.times, trace.t[-1:]])
     longest = int(np.argmax(np.diff(edges)))
