@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import median_filter
 
 from stickslip.kernels.turning_points import pick as zigzag
 from stickslip.measure.arrays import Array, Trace, slope, without_line
@@ -127,12 +128,9 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
         return force, chance
     cycle = force.size / drops.size
     width = min(int(cycle / 6.0) // 2 * 2 + 1, 15)
-    if width < 3:
-        return force, _chance_drop(force.size, cycle, noise)
-    from scipy.ndimage import median_filter
-
-    noise *= math.sqrt(0.5 * math.pi / width)
-    return median_filter(force, width, mode="nearest"), _chance_drop(force.size / width, cycle / width, noise)
+    if width > 1:
+        force, noise = median_filter(force, width, mode="nearest"), noise * math.sqrt(0.5 * math.pi / width)
+    return force, _chance_drop(force.size / width, cycle / width, noise)
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
