@@ -203,7 +203,7 @@ def test_a_run_that_would_take_long_is_cut_short_and_says_so():
 
 def test_a_run_that_is_undecided_goes_on_by_itself():
     document = documents.first()
-    document["drive"]["velocity"] = "70 mm/s"
+    document["drive"]["velocity"] = "80 mm/s"
     first, *_, last, _ = simulate.run({"document": document}, silent)
     assert first["regime"]["kind"] == "undecided"
     assert first["going_on"]

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
-from stickslip.measure.arrays import Trace, mean_and_std, memory, slope, without_line
+from stickslip.measure.arrays import Trace, mean_and_std, slope, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, Cycles, find_cycles, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
 
@@ -196,9 +196,7 @@ def _trend(trace: Trace, found: Slips, cycles: Cycles | None) -> tuple[float, fl
         return math.nan, 0.0
     at = (times - times.mean()) / (trace.t[-1] - trace.t[0])
     rest = without_line(sizes, at)
-    # Slow wandering of the drops (few contacts, or a boundary near by) makes them worth fewer independent ones.
-    alike = min(memory(rest), 0.9)
-    error = math.sqrt(float(rest @ rest) / (sizes.size - 2) / float(at @ at) * (1 + alike) / (1 - alike))
+    error = math.sqrt(float(rest @ rest) / (sizes.size - 2) / float(at @ at))
     few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS  # by Student: few parts tell their scatter badly
     return math.exp(0.5 * slope(sizes, at)), 0.5 * few * error
 
