@@ -100,7 +100,7 @@ def read_trace(
         chosen = _choose(table, asked, seconds or table.step)
         if seconds:
             chosen.pop("time", None)
-        units = {"time": "", "load": "N"} | {name: table.headings[i].unit for name, i in chosen.items()}
+        units = {"time": "s", "load": "N"} | {name: table.headings[i].unit for name, i in chosen.items()}
         if table.headings[chosen["force"]].quantity == "coefficient":
             units["force"] = "1"
         values, notes = _rows(table, chosen, seconds or table.step or 0.0)
