@@ -54,7 +54,7 @@ def force_trace(
     if "mu" in run and "load" in run:  # another scale, or, where the load changes, a line of its own
         right = ax.twinx()
         right.spines["right"].set_visible(True)
-        along_time(run, "mu", right, color=style.PURPLE, linewidth=0.7 if np.ptp(run["load"]) else 0.0)
+        along_time(run, "mu", right, color=style.PURPLE, linewidth=0.7 if np.ptp(run["load"].values) else 0.0)
     if ax.get_legend_handles_labels()[0]:
         legend_above(ax)
     return ax
