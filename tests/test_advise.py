@@ -116,11 +116,6 @@ def test_where_nothing_helps_the_range_searched_is_told():
     assert any("no smooth sliding found from" in line for line in say.attempts(found))
 
 
-@pytest.mark.parametrize("name", ["brake_pad", "precision_stage", "teaching_bench", "wiper", "pmma_slider"])
-def test_the_verdict_on_the_examples_is_decided(name):
-    assert ss.predict(ss.example(name), fast=True).regime.kind in ("stick-slip", "sustained oscillation")
-
-
 def test_a_slow_decay_is_waited_for():
     """After 120 x_s these runs cannot be judged; they are smooth after 600 and 1500."""
     random = {"thresholds": ss.Gaussian(1.0, 0.1996), "delay": scattered(0.7828, 0.078629)}
@@ -181,7 +176,7 @@ def test_what_was_not_simulated_is_not_called_smooth():
     assert [band.kind for band in linear] == ["stable", "unstable"]
     survey, known = Survey(setting, linear, ss.regime(ss.simulate(setting)).kind), []
     for seconds in (0.0, 0.4, 5.0):
-        survey.look(Trials(seconds), lambda _share: None)
+        survey.look(Trials(seconds))
         bands = survey.bands()
         assert all(one.high == other.low for one, other in pairwise(bands))
         known.append(sum(math.log(b.high / b.low) for b in bands if b.kind not in ("stable", "unstable")))
@@ -259,7 +254,7 @@ def test_contacts_that_break_by_heat():
 def test_noise_of_few_contacts_is_no_oscillation():
     """Its force fluctuates as 1/sqrt(N), from sliding as from rest: that was called bistable, and got mitigations."""
     random = {"thresholds": ss.LogNormal(1.0, 0.3222), "delay": scattered(0.09368, 0.053667)}
-    light = {"stiffness": 0.3941, "mass": 0.004138, "damping": 0.4808, "drive": ss.constant(1.0)}
+    light = {"stiffness": 0.3941, "mass": 0.004138, "damping": 0.4808, "drive": ss.constant(1.0, 400.0)}
     found = ss.predict(make(**light, **random, contacts=1000, seed=701), fast=True)
     assert found.unstable_modes == 0
     assert (found.smooth, found.bistable, found.ill) == (True, False, False)

@@ -186,12 +186,6 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sa
     assert fastest == pytest.approx(fresh.largest_velocity, rel=sampled)
 
 
-def test_slips_that_differ_again_and_again_settle_as_one_cycle():
-    """Three of them, each with much ringing after it."""
-    ringing = ss.Rig(delayed(0.4), ss.Slider(stiffness=0.1674, mass=7.88e-6, damping=10.9), ss.constant(0.0388))
-    assert "settles at" in is_sustained(ringing).reason
-
-
 @pytest.mark.parametrize(
     ("delay", "parameter", "between", "low", "high"),
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -40,17 +39,9 @@ class Foretold(Answer):
     def __str__(self) -> str:
         lines = [f"{self.rig.name}: {self.verdict}"]
         for title, rest, rows in self.sections:
-            told = [f"- {row}" for row in rows if title and isinstance(row, str)]
+            told = [f"- {row if isinstance(row, str) else ', '.join(row)}" for row in rows if title]
             lines += [f"{title}{rest}:", *told] if told else []
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        told = f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.verdict)}</p>"
-        for title, rest, rows in self.sections:
-            cells = [[html.escape(cell) for cell in ([row] if isinstance(row, str) else row)] for row in rows]
-            body = "".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in cells)
-            told += f"<p><b>{title}</b>{html.escape(rest)}</p><table>{body}</table>"
-        return told
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
@@ -181,25 +172,20 @@ class Prediction(Foretold):
         return self.regime.kind == "smooth sliding" and not self.unstable_modes
 
     @property
-    def oscillates(self) -> bool:
-        """Whether the run shows stick-slip or a sustained oscillation."""
-        return self.regime.kind in OSCILLATES
-
-    @property
     def bistable(self) -> bool:
         """Whether smooth sliding is stable, and stays, although the run from rest shows sustained stick-slip."""
-        return self.judged and self.unstable_modes == 0 and self.oscillates and self.stays
+        return self.ill and self.unstable_modes == 0 and self.stays
 
     @property
     def ill(self) -> bool:
         """Whether there is something to mitigate."""
-        return self.judged and (bool(self.unstable_modes) or self.oscillates)
+        return self.judged and (bool(self.unstable_modes) or self.regime.kind in OSCILLATES)
 
     @property
     def frequency(self) -> float | None:
         """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in the run; None if it has none."""
         period = self.regime.period
-        return 1.0 / period if self.oscillates and math.isfinite(period) and period > 0 else None
+        return 1.0 / period if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0 else None
 
     @property
     def amplitude(self) -> float:

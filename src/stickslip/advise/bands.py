@@ -18,17 +18,14 @@ from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
-from stickslip.progress import Progress
 from stickslip.simulation import estimate
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
-PRECISION = 0.05
-"""Where motion changes is found to this part of the value; nor is one set more closely on a machine."""
+PRECISION = 0.05  # where motion changes is found to this part of the value; nor is one set more closely on a machine
+# What is said of contacts whose linear response is 0; what kinds of motion are called, where that is another word.
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
-"""What is said of contacts whose linear response is 0."""
 MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
-"""What kinds of motion are called in a sentence, where that is another word."""
 _PER_DECADE, _DEAR_PER_DECADE = 16, 6  # points at which growing modes are counted; the latter where `is_dear` says so
 _NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
 _APART = 3.0  # speeds at which runs are made first lie within this factor of each other
@@ -75,14 +72,6 @@ class Band:
 def scaled(bands: Iterable[Band], size: float) -> tuple[Band, ...]:
     """Bands in a unit that is smaller by a factor."""
     return tuple(replace(band, low=band.low * size, high=band.high * size) for band in bands)
-
-
-def within(bands: Sequence[Band], low: float, high: float, side: int = 1) -> list[Band]:
-    """What lies of rising bands between two values; on side -1, of their inverses."""
-    if side < 0:
-        bands = [replace(band, low=1.0 / band.high, high=1.0 / band.low) for band in reversed(bands)]
-    cut = [replace(band, low=max(band.low, low), high=min(band.high, high)) for band in bands]
-    return [band for band in cut if band.low < band.high]
 
 
 def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
@@ -162,14 +151,13 @@ class Survey:
         self._setting, self._works_at, self._linear = trial(rig), works_at(rig), linear
         self.known: dict[float, str] = {1.0: here}
 
-    def look(self, trials: Trials, report: Progress) -> None:
+    def look(self, trials: Trials) -> None:
         """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
         grid = [v for band in self._linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
         places = [*self._works_at, *sorted(grid, key=lambda speed: abs(math.log(speed)))]
         self.known = dict.fromkeys(places, "") | self.known  # not known yet
         with suppress(Spent):
-            for i, speed in enumerate(places):
-                report(i / len(places))
+            for speed in places:
                 self._try(speed, trials)
             while (change := self._widest_change()) is not None:
                 self._try(change, trials)

@@ -71,7 +71,7 @@ def mitigated(found: Prediction, trials: Trials, report: Progress) -> Prediction
                 left_out.append(parameter.title)
         if stops:
             changes.append((parameter in _OTHERS, min(stops, key=lambda each: each.size)))
-        elif parameter.title not in left_out:
+        elif low < high and parameter.title not in left_out:
             tried[parameter.name] = low * value, high * value
     changes.sort(key=lambda each: (each[0], round(each[1].size, 3)))
     return replace(

@@ -115,12 +115,12 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from rest, margins, mitigations."""
     report, rig = progress or (lambda _share: None), found.rig
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
-        report(1.0)
         return replace(found, complete=True)
     left = (_ALL - min(estimate(found.recording.rig).seconds, 0.5 * _ALL)) * (_DEARER if is_dear(rig) else 1.0)
     trials = Trials(_FOR_SPEEDS * left)
     survey = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), found.regime.kind)
-    survey.look(trials, part(report, 0.0, 0.3))
+    survey.look(trials)
+    report(0.3)
     found = replace(found, margins=() if found.theory_note else tuple(_margins(rig)), complete=True)
     report(0.4)
     if found.ill:
@@ -128,7 +128,7 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
         found = mitigated(found, trials, part(report, 0.4, 0.9))
         cured = [each.stops / rig.velocity for each in found.mitigations if each.parameter == VELOCITY.name]
         survey.known |= dict.fromkeys(cured, "smooth sliding")
-        survey.look(trials, part(report, 0.9, 1.0))
+        survey.look(trials)
     report(1.0)
     return replace(found, bands=scaled(survey.bands(), rig.velocity))
 
@@ -142,10 +142,7 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
 
 
 def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
-    """Simulate the rig as its file says, shorter if that takes long; longer if it cannot be judged.
-
-    A drive whose last stretch is not of constant speed is replaced by one of constant speed.
-    """
+    """Simulate the rig as its file says, if that ends at a constant speed; shorter if it is dear, longer to judge."""
     drive, velocity, dearer = rig.drive, rig.natural.velocity, _DEARER if is_dear(rig) else 1.0
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
         drive = trial(rig).drive

@@ -31,8 +31,8 @@ _TWICE = math.log(2.0)  # between as much variance and four times as much
 _SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
 
+# What linearly stable smooth sliding does: it stays, noise of the contacts leaves it, or noise is all that is seen.
 Steady = Literal["stays", "leaves", "noise"]
-"""What linearly stable smooth sliding does: it stays, noise of the contacts leaves it, or noise is all that is seen."""
 
 
 def cycle_of(rig: Rig) -> float:
@@ -81,16 +81,13 @@ class Spent(Exception):  # noqa: N818 - not an error: it ends a search
 
 
 class Trials:
-    """Runs within what they may cost, in seconds by estimate and not by the clock: the same rig gets the same answer.
-
-    All raise `Spent` if there is not as much left.
-    """
+    """Runs within what they may cost, in seconds by estimate, not by the clock: the same rig gets the same answer."""
 
     def __init__(self, seconds: float) -> None:
         self.left = seconds
 
     def pay(self, case: Rig) -> None:
-        """Take the cost of a run."""
+        """Take the cost of a run; raise `Spent` if there is not as much left."""
         if (seconds := estimate(case).seconds) > self.left:
             raise Spent
         self.left -= seconds
@@ -172,10 +169,7 @@ class Trials:
 
 
 def _longer(case: Rig, lasts: float) -> Rig:
-    """The run, of no more contacts than judge it, its last piece so much longer that it takes twice the time, or more.
-
-    `lasts` is the least that it takes.
-    """
+    """The run, of no more contacts than judge it, its last piece longer: it takes twice the time, at least `lasts`."""
     *before, last = case.drive.pieces
     lasts = max(2.0 * case.drive.duration, lasts) - (case.drive.duration - last.duration)
     method = contacts_of(case) if isinstance(case.method, Contacts) else case.method

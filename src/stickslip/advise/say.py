@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import MOTIONS, within
+from stickslip.advise.bands import MOTIONS
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 """Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
-_HEAD = ("parameter", "now", "stability limit below", "stability limit above")
 
 
 # Quantities
@@ -130,8 +129,8 @@ def _by_speed(found: Prediction) -> Iterator[str]:
 
 def _over_its_range(found: Prediction, low: float, high: float) -> str:
     """The motion over the range of speeds at which the rig works, were each of them to last."""
-    rig, inside = found.rig, within(found.bands, low, high)
-    words = ", ".join(f"{band.motion} from {_speed(rig, band.low)}" for band in inside)
+    rig, inside = found.rig, [band for band in found.bands if band.low < high and band.high > low]
+    words = ", ".join(f"{band.motion} from {_speed(rig, max(band.low, low))}" for band in inside)
     whose = "over its range" if rig.operation.between is not None else "along its drive"
     return f"{whose}, {_speed(rig, low)} to {_speed(rig, high)}: {words or 'undecided'}"
 
@@ -145,7 +144,8 @@ def sections(found: Prediction) -> Iterator[Section]:
     yield "", "", list(numbers(found))
     if found.margins:
         about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
-        yield "Margins", about, [_HEAD, *margins(found)]
+        head = ("parameter", "now", "stability limit below", "stability limit above")
+        yield "Margins", about, [head, *margins(found)]
     where = quantity(found.rig, found.rig.velocity, "velocity")
     yield "Mitigations", f" at {where}, the smallest change first; simulated", list(mitigations(found))
     yield "Tried", ", within the range searched", list(attempts(found))

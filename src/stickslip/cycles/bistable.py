@@ -12,6 +12,7 @@ import numpy as np
 from stickslip.cycles.branch import carried, first_point
 from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span
 from stickslip.errors import InputError, UndecidedError, instance
+from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
@@ -94,7 +95,7 @@ def bistable_range(
     >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
     ([('fold', 'linear')], True)
     """
-    span = Span.of(rig, parameter, between, tolerance=tolerance, step=step)
+    span = Span(rig, parameter, between, FromRest(), tolerance=tolerance, step=step)
     crossings = critical(rig, span.parameter, between=(span.low, span.high))
     found: list[Interval | str] = []
     ends = [span.low, *(edge.value for edge in crossings.edges), span.high]

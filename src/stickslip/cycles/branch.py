@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from stickslip.cycles.edges import Edge, Point, Span, halved
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
+from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
@@ -70,21 +73,21 @@ def cycle_branch(
     """
     import xarray as xr
 
-    span = Span.of(rig, parameter, between, tolerance=tolerance, step=step)
-    along, size = span.parameter.name, rig.unit(span.parameter.unit)
+    span = Span(rig, parameter, between, FromRest(), tolerance=tolerance, step=step)
+    along = span.parameter.name
     if begin is not None:
         begin = number("begin", begin, at_least=span.low, at_most=span.high, hint=span.unit)
     first = first_point(span, begin)
     (down, low_end), (up, high_end) = (carried(span, first, until) for until in (span.low, span.high))
     points = [*reversed(down), *up[1:]]
-    arguments = {"rig": rig.natural, "parameter": along, "between": [span.low / size, span.high / size]}
+    arguments = {"rig": rig.natural, "parameter": along, "between": [span.low / span.size, span.high / span.size]}
     attributes: dict[str, float | str] = {"provenance": store.provenance("cycle_branch", arguments)}
     for name, edge in (("low", low_end), ("high", high_end)):
         attributes |= {f"{name}_end": edge.kind}
         attributes |= {f"{name}_decays_at": edge.decays_at, f"{name}_persists_at": edge.persists_at}
     speeds = [p.ride.drive.velocity * rig.unit("velocity") for p in points]
     fastest = [p.verdict.largest_velocity * speed for p, speed in zip(points, speeds, strict=True)]
-    unstable = [math.nan if (grows := p.verdict.linearly_unstable) is None else float(grows) for p in points]
+    unstable = np.array([p.verdict.linearly_unstable for p in points], float).tolist()  # NaN: unknown
     columns = {
         "amplitude": ("peak to peak of the spring force", "f_s", [p.verdict.peak_to_peak for p in points]),
         "period": ("period of the cycle", "time", [p.verdict.period for p in points]),

@@ -13,7 +13,7 @@ from stickslip.answers import Answer
 from stickslip.cycles.ride import METHOD, Ride, check_rig
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import number
-from stickslip.model import FromRest, Start
+from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 
@@ -118,31 +118,23 @@ class Point(NamedTuple):
     ride: Ride
 
 
-@dataclass(frozen=True, eq=False)
 class Span:
-    """Where to look along a parameter, in the rig's own units, how runs begin there, and how closely to look."""
+    """Where to look along a parameter, in the rig's own units, how runs begin there, and how closely to look.
 
-    rig: Rig
-    parameter: Parameter
-    low: float
-    high: float
-    start: Start
-    tolerance: float
-    step: float = 0.5
+    Raises `InputError` if no cycle can be followed on the rig, or the parameter or the range is invalid.
+    """
 
-    @classmethod
-    def of(cls, rig: Rig, parameter: Parameter | str, between: Ends, start: Start = FromRest(), **steps: float) -> Span:
-        """Raise `InputError` if no cycle can be followed on the rig, or the parameter or the range is invalid."""
+    def __init__(
+        self, rig: Rig, parameter: Parameter | str, between: Ends, start: Start, *, tolerance: float, step: float = 0.5
+    ) -> None:
         check_rig(rig, start, METHOD)
-        varied = parameter_named(parameter)
-        low, high = (end * rig.unit(varied.unit) for end in rig.span(varied, between))
-        relative = {name: number(name, value, above=0, below=1) for name, value in steps.items()}
-        return cls(rig, varied, low, high, start, **relative)
-
-    @property
-    def unit(self) -> str:
-        """The rig's own unit of the parameter."""
-        return self.rig.unit_name(self.parameter.unit)
+        self.rig, self.parameter, self.start = rig, parameter_named(parameter), start
+        self.size, self.unit = rig.unit(self.parameter.unit), rig.unit_name(self.parameter.unit)
+        self.low, self.high = (end * self.size for end in rig.span(self.parameter, between))
+        self.tolerance, self.step = (
+            number("tolerance", tolerance, above=0, below=1),
+            number("step", step, above=0, below=1),
+        )
 
     def grid(self, count: int) -> list[float]:
         """So many values over the range."""
@@ -151,14 +143,13 @@ class Span:
 
     def settled(self, value: float, after: Ride | None = None) -> Point:
         """What a run settles at: from the start, or carried on from another value."""
-        rig = self.parameter.set(self.rig, value / self.rig.unit(self.parameter.unit))
+        rig = self.parameter.set(self.rig, value / self.size)
         ride = Ride.begin(rig, self.start, METHOD) if after is None else after.turned(rig)
         return Point(value, *settle(ride))
 
     def said(self, *values: float) -> str:
         """Say values of the parameter in words."""
-        size = self.rig.unit(self.parameter.unit)
-        return ", ".join(self.rig.in_units(value / size, self.parameter.unit) for value in values)
+        return ", ".join(self.rig.in_units(value / self.size, self.parameter.unit) for value in values)
 
 
 def halved(

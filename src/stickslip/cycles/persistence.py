@@ -92,7 +92,7 @@ def sustained(
     >>> window.low.kind, round(window.low.value, 1)
     ('decay', 0.7)
     """
-    span = Span.of(rig, parameter, between, start, tolerance=tolerance)
+    span = Span(rig, parameter, between, start, tolerance=tolerance)
     known: dict[float, Verdict] = {}
 
     def persists(value: float) -> bool | None:
