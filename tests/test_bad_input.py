@@ -81,7 +81,6 @@ REFUSED = [
     (lambda: ss.Empirical.from_samples([1.0, 1.0]), r"^Empirical\.from_samples: needs at least two different"),
     (lambda: ss.Empirical.from_samples(["a"]), r"^Empirical\.from_samples = .*: must be a number or an array"),
     (lambda: SteadyState(thresholds=3.0), r"^SteadyState\.thresholds = 3\.0: must be a distribution"),
-    (lambda: TENTH.laplace(1.0, 2), r"^laplace\(order=2\): only orders 0 and 1"),
     # other records
     (lambda: ss.Delay(-0.1), r"^Delay\.time = -0\.1: must be a number at least 0 \(the delay time tau_d\)"),
     (lambda: ss.RandomDelay(mean=0.1, std=1e-20), r"^RandomDelay\.std = 1e-20: .* use Delay"),

@@ -52,11 +52,9 @@ class Distribution(Record):
         """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not far below 0."""
         return transforms_of(self, q)
 
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)`` at complex `q`, for order 0 or 1."""
-        if order not in (0, 1):
-            raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
-        return np.asarray(self.transform(np.asarray(q, dtype=complex))[order])
+    def laplace(self, q: ArrayLike) -> ComplexArray:
+        """Mean of ``exp(-q x)`` at complex `q`."""
+        return np.asarray(self.transform(np.asarray(q, dtype=complex))[0])
 
     @property
     def leftmost(self) -> float:

@@ -4,8 +4,6 @@ Every distribution answers the same few questions (`Distribution`), so that ever
 threshold is a stretching at which a contact breaks, hence positive: a distribution that reaches below zero is
 conditioned on positive values by `positive` when it is used for thresholds, and taken as it is when it is used for
 initial stretchings.
-
-Natural units: stretchings in units of ``x_s = f_s/k``.
 """
 
 from __future__ import annotations

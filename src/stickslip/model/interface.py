@@ -1,8 +1,4 @@
-"""The interface: what its contacts are like.
-
-Natural units throughout: contact stiffness ``k = 1``, mean threshold force ``f_s = 1``, hence stretchings in units of
-``x_s = f_s/k``; everything per contact. Time is in any unit the user likes.
-"""
+"""The interface: what its contacts are like."""
 
 from __future__ import annotations
 

@@ -28,7 +28,6 @@ _GROUP = rf"\( *{_PRODUCT} *\)"
 # One "/" at most, and one factor after it unless there are parentheses: "N/m*s" would be read in two ways.
 _UNIT = f"(?:{_PRODUCT}|{_GROUP})(?: */ *(?:{_POWER}|{_GROUP}))?|1? */ *(?:{_POWER}|{_GROUP})"
 _QUANTITY = re.compile(f"{_BLANKS}({_NUMBER}){_BLANKS}({_UNIT})?{_BLANKS}")
-_PLAIN_NUMBER = re.compile(f" *({_NUMBER}) *")
 _FACTOR = re.compile(rf"({_NAME})(?:(?:\^|\*\*)(-?[1-9])|(⁻?[¹²³]))?")
 _RAISED = str.maketrans("⁻¹²³", "-123")
 
@@ -94,7 +93,7 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
     found = _QUANTITY.fullmatch(text)
     if found is None:
         general = f"cannot be read as a quantity, one number with a decimal point and its unit; {as_in}"
-        raise InputError(_remedy(text, _QUANTITY) or general)
+        raise InputError(_remedy(text) or general)
     if found[2] is None:
         if bare:
             return _nearest(Fraction(found[1]))
@@ -110,9 +109,9 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
 
 def read_number(text: str) -> float:
     """Read a plain number with a decimal point, as it stands on a command line; errors do not name the place."""
-    found = _PLAIN_NUMBER.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
-    if found is None:
-        raise InputError(_remedy(text, _PLAIN_NUMBER) or "must be a number, such as 0.5")
+    found = _QUANTITY.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
+    if found is None or found[2]:
+        raise InputError((_remedy(text) if found is None else "") or "must be a number, such as 0.5")
     return _nearest(Fraction(found[1]))
 
 
@@ -197,7 +196,7 @@ _SLIPS = (
 """Ways of writing that are plain enough to say what would be right."""
 
 
-def _remedy(text: str, grammar: re.Pattern[str]) -> str:
+def _remedy(text: str) -> str:
     """Say how to write what can only have meant one thing; empty if nothing can be told."""
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
         return "must be finite"
@@ -210,8 +209,8 @@ def _remedy(text: str, grammar: re.Pattern[str]) -> str:
         text, count = slip.subn(right, text)
         if count:
             reasons.append(reason)
-        if found := grammar.fullmatch(text):
-            if grammar is _QUANTITY and found[2]:
+        if found := _QUANTITY.fullmatch(text):
+            if found[2]:
                 _size_of(found[2])  # what is said to be right must be
             return f"write {text.strip()!r}: {', '.join(dict.fromkeys(reasons))}"
     return ""
