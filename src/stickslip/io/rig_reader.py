@@ -70,10 +70,10 @@ class _Reader:
         top = file.table(self.document, {**{name: Key({}) for name in BODIES}, **rig_keys.TOP}, rules=(one_body,))
         tables = [self._table(name, top.get(name, {})) for name in (self.body, "interface", "drive", "simulation")]
         slider, interface, drive, simulation = tables
-        self._check_shape(slider)
+        self._check_body(slider)
         # What cannot be read is noted, and the rest is looked through.
         self.length = interface.get("breaking_displacement", 1.0)
-        for name in rig_keys.KINDS.keys() & interface.keys():
+        for name in (name for name in rig_keys.KINDS if name in interface):
             interface[name] = file.part(partial(self._record, interface[name], f"interface.{name}"))
         driven = file.part(partial(self._drive, drive))
         feasible = self._feasible(top.get("feasible", {}))
@@ -149,7 +149,8 @@ class _Reader:
         named = content.get(word, "random" if name == "delay" else None)
         if not isinstance(named, str) or named not in kinds:
             known = f"must be one of the known {word}s {', '.join(map(repr, kinds))}, as in {example}"
-            raise _refused(f"{place}.{word}", named, known)
+            given = f"{place}.{word}" + (f" = {shown(named)}" if word in content else "")
+            raise InputError(f"{given}: {known}", f"{place}.{word}")
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
         of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
@@ -184,8 +185,10 @@ class _Reader:
         made = {"damping": 0.0} | values | {direct: values[name] * shape[direct] for direct, name in material.items()}
         return _made(BODIES.get(self.body, Slider), made, self.body)
 
-    def _check_shape(self, values: Values) -> None:
-        """Note what the material needs beside it."""
+    def _check_body(self, values: Values) -> None:
+        """Note what a damping ratio and the material need beside them."""
+        if "damping_ratio" in values and values.get("mass") == 0:
+            self.file.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
         if not values.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
             for name in SHAPE:
                 if name not in values:
