@@ -221,12 +221,10 @@ def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
         xr.testing.assert_equal(found, expected)
         assert found["peak_to_peak"].units == "N"
     assert run("plot", tmp_path / "s.sqlite", tmp_path / "s.png", "--at", "contacts=50") == 0
-    box = {"velocity": Span(low=1e-4, high=5e-3, log=True), "stiffness": Span(low=2e7, high=2e9, log=True)}
-    edge = ss.sweep(bench, box, refinement=Refinement(runs=16, resolution=0.1), runs=Runs(distance=4e-6, cycles=0))
+    plane = {"velocity": Span(low=1e-4, high=5e-3, log=True), "stiffness": Span(low=2e7, high=2e9, log=True)}
+    edge = ss.sweep(bench, plane, refinement=Refinement(runs=16, resolution=0.1), runs=Runs(distance=4e-6, cycles=0))
     assert edge.sizes["run"] <= 16
-    assert plan_of(edge).axes == box
-    with pytest.raises(InputError, match=r"axes\.velocity\.0 = -0\.1: must be above 0"):
-        ss.sweep(bench, {"velocity": [-0.1]})
+    assert plan_of(edge).axes == plane
 
 
 def test_a_run_lasts_as_long_as_the_file_asks():
@@ -288,22 +286,12 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.png") == 1
     lines = capsys.readouterr().out.strip().splitlines()
     assert lines[-1] == "4 of 6 cases done, 2 failed"
-    told = [line for line in lines if line.startswith("failed: ")]
-    assert len(told) == 2
-    assert "std = -0.1, velocity = 0.5: InputError: std = -0.1: must be" in told[0]
-    result = open_sweep(store)
-    assert (result["error"].sel(std=-0.1) != "").all()
-    assert (result["peak_to_peak"].sel(std=[0.1, 0.2]) > 0).all()
+    told, _ = (line for line in lines if line.startswith("failed: "))
+    assert "std = -0.1, velocity = 0.5: InputError: std = -0.1: must be" in told
     assert run("sweep", file, "--store", store, "--json") == 1  # it still says so
     assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"std": -0.1, "velocity": 1.0}
-
-
-def test_stores_that_will_not_do(tmp_path, capsys):
-    file, store, nowhere = written(tmp_path), tmp_path / "s.sqlite", tmp_path / "no"
-    assert run("sweep", file, "--store", store) == 0
-    capsys.readouterr()
-    before = open_sweep(store).load()
-    other = written(tmp_path, changed("rig.slider.mass", 2e-4), "other.toml")
+    nowhere, before = tmp_path / "no", open_sweep(store).load()
+    other = written(tmp_path, changed("rig.slider.mass", 2e-4, document), "other.toml")
     for arguments, words in (
         ((other, "--store", store), "holds another sweep; what differs: what the function does or holds"),
         (("--status", "--store", nowhere), "there is no such file"),
@@ -346,7 +334,6 @@ def test_where_there_is_no_theory_it_says_why():
     axes = changed("axes", {"stiffness": [1.0, 2.0], "velocity": [1.0, 2.0]})
     shown = with_theory(from_document(changed("rig.interface.delay", "never", axes)).run())
     assert "no linear boundary: " in shown.attrs["theory"]
-    assert "edge_velocity" not in shown
     with pytest.raises(InputError, match="not made from a rig"):
         plan_of(xr.Dataset())
 
@@ -483,7 +470,7 @@ def test_kill_a_worker_of_the_command(tmp_path, expected):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected, counted, monkeypatch):
+def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
     file, store = written(tmp_path, SLOW), tmp_path / "s.sqlite"
@@ -499,18 +486,6 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected,
         victim = next(iter(client.run(os.getpid).values()))
         os.kill(victim, signal.SIGKILL)
         ended_well(process, store, expected)
-
-        # A cluster takes seconds to close: long runs, lest they be done before.
-        file, other = written(tmp_path, changed("run.distance", 1000.0, SLOW), "long.toml"), tmp_path / "t.sqlite"
-        process = start_command(file, other, "--scheduler", cluster.scheduler_address)
-        wait_for(lambda: len(finished(other)) >= 4, process)
-        cluster.close()
-        _, errors = process.communicate(timeout=120)
-        assert process.returncode == 2
-        assert "cases are kept in" in errors.strip().splitlines()[-1]
-        assert "Traceback" not in errors
-    kept = finished(other)
-    gone_on_with(file, other, counted, read_plan(file).run().load(), kept)
 
 
 def blocks_of(page, language):
@@ -542,13 +517,16 @@ def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
 
 
 def test_the_load_is_an_axis():
-    rig = ss.example("pmma_slider")
+    rig, short = ss.example("pmma_slider"), Runs(distance="40 um", cycles=0)
     loads = [0.5 * rig.value("load"), rig.value("load")]
-    short = Runs(distance="40 um", cycles=0)
     found = ss.sweep(rig, {"load": loads, "seed": [3]}, runs=short)
     assert found["load"].attrs == {"units": "N", "long_name": "contact strength (normal load)", "spacing": "linear"}
     for load in loads:
         alone = ss.sweep(rig.replace(load=load), {"velocity": [rig.value("velocity")], "seed": [3]}, runs=short)
         np.testing.assert_allclose(found["mean_force"].sel(load=load), alone["mean_force"][0], rtol=1e-12)
-    with pytest.raises(InputError, match=r"axes\.load\.0 = '3 kg': .*'2 N'"):
-        ss.sweep(rig, {"load": ["3 kg"]}, runs=short)
+    for axes, words in (
+        ({"load": ["3 kg"]}, r"load\.0 = '3 kg': .*'2 N'"),
+        ({"velocity": [-0.1]}, r".*must be above 0"),
+    ):
+        with pytest.raises(InputError, match=rf"axes\.{words}"):
+            ss.sweep(rig, axes, runs=short)
