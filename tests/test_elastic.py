@@ -152,12 +152,6 @@ def test_quasi_static_forces_of_precursors_are_exact() -> None:
     assert int(np.argmax(run.first_break_force.values)) == 47
 
 
-@pytest.mark.parametrize(("std", "largest"), [(0.05, 0.4411), (0.1, 0.4393)])
-def test_scatter_of_thresholds_lowers_the_static_friction_of_the_chain(std: float, largest: float) -> None:
-    run = ss.simulate(precursors(ss.QuasiStatic(100, seed=1), std), long=True)
-    assert float(run.spring_force.max()) / 50 == pytest.approx(largest, abs=1e-3)
-
-
 @pytest.mark.slow
 def test_slow_dynamics_agree_with_balance() -> None:
     methods = (ss.QuasiStatic(100, seed=1), ss.Contacts(100, seed=1))
@@ -254,7 +248,6 @@ RIGID = ss.Rig(ss.Interface(thresholds=TENTH), ss.Slider(stiffness=2.0, mass=1e-
         (lambda: small(start=ss.Prestressed(stretching=2.0)), "not below the thresholds"),
         (lambda: small(start=ss.Prestressed(stretching=0.5, pushed_blocks=7)), "must be at most 6"),
         (lambda: small(start=ss.FromSliding(perturbation=(0.1, 0.2))), "2 numbers for 6 blocks"),
-        (lambda: small(method=ss.Contacts(100_000_000)), "6e\\+08 contacts"),
         (lambda: small(slider=ss.Chain(blocks=6, coupling=1.0, mass=1e-4, damping=0.0)), "nothing pulls it"),
         (lambda: RIGID.replace(start=ss.Prestressed(stretching=0.5)), "is for an elastic slider"),
         (lambda: RIGID.replace(start=ss.FromSliding(perturbation=(0.1, 0.2))), "is for an elastic slider"),
@@ -343,12 +336,9 @@ def test_runs_of_elastic_sliders_in_si_units() -> None:
     ("text", "line", "instead", "message"),
     [
         (BAR, 'density = "1180 kg/m^3"', "", "chain.density: is missing"),
-        (BAR, "density =", 'mass = "1 g"\ndensity =', "give density or mass, not both"),
         (BAR, "[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain or sheet, not both"),
         (PLATE, "along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
         (PLATE, "blocks = 16", "blocks = 15", r"start.stretching = .*: is of 23 blocks, but there are 24; give one"),
-        (PLATE, "blocks = 16", "blocks = 9e9", r"start.stretching\[1\].blocks = 9000000000.0: must be a whole number"),
-        (PLATE, "= 0.4", '= "0.4"', r"start.stretching\[1\].stretching = '0.4': must be a number"),
         (PLATE, 'push = "20 N"', "push = 20", r"simulation.start.push = 20: has no unit"),
         (PLATE, "[sheet]", "[sheets]", r"sheets: unknown key; did you mean 'sheet'?"),
         (

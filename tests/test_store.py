@@ -5,7 +5,6 @@ import math
 import os
 import pickle
 from dataclasses import FrozenInstanceError, dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -145,30 +144,17 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(result, tmp_path, m
     assert os.listdir(tmp_path) == ["run.nc"]
 
 
-HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-def cut_short(place: Path) -> None:
-    whole = place.with_name("whole.nc")
-    store.save(xr.Dataset({"a": ("time", np.random.default_rng(0).normal(size=5000))}), whole)
-    place.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
-
-
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("content", "message"),
     [
-        (lambda place: place.write_bytes(b""), "is not a NetCDF file; a run is made with `stickslip simulate"),
-        (lambda place: place.write_text("t,F\n0,1\n"), "is not a NetCDF file"),
-        (lambda place: place.write_bytes(b"CDF\x01" + bytes(100)), "is not a NetCDF file"),
-        (lambda place: place.write_bytes(HDF5 + os.urandom(4096)), "cannot be read as NetCDF .*damaged"),
-        (lambda place: place.write_bytes(HDF5), "cannot be read as NetCDF .*damaged"),
-        (cut_short, "cannot be read as NetCDF .*damaged"),
+        (b"", "is not a NetCDF file; a run is made with `stickslip simulate"),
+        (b"CDF\x01" + bytes(100), "is not a NetCDF file"),
+        (b"\x89HDF\r\n\x1a\n", "cannot be read as NetCDF .*damaged"),
     ],
-    ids=["empty", "text", "classic", "noise", "signature", "cut"],
 )
-def test_files_that_cannot_be_read(make, message, tmp_path, capfd):
+def test_files_that_cannot_be_read(content, message, tmp_path, capfd):
     place = tmp_path / "run.nc"
-    make(place)
+    place.write_bytes(content)
     with pytest.raises(InputError, match=f"^{place}: {message}"):
         store.load(place)
     assert capfd.readouterr() == ("", "")

@@ -2,7 +2,6 @@
 
 import importlib
 import json
-import multiprocessing
 import os
 import re
 import sqlite3
@@ -11,7 +10,7 @@ import sys
 import textwrap
 import threading
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
@@ -130,13 +129,13 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
         }
 
     axes = {"x": xr.DataArray([0.5, 2.0], dims="f", attrs={"units": "1/time"}), "flag": [True, False]}
-    notes = {"large": {"units": "x_s/f_s", "long_name": "compliance", "odd": None}}
+    notes = {"large": {"units": "x_s/f_s", "long_name": "compliance", "odd": {3}}}
     options = Options(attributes=notes, categories={"kind": ["soft", "hard", "never seen"]})
     kept = run_cases(odd, axes, store=tmp_path / "s.sqlite", options=options)
     xr.testing.assert_identical(kept, run_cases(odd, axes, options=options))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
-    assert kept["large"].attrs == {"units": "x_s/f_s", "long_name": "compliance", "odd": "None"}
+    assert kept["large"].attrs == {"units": "x_s/f_s", "long_name": "compliance", "odd": "{3}"}
     assert (kept["x"].units, kept["kind"].dtype) == ("1/time", np.int8)
     assert kept["kind"].attrs["flag_values"].tolist() == [-1, 0, 1, 2]
     assert kept["kind"].attrs["flag_meanings"] == "no_result soft hard never_seen"
@@ -147,13 +146,11 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
     assert found == [[0.0, 1.0], ["at 0.5, \u2212\ud83d", "at 2.0, \u2212\ud83d"], [0, 1]]
 
 
-def test_threads_processes_and_run_handed_in_give_the_same_bits(cases, tmp_path):
+def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
     expected = run_cases(cases.logged, LOGGED_AXES, executor=Threads(1))
-    for executor in (Threads(2), Threads(5), Processes(2)):
-        found = run_cases(cases.logged, LOGGED_AXES, executor=executor, store=tmp_path / f"{executor}.sqlite")
+    for i, executor in enumerate((Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2))):
+        found = run_cases(cases.logged, LOGGED_AXES, executor=executor, store=tmp_path / f"{i}.sqlite")
         xr.testing.assert_identical(found, expected)
-    with ThreadPoolExecutor(2) as handed_in:
-        xr.testing.assert_identical(run_cases(cases.logged, LOGGED_AXES, executor=handed_in), expected)
     assert not expected.equals(run_cases(cases.logged, LOGGED_AXES, options=Options(seed=4)))
 
 
@@ -186,7 +183,6 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
     (failure,) = failures(found)
     assert str(failure).startswith("a = 2, b = 1: OSError: not today (test_sweep.py:")
     assert np.isnan(found["product"].sel(a=2, b=1))
-    assert [p.finished for p in seen] == sorted(p.finished for p in seen)
     assert (seen[0], seen[-1]) == tuple(Progress(total=12, finished=n, failed=k, found=0) for n, k in ((0, 0), (12, 1)))
     BROKEN.clear()
     assert summary(result()).failed == 1
@@ -321,28 +317,24 @@ def test_names_seed_fingerprint_and_version_are_part_of_the_case(tmp_path, monke
 def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
     """Of a store that is damaged nothing is trusted, either."""
     (tmp_path / "notes.txt").write_text("mine, and long enough to be looked at as a database might be " * 20)
-    with changing(tmp_path / "other.sqlite") as connection:
-        connection.execute("CREATE TABLE mine (x)")
     (tmp_path / "photos").mkdir()
     os.mkfifo(tmp_path / "pipe")
     for damage in ("UPDATE cases SET row = replace(row, '6.0', '7.0')", "DELETE FROM cases WHERE key = ''"):
         run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / damage[:6])
         with changing(tmp_path / damage[:6]) as connection:
             connection.execute(damage)
+    with changing(tmp_path / "other.sqlite") as connection:
+        connection.execute("CREATE TABLE mine (x)")
     before = {path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()}
-    for name, words in [
-        ("notes.txt", "is not the store of a sweep"),
-        ("other.sqlite", "is not the store of a sweep"),
-        ("photos", "is no regular file"),
-        ("pipe", "is no regular file"),
-        ("x" * 300, "File name too long"),
-        ("UPDATE", "is damaged"),
-        ("DELETE", "is damaged"),
-    ]:
-        store = tmp_path / name
-        for attempt in (lambda: run_cases(product, {"a": [3], "b": [2]}, store=store), lambda: open_sweep(store)):  # noqa: B023
-            with pytest.raises(InputError, match=words):
-                attempt()
+    refusals = dict.fromkeys(("notes.txt", "other.sqlite"), "is not the store of a sweep")
+    refusals |= dict.fromkeys(("photos", "pipe"), "is no regular file") | dict.fromkeys(
+        ("UPDATE", "DELETE"), "is damaged"
+    )
+    for name, words in (refusals | {"x" * 300: "File name too long"}).items():
+        with pytest.raises(InputError, match=words):
+            run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / name)
+        with pytest.raises(InputError, match=words):
+            open_sweep(tmp_path / name)
     with pytest.raises(InputError, match="there is no such file"):
         open_sweep(tmp_path / "nowhere")
     assert {path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()} == before
@@ -412,15 +404,6 @@ def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
     assert str(summary(result)) == "23 of 24 cases done, 1 failed"
     assert failures(result)[0].parameters == {"a": 3, "b": 2}
     assert failures(result)[0].error.startswith("WorkerDied: ")
-
-
-def test_a_pool_handed_in_that_loses_a_worker_is_not_ours_to_rebuild(cases, tmp_path):
-    with (
-        ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool,
-        pytest.raises(InputError, match=r"terminated abruptly.* of 24 cases are kept in .*: start again"),
-    ):
-        run_cases(cases.deadly, {"a": range(6), "b": range(4)}, executor=pool, store=tmp_path / "s.sqlite")
-    assert summary(open_sweep(tmp_path / "s.sqlite")).done >= 8
 
 
 @pytest.mark.slow
@@ -521,13 +504,10 @@ def closed():
 BAD_AXES = [
     ({}, "must map at least one name"),
     ("x", "must be a mapping"),
-    ({"a": [], "b": [1]}, "must be a list of values, at least one"),
-    ({"a": "text", "b": [1]}, "must be a list of values"),
-    ({"a": [1, 1], "b": [1]}, "holds 1 twice; for replicas"),
-    ({"a": [1, "x"], "b": [1]}, "all of one kind"),
-    ({"a": [2**53 + 1, 1.5], "b": [1]}, "without loss"),
-    ({"a": [1.0, float("nan")], "b": [1]}, "no NaN"),
-    ({"a": [object()], "b": [1]}, "must be numbers, texts or truth values"),
+    *(
+        ({"a": values, "b": [1]}, r"axes\['a'\] = .*: must be a list of numbers, texts or truth values, each once")
+        for values in ([], "text", [1, 1], [1, "x"], [2**53 + 1, 1.5], [1.0, float("nan")], [object()], [[1], [2]])
+    ),
     ({"a": [1], "c": [1]}, "function = product: missing a required argument: 'b'"),
     ({"a": [1]}, "each axis is a parameter, and each parameter an axis, or has a default"),
     ({"a": [1], "b/c": [1]}, "cannot be a name"),

@@ -430,7 +430,7 @@ def sweep(
     _check_outputs(picture=plot, read=file)
     if status:
         found = status_of(store)
-        _answer(found, plain(found) | {"seconds_left": found.seconds_left}, json)
+        _answer(found, plain(found), json)
         return 0
     if file is None:
         raise InputError("sweep: which one? name a sweep file (`stickslip new phase_diagram` prints one)")

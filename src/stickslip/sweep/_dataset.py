@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -17,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip import __version__
 from stickslip.errors import InputError, instance, shown
-from stickslip.progress import in_time
 from stickslip.sweep._cases import (
     ERROR,
     STATUS,
@@ -30,7 +30,7 @@ from stickslip.sweep._cases import (
     name_of,
 )
 from stickslip.sweep._refine import Refinement, Span, search, spans_of
-from stickslip.sweep._run import Options, Progress, Runner, Threads, Workers
+from stickslip.sweep._run import Options, Progress, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def run_cases(
     axes: Mapping[str, ArrayLike | xr.DataArray | Span],
     *,
     store: str | PathLike[str] | None = None,
-    executor: Workers | None = None,
+    executor: Executor | None = None,
     refinement: Refinement | None = None,
     progress: Callable[[Progress], object] | None = None,
     options: Options = Options(),
@@ -106,8 +106,8 @@ def run_cases(
     (8.0, '4 of 4 cases done')
     """
     instance("axes", axes, Mapping, "a mapping of names to values")
-    if len(axes) == 0:
-        raise InputError(f"axes = {axes!r}: must map at least one name to its values")
+    if not axes:
+        raise InputError("axes: must map at least one name to its values")
     spans = spans_of(axes, refinement)
     values = {name: axis_values(name, given) for name, given in axes.items() if name not in spans}
     total = math.prod(map(len, values.values())) * (refinement.runs if refinement else 1)
@@ -123,39 +123,31 @@ def run_cases(
         head["identity"] = identity_of(function, axes, options.seed, options.fingerprint)
     if refinement is not None:
         head["search"] = {"box": {name: vars(span) for name, span in spans.items()}, **vars(refinement)}
-    where = Threads() if executor is None else executor
-    with Table(None if store is None else Path(store), head) as table:
+    with closing(Table(None if store is None else Path(store), head)) as table:
         if options.retry_failed:
             table.forget_failed()
-        with Runner(table, job, where, total, progress) as runner:
-            if refinement is None:
-                runner.run(_keys_of(table))
-            else:
-                table.keep_head(**search(runner, spans, combinations(values), refinement))
+        runner = Runner(table, job, Threads() if executor is None else executor, total, progress)
+        if refinement is None:
+            runner.run(_keys_of(table))
+        else:
+            table.keep_head(**search(runner, spans, combinations(values), refinement))
         return dataset_of(table)
 
 
 def _about(function: Function, axes: Mapping[str, Any], options: Options) -> Head:
     """What a table says of a sweep beside its cases."""
     given = {name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})} for name, axis in axes.items()}
-    attributes = {**options.attributes, **given}
     return {
         "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
-        "attributes": {name: {key: _attribute(one) for key, one in each.items()} for name, each in attributes.items()},
-        "categories": {name: list(words) for name, words in options.categories.items()},
-        "notes": dict(options.notes),
+        "attributes": {**options.attributes, **given},
+        "categories": options.categories,
+        "notes": options.notes,
     }
-
-
-def _attribute(value: Any) -> Any:
-    """Turn an attribute into what both JSON and NetCDF can hold: None and truth values become text."""
-    found = np.asarray(value)
-    return found.tolist() if found.dtype.kind in "uifU" else str(value)
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
     """Open the results of a sweep, finished or not, as `run_cases` and `refine` return them."""
-    with Table(Path(store)) as table:
+    with closing(Table(Path(store))) as table:
         return dataset_of(table)
 
 
@@ -168,41 +160,25 @@ class Status:
     summary : Summary
     writer : str or None
         The process that is at it; None if none is.
-    rate : float
-        Cases per second since the last start; 0 if none has finished since.
     """
 
     summary: Summary
     writer: str | None
-    rate: float
-
-    @property
-    def seconds_left(self) -> float | None:
-        """Time that the missing cases will take at this rate; None if there is no rate."""
-        return None if self.rate == 0 and self.summary.missing else self.summary.missing / max(self.rate, 1e-300)
 
     def __str__(self) -> str:
-        line = str(self.summary)
-        if not self.summary.missing:
-            return line
-        line += f"; {self.writer} is at it" if self.writer else "; nobody is at it: start it again to go on"
-        left = self.seconds_left
-        return line if left is None else f"{line}; about {in_time(left)} at {self.rate:.3g} cases/s"
+        at_it = f"{self.writer} is at it" if self.writer else "nobody is at it: start it again to go on"
+        return f"{self.summary}; {at_it}" if self.summary.missing else str(self.summary)
 
 
 def status_of(store: str | PathLike[str]) -> Status:
     """Say how far the sweep of a store is, also while it runs."""
     path = Path(store)
-    with Table(path) as table:
-        head, keys = table.head, _keys_of(table)
+    with closing(Table(path)) as table:
+        keys = _keys_of(table)
         known = [table.has_failed(key) for key in keys if key in table.rows]
-        total = head["total"] if "search" in head and "cases" not in head else len(keys)
-        since = path.stat().st_mtime - head["started"]
-        return Status(
-            summary=Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known)),
-            writer=writer_of(path),
-            rate=(len(table.rows) - head["found"]) / since if since > 0 else 0.0,
-        )
+        total = table.head["total"] if "search" in table.head and "cases" not in table.head else len(keys)
+    found = Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known))
+    return Status(summary=found, writer=writer_of(path))
 
 
 # ---------------------------------------------------------------- what became of the cases
@@ -272,19 +248,14 @@ def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> Iterator[dict[str, 
 
 def axis_values(name: str, given: object) -> list[AxisValue]:
     """Values of an axis as Python's own numbers, texts or truth values."""
-    place = f"axes[{name!r}]"
     values = np.asarray(given, dtype=object).tolist()
-    if not isinstance(values, list) or not values:
-        raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
-    found = [value.item() if isinstance(value, np.generic) else value for value in values]
+    found = [one.item() if isinstance(one, np.generic) else one for one in (values if isinstance(values, list) else [])]
     kinds = {float if type(value) is int else type(value) for value in found}
-    if kinds not in ({float}, {str}, {bool}) or np.array(found).tolist() != found:
+    if kinds not in ({float}, {str}, {bool}) or np.array(found).tolist() != found or len({*found}) < len(found):
         raise InputError(
-            f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind, that one axis holds "
-            "without loss: no NaN, no whole numbers above 2^53 beside fractions"
+            f"axes[{name!r}] = {shown(given)}: must be a list of numbers, texts or truth values, each once, all of one "
+            "kind, which one axis holds without loss (no NaN); for replicas add an axis of their own, such as seed"
         )
-    if twice := [value for value, count in Counter(found).items() if count > 1]:
-        raise InputError(f"{place}: holds {twice[0]!r} twice; for replicas add an axis of their own, such as seed")
     return found
 
 

@@ -50,9 +50,9 @@ class Span:
 
     def value(self, fraction: float) -> float:
         """Return the value at a fraction of the way from `low` (0) to `high` (1)."""
-        return (
-            self.low * (self.high / self.low) ** fraction if self.log else self.low + (self.high - self.low) * fraction
-        )
+        if self.log:
+            return float(self.low * (self.high / self.low) ** fraction)
+        return self.low + (self.high - self.low) * fraction
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,6 @@ from concurrent import futures
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import islice, takewhile
 from typing import Any
 
@@ -136,18 +135,7 @@ class Options:
 # ---------------------------------------------------------------- where cases run
 
 
-@dataclass(frozen=True)
-class _Here:
-    workers: int | None = None
-
-    def __post_init__(self) -> None:
-        # Cores that this process may use; not every system tells.
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        place = f"{type(self).__name__}.workers"
-        object.__setattr__(self, "workers", cores if self.workers is None else whole(place, self.workers, at_least=1))
-
-
-class Threads(_Here):
+class Threads(ThreadPoolExecutor):
     """Run cases in threads of this process: best for compiled kernels, which release the GIL.
 
     Parameters
@@ -156,11 +144,11 @@ class Threads(_Here):
         Number of threads; by default one per core.
     """
 
-    def _begun(self) -> Executor:
-        return ThreadPoolExecutor(self.workers)
+    def __init__(self, workers: int | None = None) -> None:
+        super().__init__(_count("Threads.workers", workers))
 
 
-class Processes(_Here):
+class Processes(ProcessPoolExecutor):
     """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
 
     The function must be importable: defined at the top of a module, not a lambda. A script that starts processes keeps
@@ -172,22 +160,19 @@ class Processes(_Here):
         Number of processes; by default one per core.
     """
 
-    def _begun(self) -> Executor:
+    def __init__(self, workers: int | None = None) -> None:
         context = multiprocessing.get_context("spawn")
-        executor = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_start_worker)
-        try:
-            executor.submit(os.getpid).result()
-        except BrokenExecutor:
-            raise InputError(
-                "executor = Processes(...): no worker process starts; a script that starts processes keeps its own "
-                'start behind `if __name__ == "__main__":`'
-            ) from None
-        return executor
+        super().__init__(_count("Processes.workers", workers), mp_context=context, initializer=_start_worker)
 
 
-Workers = Threads | Processes | Executor
-
+OURS = Threads | Processes
 Batch = Future[list[str]]
+
+
+def _count(place: str, workers: int | None) -> int:
+    """How many workers: as many as cores that this process may use, if nobody says; not every system tells."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores if workers is None else whole(place, workers, at_least=1)
 
 
 def _start_worker() -> None:
@@ -204,12 +189,14 @@ def _follow(sentinel: int) -> None:
     os._exit(1)
 
 
-def _sent(job: Job, to: Workers) -> Job | bytes:
+def _sent(job: Job, executor: Executor) -> Job | bytes:
     """The job as workers get it: pickled by reference for processes of this machine, else by cloudpickle if there."""
-    if isinstance(to, Threads | ThreadPoolExecutor):
+    hint = "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask client: client.get_executor())"
+    instance("executor", executor, Executor, hint)
+    if isinstance(executor, ThreadPoolExecutor):
         return job
     by = pickle
-    if not isinstance(to, Processes | ProcessPoolExecutor):
+    if not isinstance(executor, ProcessPoolExecutor):
         with suppress(ImportError):
             by = importlib.import_module("cloudpickle")
     try:
@@ -228,36 +215,18 @@ class Runner:
     """Runs cases that the table lacks; one start of a sweep."""
 
     def __init__(
-        self, table: Table, job: Job, where: Workers, total: int, progress: Callable[[Progress], object] | None
+        self, table: Table, job: Job, executor: Executor, total: int, progress: Callable[[Progress], object] | None
     ) -> None:
-        hint = "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask client: client.get_executor())"
-        instance("executor", where, (Threads, Processes, Executor), hint)
         self.table = table
-        self._job, self._where, self._total, self._progress = _sent(job, where), where, total, progress
+        self._job, self._executor, self._total, self._progress = _sent(job, executor), executor, total, progress
         self._count = Counter(finished=0, failed=0, found=0)
         self._todo: deque[str] = deque()
         self._running: dict[Batch, list[str]] = {}
         self._losses: Counter[str] = Counter()  # how often the worker of a case has died
         self._size = 1  # of the next batch: twice what the last one came to in its time
 
-    @cached_property
-    def _executor(self) -> Executor:
-        """Begun with the first cases, and anew after it has lost a worker, unless it was handed in."""
-        return self._where if isinstance(self._where, Executor) else self._where._begun()
-
-    def __enter__(self) -> Runner:
-        return self
-
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """End the executor if it is ours; after an error, running cases are given up where that is possible."""
-        if not isinstance(self._where, Executor) and "_executor" in vars(self):
-            if error is not None:
-                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
-                    process.terminate()
-            self._executor.shutdown(wait=True, cancel_futures=True)
-
     def run(self, keys: Sequence[str]) -> None:
-        """Run those of some cases, no two alike, that the table lacks."""
+        """Run those of some cases, no two alike, that the table lacks; after an error, give up those that run."""
         there = [self.table.has_failed(key) for key in keys if key in self.table.rows]
         self._count.update(finished=len(there), failed=sum(there), found=len(there))
         self._todo.extend(key for key in keys if key not in self.table.rows)
@@ -266,31 +235,46 @@ class Runner:
             return
         try:
             while self._todo or self._running:
-                self._hand_out()
+                try:
+                    self._fill()
+                    self._gather(futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done)
+                except RuntimeError as error:
+                    self._renew(error)
                 if self.table.commit(if_due=True):
                     self._tell()
         finally:
             for future in self._running:
                 future.cancel()
+            if self._running and isinstance(self._executor, OURS):
+                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+                    process.terminate()
+                futures.wait(self._running)
             self.table.commit()
         self._tell()
 
-    def _hand_out(self) -> None:
-        """Hand out what there is room for, and note what has finished."""
+    def _renew(self, error: RuntimeError) -> None:
+        """Go on after a worker was lost, with a new executor if it is ours; nothing goes on after a shutdown."""
+        if not (isinstance(self._executor, OURS) and isinstance(error, BrokenExecutor)):
+            raise self._refusal(f"takes no more cases ({error})") from error
+        with suppress(BrokenExecutor):
+            self._gather(futures.wait(self._running).done)  # a broken pool ends all its futures, some of them well
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        self._executor = type(self._executor)(self._workers)
         try:
-            self._fill()
-            self._gather(futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done)
-        except RuntimeError as error:  # it has lost a worker, or was shut down
-            if isinstance(self._where, Executor) or not isinstance(error, BrokenExecutor):
-                raise self._refusal(f"takes no more cases ({error})") from error
-            with suppress(BrokenExecutor):
-                self._gather(futures.wait(self._running).done)  # a broken pool ends all its futures, some of them well
-            self._executor.shutdown(wait=False, cancel_futures=True)
-            del self._executor
+            self._executor.submit(os.getpid).result()
+        except BrokenExecutor:
+            raise InputError(
+                "executor = Processes(...): no worker process starts; a script that starts processes keeps its own "
+                'start behind `if __name__ == "__main__":`'
+            ) from None
+
+    @property
+    def _workers(self) -> int:
+        return getattr(self._executor, "_max_workers", _MANY)
 
     def _fill(self) -> None:
         """Keep two batches per worker on the way; cases that were lost twice run alone, to know the culprit."""
-        most = 2 * getattr(self._executor, "_max_workers", _MANY)
+        most = 2 * self._workers
         while self._todo and len(self._running) < most:
             size = min(self._size, math.ceil(len(self._todo) / most))
             batch = [*takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))]

@@ -42,7 +42,7 @@ class Table:
     def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None) -> None:
         self.path = path
         self.rows: dict[str, str] = {}
-        self.head: dict[str, Any] = dict(head or {})
+        self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
         self._due = math.inf  # when what was added is to be committed
         with ExitStack() as held, _in_one_line(path):
             if path is not None and head is not None:
@@ -61,13 +61,11 @@ class Table:
                 columns = "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
                 self._connection.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
             if head is not None:
-                self.keep_head(started=time.time(), found=len(self.rows))
+                self.keep_head()
             self._held = held.pop_all()
 
-    def __enter__(self) -> Table:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Let others write."""
         self._held.close()
 
     def has_failed(self, key: str) -> bool:

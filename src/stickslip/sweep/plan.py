@@ -16,6 +16,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,7 @@ from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
 from stickslip.sweep._dataset import open_sweep, run_cases
 from stickslip.sweep._refine import Refinement, Span, spans_of
-from stickslip.sweep._run import Options, Progress, Runs, Workers
+from stickslip.sweep._run import Options, Progress, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
 if TYPE_CHECKING:
@@ -92,9 +93,8 @@ class Plan:
     @property
     def total(self) -> int:
         """Number of cases (at most, with a refinement)."""
-        if self.refinement is not None:
-            return self.refinement.runs * len(self.axes.get("start", [""]))
-        return math.prod(len(values) for values in self.axes.values())
+        each = math.prod(len(values) for values in self.axes.values() if not isinstance(values, Span))
+        return each * (self.refinement.runs if self.refinement else 1)
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
@@ -113,7 +113,7 @@ class Plan:
         self,
         *,
         store: str | os.PathLike[str] | None = None,
-        executor: Workers | None = None,
+        executor: Executor | None = None,
         progress: Callable[[Progress], object] | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
@@ -141,7 +141,7 @@ class Plan:
             seed=getattr(self.study.rig.method, "seed", 0),
             attributes=self.attributes(),
             categories={"regime": KINDS},
-            notes={NOTE: self.to_json()},
+            notes={NOTE: json.dumps(datasets.encode(self))},
             retry_failed=retry_failed,
             max_cases=self.max_cases,
         )
@@ -153,17 +153,13 @@ class Plan:
         """Of all that is stored of each case, what is asked for."""
         return found.drop_vars([name for name in MEASURES if name not in (*self.measures, *self.axes)], errors="ignore")
 
-    def to_json(self) -> str:
-        """Return a text that `plan_of` reads again."""
-        return json.dumps(datasets.encode(self))
-
 
 def sweep(
     rig: Rig,
     axes: Mapping[str, Sequence[float | str] | Span],
     *,
     store: str | os.PathLike[str] | None = None,
-    executor: Workers | None = None,
+    executor: Executor | None = None,
     refinement: Refinement | None = None,
     runs: Runs = Runs(),
     progress: Callable[[Progress], object] | None = None,
@@ -211,10 +207,7 @@ def sweep(
     >>> found["peak_to_peak"].dims, found["velocity"].units
     (('velocity', 'contacts'), 'm/s')
     """
-    try:
-        plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
-    except InputError as error:
-        raise InputError(f"sweep: {error}") from None
+    plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
     return plan.run(store=store, executor=executor, progress=progress, retry_failed=retry_failed)
 
 
