@@ -414,14 +414,6 @@ def expected(tmp_path_factory):
     return read_plan(written(directory, SLOW)).run(store=directory / "expected.sqlite").load()
 
 
-def gone_on_with(file, store, counted, expected, kept):
-    """Go on with a store: the same results, and what was missing is run, each once."""
-    counted.clear()
-    assert run("sweep", file, "--store", store) == 0
-    assert sum(counted.values()) == len(counted) == 60 - len(kept)
-    xr.testing.assert_identical(open_plan(store), expected)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "options"), [(signal.SIGKILL, ["--processes"]), (signal.SIGINT, []), (signal.SIGTERM, ["--processes"])]
@@ -445,22 +437,9 @@ def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options
     while any(os.path.exists(f"/proc/{pid}") for pid in children):
         assert time.monotonic() < deadline, "workers outlive their sweep"
         time.sleep(0.1)
-    gone_on_with(file, store, counted, expected, kept)
-
-
-@pytest.mark.slow
-def test_kill_a_worker_of_the_command(tmp_path, expected):
-    file, store = written(tmp_path, SLOW), tmp_path / "s.sqlite"
-    process = start_command(file, store, "--workers", "2", "--processes")
-    wait_for(lambda: len(finished(store)) >= 4, process)
-    os.kill(children_of(process.pid)[0], signal.SIGKILL)
-    ended_well(process, store, expected)
-
-
-def ended_well(process, store, expected):
-    out, errors = process.communicate(timeout=120)
-    assert process.returncode == 0, errors
-    assert out.strip().splitlines()[-1] == "60 of 60 cases done"
+    counted.clear()  # go on: the same results, and what was missing is run, each once
+    assert run("sweep", file, "--store", store) == 0
+    assert sum(counted.values()) == len(counted) == 60 - len(kept)
     xr.testing.assert_identical(open_plan(store), expected)
 
 
@@ -481,7 +460,10 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected,
         wait_for(lambda: len(finished(store)) >= 4, process)
         victim = next(iter(client.run(os.getpid).values()))
         os.kill(victim, signal.SIGKILL)
-        ended_well(process, store, expected)
+        out, errors = process.communicate(timeout=120)
+        assert process.returncode == 0, errors
+        assert out.strip().splitlines()[-1] == "60 of 60 cases done"
+        xr.testing.assert_identical(open_plan(store), expected)
 
 
 def blocks_of(page, language):

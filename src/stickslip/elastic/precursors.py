@@ -118,25 +118,20 @@ def precursor_force(rig: Rig) -> xr.DataArray:
             f"Rig.slider = {body!r}: precursor_force needs a Chain that is pulled at one end only; give "
             "Chain(side=..., leaf=0.0, ends='free')"
         )
-    thresholds = interface.threshold_distribution
-    if not thresholds.single:
+    if not interface.threshold_distribution.single:
         raise InputError(
             f"Interface.thresholds = {interface.thresholds}: precursor_force needs all thresholds alike; "
             "give them no standard deviation"
         )
-    strength, tip = thresholds.moment(1), np.arange(body.blocks)
+    strength, tip = interface.threshold_distribution.moment(1), np.arange(body.blocks)
     # Displacements of m stuck blocks go as cosh((m - i - 1/2)/l), i = 0 ... m - 1.
     fall, stuck = 1.0 / screening_length(rig), body.blocks - tip
     second = np.exp(-fall) + np.exp(-2.0 * fall * (stuck - 1.0))
     held = 1.0 - second / (1.0 + np.exp(-fall * (2.0 * stuck - 1.0)))
     force = interface.sliding_force * tip + strength * (1.0 + body.coupling * held)
-    return xr.DataArray(
-        force * rig.unit("f_s"),
-        coords={"tip": ("tip", tip, {"long_name": "blocks that slide", "units": "1"})},
-        dims="tip",
-        name="force",
-        attrs={"long_name": "driving force", "units": rig.unit_name("f_s")},
-    )
+    column = ("tip", force, {"long_name": "driving force", "units": "f_s"})
+    tips = {"tip": ("tip", tip, {"long_name": "blocks that slide", "units": "1"})}
+    return rig.in_its_units(xr.Dataset({"force": column}, tips))["force"]
 
 
 def distance_to_the_first_break(rig: Rig) -> float | None:

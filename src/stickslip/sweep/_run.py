@@ -245,11 +245,11 @@ class Runner:
         finally:
             for future in self._running:
                 future.cancel()
+            self.table.commit()
             if self._running and isinstance(self._executor, OURS):
                 for process in list((getattr(self._executor, "_processes", None) or {}).values()):
                     process.terminate()
                 futures.wait(self._running)
-            self.table.commit()
         self._tell()
 
     def _renew(self, error: RuntimeError) -> None:
