@@ -20,7 +20,7 @@ import xarray as xr
 from drawn import assert_drawn
 
 import stickslip as ss
-from stickslip import cli, console, plot
+from stickslip import cli, plot
 from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.io.datasets import encode
@@ -299,14 +299,12 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     xr.testing.assert_identical(open_sweep(store), before)  # no refusal touched it
 
 
-def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch):
+def test_a_scheduler_that_is_not_there(tmp_path, capsys):
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    monkeypatch.setattr(console, "_PATIENCE", "0.5s")
     file, store = written(tmp_path), tmp_path / "s.sqlite"
-    line = refused(capsys, "sweep", file, "--store", store, "--scheduler", "tcp://127.0.0.1:9")
-    assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in line
+    line = refused(capsys, "sweep", file, "--store", store, "--scheduler", "nonsense://1")
+    assert "--scheduler nonsense://1: cannot be reached" in line
     assert "dask scheduler" in line
-    assert "cannot be reached" in refused(capsys, "sweep", file, "--store", store, "--scheduler", "nonsense://1")
     assert not store.exists()
 
 
