@@ -9,7 +9,7 @@ from stickslip.kernels._jit import jit
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.hazard import NONE
 from stickslip.kernels.langevin import Langevin
-from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, awake
+from stickslip.kernels.langevin_contacts import advance_contacts, awake
 from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.kernels.oscillator import Slider
 from stickslip.kernels.stepping import Course
@@ -54,11 +54,10 @@ def plain(duration, dt=5e-4, seed=1):
 def fast(duration, step=0.04, reach=0.1, seed=1):
     """Our contacts, in steps that give the error of the mean force that the plain loop has."""
     rng, x, f = start(seed)
-    contacts, langevin = Contacts(x, f, np.full(COUNT, -np.inf)), Langevin(RATE, 1.0, STD)
+    contacts, langevin = awake(x, f, np.full(COUNT, -np.inf), 0.0, 0.0), Langevin(RATE, 1.0, STD)
     times = np.arange(1, round(duration / 0.05) + 1) * 0.05
     course = Course(Quadratic(0.0, 0.0, 1.0, 0.0), Slider(STIFFNESS, MASS, DAMPING), times, step / RATE**2, reach)
-    sleep = awake(contacts, 0.0, 0.0)
-    return advance_contacts(np.zeros(4), contacts, sleep, course, langevin, NONE, np.zeros(1), rng)[:, 2]
+    return advance_contacts(np.zeros(4), contacts, course, langevin, NONE, np.zeros(1), rng)[:, 2]
 
 
 def forty():

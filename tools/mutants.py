@@ -72,7 +72,6 @@ TESTS = {
     "kernels/leapfrog.py": "test_elastic",
     "kernels/lives.py": "test_friction_laws",
     "kernels/finite_population.py": "test_population",
-    "kernels/network.py": "test_kernels test_elastic",
     "kernels/oscillator.py": "test_contacts test_simulate test_turning_drives",
     "kernels/panel": "test_panels test_master_equation",
     "kernels/quasistatic.py": "test_elastic",

@@ -13,8 +13,7 @@ import numpy as np
 from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join
 from .drive import NO_HISTORY, NO_ROOM, ON_THE_WAY, PAUSED, Piece, Sampling
-from .leapfrog import Motion, begin_step, element, end_step, slide
-from .network import Network
+from .leapfrog import Motion, Network, begin_step, element, end_step, slide
 from .records import Counts, Floats
 from .survival import Table, value_at, values_at
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from ._jit import bare, inlined
 from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece, Sampling
-from .leapfrog import Motion, at_rest, begin_step, end_step, slide
-from .network import Network
+from .leapfrog import Motion, Network, at_rest, begin_step, end_step, slide
 from .records import Counts, Floats
 from .tournament import enter, smallest, tournaments, winner
 

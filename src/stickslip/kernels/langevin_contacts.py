@@ -32,20 +32,12 @@ _SELDOM = 1e-6
 
 
 class Contacts(NamedTuple):
-    """Stretchings, thresholds, and the times from which contacts hold (``-inf`` for attached ones), shape (N,)."""
+    """Contacts one by one; those far from breaking sleep: nothing is done about them until they must be looked at."""
 
-    stretching: Floats
+    stretching: Floats  # shape (N,): less the position of the slider
     threshold: Floats
-    attach: Floats
-
-
-class Sleep(NamedTuple):
-    """Contacts far from breaking sleep: nothing is done about them until they must be looked at.
-
-    Their stretchings are kept less the position of the slider.
-    """
-
-    seen: Floats  # shape (N,): the threshold is that of this time
+    attach: Floats  # when they begin to hold; -inf for attached ones
+    seen: Floats  # the threshold is that of this time
     until: Floats  # looked at from this time on,
     room: Floats  # shape (N, 2): or once the slider leaves this range
     total: Floats  # shape (1,): sum of the stretchings of those attached
@@ -270,7 +262,6 @@ def _live_hot(
 @jit
 def _age(
     contacts: Contacts,
-    sleep: Sleep,
     stroke: Stroke,
     langevin: Langevin,
     hazard: Hazard,
@@ -287,16 +278,16 @@ def _age(
     end, new_X = now + stroke.dt, X + dX
     lost, more, hot = 0.0, 0, hazard.attempts > 0.0
     for i in range(base.size):
-        if end <= sleep.until[i] and sleep.room[i, 0] <= new_X <= sleep.room[i, 1]:
+        if end <= contacts.until[i] and contacts.room[i, 0] <= new_X <= contacts.room[i, 1]:
             continue
         if attach[i] <= now:
             left, x, f = stroke.dt, base[i] + X, threshold[i]
-            if sleep.seen[i] < now:
-                f = aged_threshold(f, now - sleep.seen[i], langevin, rng)
+            if contacts.seen[i] < now:
+                f = aged_threshold(f, now - contacts.seen[i], langevin, rng)
                 margin = f - abs(x) - max(f - mean, 0.0)
                 if margin > 3.0 * abs(dX) and SLEEP * margin * margin > noise * stroke.dt:  # on it sleeps
-                    threshold[i], sleep.seen[i], sleep.until[i] = f, now, now + SLEEP * margin * margin / noise
-                    sleep.room[i, 0], sleep.room[i, 1] = X - margin / 3.0, X + margin / 3.0
+                    threshold[i], contacts.seen[i], contacts.until[i] = f, now, now + SLEEP * margin * margin / noise
+                    contacts.room[i, 0], contacts.room[i, 1] = X - margin / 3.0, X + margin / 3.0
                     continue
             lost += x + dX
             more -= 1
@@ -320,40 +311,35 @@ def _age(
         else:
             x, f, left = _live(x, f, left, step, langevin, delays, rng)
         if left < 0.0:
-            attach[i] = sleep.until[i] = end - left
-            sleep.room[i, 0], sleep.room[i, 1] = -np.inf, np.inf
+            attach[i] = contacts.until[i] = end - left
+            contacts.room[i, 0], contacts.room[i, 1] = -np.inf, np.inf
             continue
         lost -= x
         more += 1
         attach[i] = -np.inf
-        base[i], threshold[i], sleep.seen[i] = x - new_X, f, end
+        base[i], threshold[i], contacts.seen[i] = x - new_X, f, end
         margin = f - abs(x) - max(f - mean, 0.0)
         if margin > 0.0 and not hot:
-            sleep.until[i] = end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
-            sleep.room[i, 0], sleep.room[i, 1] = new_X - margin / 3.0, new_X + margin / 3.0
+            contacts.until[i] = end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
+            contacts.room[i, 0], contacts.room[i, 1] = new_X - margin / 3.0, new_X + margin / 3.0
         else:
-            sleep.until[i] = -np.inf
+            contacts.until[i] = -np.inf
     return lost, more
 
 
-@jit
-def awake(contacts: Contacts, time: float, X: float) -> Sleep:
-    """Take stretchings less the position of the slider; nobody sleeps yet."""
-    n, x = contacts.stretching.size, contacts.stretching
-    total, _ = attached_now(x, contacts.attach, time)
-    sleep = Sleep(np.full(n, time), np.full(n, -np.inf), np.zeros((n, 2)), np.array([total]))
-    for i in range(n):
-        if contacts.attach[i] > time:
-            sleep.until[i], sleep.room[i, 0], sleep.room[i, 1] = contacts.attach[i], -np.inf, np.inf
-        x[i] -= X
-    return sleep
+def awake(stretching: Floats, threshold: Floats, attach: Floats, time: float, X: float) -> Contacts:
+    """Return contacts of which nobody sleeps yet, with the slider at `X`."""
+    total, _ = attached_now(stretching, attach, time)
+    waits, room = attach > time, np.zeros((attach.size, 2))
+    room[waits] = -np.inf, np.inf
+    until = np.where(waits, attach, -np.inf)
+    return Contacts(stretching - X, threshold, attach, np.full(attach.size, time), until, room, np.array([total]))
 
 
 @jit
 def advance_contacts(
     state: Floats,
     contacts: Contacts,
-    sleep: Sleep,
     course: Course,
     langevin: Langevin,
     hazard: Hazard,
@@ -366,12 +352,12 @@ def advance_contacts(
     the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary the exact
     distribution of the margin after any number of breaks (`reflected`). A longest step of ``0.04/rate^2`` is converged
     to 2e-3 in steady motion, with a reach of 0.02 mean thresholds with a slider and inf for steady rigid motion.
-    `state` (see `stepping`), `contacts` and `sleep`, that of `awake` at first, are changed; each break draws one of the
+    `state` (see `stepping`) and `contacts`, those of `awake` at first, are changed; each break draws one of the
     `delays`, ``[0.]`` for none. With a delay, or at a temperature (a `hazard`), newborns must have strength.
     """
     n = contacts.stretching.size
     here = begin(course, state)
-    total = sleep.total[0]
+    total = contacts.total[0]
     _, count = attached_now(contacts.stretching, contacts.attach, here.time)
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
@@ -381,7 +367,7 @@ def advance_contacts(
         if stroke.end > course.look:
             break
         taken += 1
-        lost, more = _age(contacts, sleep, stroke, langevin, hazard, delays, rng)
+        lost, more = _age(contacts, stroke, langevin, hazard, delays, rng)
         total += count * stroke.dX - lost
         count += more
         load = Load(load.force, load.stiffness, lost / (n * stroke.dt), 0.0)
@@ -390,5 +376,5 @@ def advance_contacts(
         filled = fill(course, samples, filled, here, load, there.time, count / n)
         here, load = there, Load(total / n, count / n, load.loss, 0.0)
     keep(state, here, load.loss)
-    sleep.total[0] = total
+    contacts.total[0] = total
     return samples[:filled]

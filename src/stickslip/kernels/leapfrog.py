@@ -13,15 +13,37 @@ import numpy as np
 
 from ._jit import bare, inlined
 from .drive import FINISHED, LOOK, NOWHERE, ON_THE_WAY, STOPPED, Piece, Sampling, drive_at, holds
-from .network import Network, stretch
-from .records import Floats, Record, blank, record
+from .records import Floats, Indices, Record, blank, record
 
-SCALARS = 9
-"""Numbers that a sample begins with, summed over blocks: spring force, work of drive and push, kinetic energy, energies
-of the driving springs, of the springs between blocks and of the contacts, and what was lost to damping, in dashpots and
-in contacts."""
-FIELDS = 5
-"""Then come numbers of all blocks: displacement, velocity, friction force, attached fraction, breaks per contact."""
+SUMS = (
+    "spring_force",
+    "work",
+    "kinetic_energy",
+    "spring_energy",
+    "bulk_energy",
+    "contact_energy",
+    "damped_energy",
+    "viscous_energy",
+    "broken_energy",
+)
+"""What samples begin with, summed over blocks: `bulk_energy` is that of the springs between them, `viscous_energy` what
+was lost in dashpots."""
+OF_BLOCKS = ("displacement", "velocity", "friction_force", "attached", "broken")
+"""What they go on with, each for all blocks; `broken` counts breaks per contact."""
+SCALARS, FIELDS = len(SUMS), len(OF_BLOCKS)
+
+
+class Network(NamedTuple):
+    """Constants of ``M X'' + M eta X' = pull (D - X) + load + sum of spring (1 + lag d/dt) (X_l - X) - F_c``."""
+
+    neighbour: Indices  # shape (n, m); where a block has fewer than `m`, itself
+    spring: Floats  # shape (n, m): stiffness towards each; 0 where there is none
+    pull: Floats  # shape (n,): stiffness of the spring by which the drive pulls each block
+    load: Floats  # shape (n,): constant force: of the driving spring with drive and block at 0, and what pushes
+    push: Floats  # shape (n,): what part of `load` does work as the block moves: all but the force of a driving spring
+    mass: float
+    damping: float
+    lag: float  # viscosity of a spring over its stiffness
 
 
 class Blocks(NamedTuple):
@@ -67,6 +89,26 @@ def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
     motion = Motion(blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
     motion.now.block = -1
     return motion
+
+
+def fastest(network: Network, contacts: float = 1.0) -> float:
+    """Bound on the angular frequencies of the body with all of its contacts attached (Gershgorin's)."""
+    per_block = network.pull + 2.0 * network.spring.sum(axis=1) + contacts
+    return math.sqrt(float(per_block.max()) / network.mass)
+
+
+def stiffest_dashpot(network: Network) -> float:
+    """Bound on the rates at which the dashpots between blocks slow them down."""
+    return 2.0 * network.lag * float(network.spring.sum(axis=1).max()) / network.mass
+
+
+@inlined
+def stretch(network: Network, Z: Floats, j: int) -> float:
+    """Force of the neighbours on block `j` at displacements `Z`."""
+    force = 0.0
+    for m in range(network.spring.shape[1]):
+        force += network.spring[j, m] * (Z[network.neighbour[j, m]] - Z[j])
+    return force
 
 
 @inlined

@@ -15,8 +15,7 @@ from . import drive
 from ._jit import bare, inlined
 from .blocks import Draws, State, attach_contact, break_contact, look_ahead, next_delay, next_threshold
 from .drive import NOWHERE, Piece, Sampling, drive_at, holds
-from .leapfrog import element, fill_row, slide
-from .network import Network, stretch
+from .leapfrog import Network, element, fill_row, slide, stretch
 from .records import Floats
 from .tournament import smallest, winner
 

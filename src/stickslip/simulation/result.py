@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
 from stickslip.model import ElasticBody, Sheet, Slider
 from stickslip.simulation.engines import Stretchings
 from stickslip.simulation.engines.base import Array
-from stickslip.simulation.engines.blocks import FIELDS, SCALARS
 from stickslip.simulation.follow import Track
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def dataset_of(
     variables: dict[str, Labelled] = {}
     coordinates = {"time": labelled("time", "time", track.times)}
     if isinstance(slider, ElasticBody):
-        values = {name: track.rows[:, i] for i, name in enumerate(SCALARS)}
+        values = {name: track.rows[:, i] for i, name in enumerate(SUMS)}
         values["drive_velocity"] = track.drive_velocity
         variables = _of_blocks(track, slider, marks or {})
         if "pulling_force" in variables:
@@ -101,8 +101,8 @@ def _of_slider(track: Track, slider: Slider) -> dict[str, Array]:
 
 def _of_blocks(track: Track, body: ElasticBody, marks: Mapping[str, Array]) -> dict[str, Labelled]:
     """What an elastic slider has for each block."""
-    fields = track.rows[:, len(SCALARS) :].reshape(len(track.rows), len(FIELDS), body.size)
-    found = {name: labelled(name, ("time", "block"), fields[:, i]) for i, name in enumerate(FIELDS)}
+    fields = track.rows[:, len(SUMS) :].reshape(len(track.rows), len(OF_BLOCKS), body.size)
+    found = {name: labelled(name, ("time", "block"), fields[:, i]) for i, name in enumerate(OF_BLOCKS)}
     found |= {name: labelled(name, "block", values) for name, values in marks.items()}
     pulled = np.flatnonzero(body.pulled)
     if pulled.size:

@@ -13,8 +13,7 @@ from stickslip.kernels import block_cohorts, blocks, drive, quasistatic
 from stickslip.kernels.blocks import Draws
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays, longer
 from stickslip.kernels.drive import Piece, Sampling
-from stickslip.kernels.leapfrog import Motion, at_rest
-from stickslip.kernels.network import Network, fastest, stiffest_dashpot
+from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS, Motion, Network, at_rest, fastest, stiffest_dashpot
 from stickslip.model import (
     Chain,
     Contacts,
@@ -31,21 +30,6 @@ from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts, survival_of
 from stickslip.simulation.work import Course, Part, breaking
-
-SCALARS = (
-    "spring_force",
-    "work",
-    "kinetic_energy",
-    "spring_energy",
-    "bulk_energy",
-    "contact_energy",
-    "damped_energy",
-    "viscous_energy",
-    "broken_energy",
-)
-"""What samples of an elastic slider begin with, summed over its blocks."""
-FIELDS = ("displacement", "velocity", "friction_force", "attached", "broken")
-"""What they go on with, each for all blocks."""
 
 ANGLE = 0.05
 """Longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4."""
@@ -229,7 +213,7 @@ class ElasticEngine(Engine):
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
         """Sums over blocks, then fields of all blocks."""
-        return SCALARS + tuple(name for name in FIELDS for _ in range(self.slider.size))
+        return SUMS + tuple(name for name in OF_BLOCKS for _ in range(self.slider.size))
 
     def here(self) -> tuple[float, float]:
         """Time, and mean displacement of the blocks."""

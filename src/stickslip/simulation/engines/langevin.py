@@ -10,7 +10,6 @@ import numpy as np
 from stickslip.errors import InputError
 from stickslip.kernels import stepping
 from stickslip.kernels.drive import Quadratic, Stop, holds
-from stickslip.kernels.langevin_contacts import Contacts as Sampled
 from stickslip.kernels.langevin_contacts import advance_contacts, awake
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.model import Barrier, Bell, Contacts, Delay, Interface, Langevin, MasterEquation, Parabolic
@@ -132,9 +131,8 @@ class LangevinContacts(Steps):
         x, threshold, pending = first_contacts(beginning, method.count, initial)
         start = _start(beginning, self._constants.rate)
         attach = np.append(np.full(method.count - pending.size, -math.inf), pending + start)
-        self._contacts = Sampled(x, threshold, attach)
         self.state = np.array([start, beginning.velocity * start, 0.0, 0.0])
-        self._sleep = awake(self._contacts, self.state[0], self.state[1])
+        self._contacts = awake(x, threshold, attach, self.state[0], self.state[1])
         self.settle(beginning)
 
     @staticmethod
@@ -161,7 +159,7 @@ class LangevinContacts(Steps):
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
         model = self._constants, self._hazard, self._delays
-        return advance_contacts(self.state, self._contacts, self._sleep, course, *model, self._rng)
+        return advance_contacts(self.state, self._contacts, course, *model, self._rng)
 
 
 @solves(MasterEquation, Langevin)
