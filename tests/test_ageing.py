@@ -27,7 +27,7 @@ def aged(rate, newborn=0.0, **changes):
 
 def rigidly(interface, method, drive, times, start=ss.FromSliding()):
     """Forces of contacts under a slider that is moved with the drive, from its first velocity on."""
-    beginning = Beginning(interface, None, float(drive.velocity(0.0)), start)
+    beginning = Beginning(interface, None, drive.pieces[0].start, start)
     return follow(engine_of(interface, method, None)(beginning, method), drive, 0.0, times)["friction_force"]
 
 
