@@ -6,7 +6,7 @@ from stickslip.model import Rig, constant
 from stickslip.paper.cases import FIG7, FIG8
 from stickslip.sliding import langevin
 from stickslip.sliding.response import whole_axis
-from stickslip.sliding.transforms import axis_table
+from stickslip.sliding.unaged import axis_table
 from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
 
 RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))

@@ -82,7 +82,7 @@ class Response(ABC):
     @property
     def origin(self) -> int:
         """Order of the common zero of numerator and denominator at ``s = 0``."""
-        return 0
+        return int(self.certain and not self.inert)
 
     @abstractmethod
     def frequencies(self, velocity: float, top: float) -> Array:

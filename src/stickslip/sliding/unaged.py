@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -41,7 +41,6 @@ from stickslip.sliding.response import (
     Response,
     Scales,
 )
-from stickslip.sliding.transforms import Axis, axis_table, transforms
 
 _MOST_STEPS = 6_000
 """Steps of a line of frequencies before the delay alone sets them."""
@@ -58,34 +57,21 @@ class UnagedResponse(Response):
     accuracy: ClassVar[float] = 1e-12
     certain: ClassVar[bool] = True
 
-    @cached_property
-    def _mean(self) -> float:
-        return self.distribution.moment(1)
-
-    @cached_property
-    def _mean_delay(self) -> float:
-        return self.delay.moment(1)
-
     @property
     def inert(self) -> bool:
         """Whether contacts come back at once."""
-        return self._mean_delay == 0
-
-    @property
-    def origin(self) -> int:
-        """Numerator and denominator vanish together at ``s = 0``."""
-        return 0 if self.inert else 1
+        return self.delay.moment(1) == 0
 
     def _path(self, velocity: float | Array) -> Array:
         """``m1 + v <tau>``: mean distance the slider goes between two attachments of a contact, in ``x_s``."""
-        return np.asarray(self._mean + velocity * self._mean_delay)
+        return np.asarray(self.distribution.moment(1) + velocity * self.delay.moment(1))
 
     def scales(self, velocity: float) -> Scales:
         cycle, memory = float(self._path(velocity)) / velocity, self._largest / velocity + self.delay.longest
         if self.inert:
             return Scales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
         # At high frequencies the delay is all that is left of the response, and f_d keeps it from fading.
-        pace = cycle if self.sliding_force == 0 else min(cycle, self._mean_delay)
+        pace = cycle if self.sliding_force == 0 else min(cycle, self.delay.moment(1))
         # The scatter of the thresholds wipes out their memory; their transform has an abscissa of convergence.
         fastest = 8.0 * velocity / self.distribution.standard_deviation()
         return Scales(cycle, pace, memory, fastest, self.distribution.leftmost * velocity)
@@ -98,18 +84,17 @@ class UnagedResponse(Response):
 
     def _joined(self, velocity: float | Array, s: ComplexArray, complement: ComplexArray, shape: ComplexArray) -> Parts:
         missing = np.asarray(self.delay.absence(s))
-        given_up = -shape if self.sliding_force == 0 else self.sliding_force * complement - shape
+        given_up = self.sliding_force * complement - shape
         return Parts(given_up * missing / self._path(velocity), missing + (1.0 - missing) * complement)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies up to `top` or just beyond, and parts there from a table of the distribution."""
         if self.inert:
-            omega = self.frequencies(velocity, top)
-            return omega, self.axis_parts(velocity, omega)
-        table = self._table(velocity * self.scales(velocity).memory, top / velocity)
-        stop = int(np.searchsorted(velocity * table.y, top)) + 2
-        omega = velocity * table.y[:stop]
-        return omega, self._joined(velocity, 1j * omega, table.complement[:stop], table.shape[:stop])
+            return super().sampled(velocity, top)
+        y, complement, shape = self._table(velocity * self.scales(velocity).memory, top / velocity)
+        stop = int(np.searchsorted(velocity * y, top)) + 2
+        omega = velocity * y[:stop]
+        return omega, self._joined(velocity, 1j * omega, complement[:stop], shape[:stop])
 
     def frequencies(self, velocity: float, top: float) -> Array:
         """Angular frequencies up to `top`, as close as the memory of contacts asks, then as their delay does."""
@@ -122,18 +107,25 @@ class UnagedResponse(Response):
         return np.append(omega, np.arange(begin, top, coarse))
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray]:
-        axis = self._table(self._largest, top / velocity)
-        centre = axis.centre + self.sliding_force * axis.loss
+        y, complement, shape = self._table(self._largest, top / velocity)
+        lost = np.abs(complement) ** 2
+        room = 2 * complement.real - lost  # 1 - |P^|^2
+        if np.any(room <= 0):
+            raise UndecidedError(
+                f"the thresholds ({self.distribution}) are so close together that the response cannot be told from one "
+                "without memory loss in double precision; give them more standard deviation"
+            )
+        centre = (self.sliding_force * lost - shape * np.conj(complement)) / room
         # Beyond the table discs only shrink: as large a one as in its last quarter, and as far below the real axis.
         last = centre[-(centre.size // 4) :]
         worst = float(np.max(np.abs(last)))
         deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
         shrinking = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
-        far = axis.y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
-        omega, centre = np.append(axis.y, far), np.append(centre, np.full(far.size, shrinking))
-        return velocity * omega, centre / self._path(velocity)
+        far = y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
+        centres = np.concatenate([centre, np.full(far.size, shrinking)])
+        return velocity * np.append(y, far), np.asarray(centres / self._path(velocity))
 
-    def _table(self, reach: float, top: float) -> Axis:
+    def _table(self, reach: float, top: float) -> tuple[Array, ComplexArray, ComplexArray]:
         # Steps and counts are powers of 2, so that neighbouring speeds share a table.
         step = 2.0 ** math.floor(math.log2(STEP / reach))
         count = 1 << max(6, math.ceil(math.log2(top / step + 2)))
@@ -168,3 +160,58 @@ def response(interface: Interface) -> UnagedResponse:
             "stability is not computed for them: give the thresholds a standard deviation above 0"
         )
     return UnagedResponse(distribution=thresholds, delay=delay, sliding_force=sliding_force)
+
+
+# ---------------------------------------------------------------- what a distribution contributes
+
+
+@lru_cache(maxsize=32)
+def axis_table(distribution: Distribution, step: float, count: int) -> tuple[Array, ComplexArray, ComplexArray]:
+    """Wave numbers at `count` equal steps and below the first one, and `transforms` there on the imaginary axis."""
+    # Below the first step frequencies are spaced in proportion: slow modes of soft springs.
+    slow = step * np.geomspace(1e-4, 1.0, 40, endpoint=False)
+    y = np.concatenate([slow, step * np.arange(1, count + 1)])
+    return y, *transforms(distribution, 1j * y)
+
+
+def transforms(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in the moments where `q` is small."""
+    radius, a, b = _series(hashable(distribution))
+    q = np.asarray(q, dtype=complex)
+    small = np.abs(q) < radius
+    if not small.any():
+        return _outer(distribution, q)
+    complement, shape = np.empty_like(q), np.empty_like(q)
+    inner = q[small]
+    complement[small] = inner * np.polynomial.polynomial.polyval(inner, a)
+    shape[small] = inner * np.polynomial.polynomial.polyval(inner, b)
+    if not small.all():
+        complement[~small], shape[~small] = _outer(distribution, q[~small])
+    return complement, shape
+
+
+def _outer(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    mean, slope = distribution.transform(np.asarray(q, dtype=np.complex128))
+    return 1.0 - mean, (1.0 - mean) / q - slope
+
+
+@lru_cache(maxsize=256)
+def _series(distribution: Distribution) -> tuple[float, Array, Array]:
+    """Radius within which the series hold to 1e-15, and the coefficients of ``(1 - P^)/q`` and ``H/q``."""
+    moments = np.array([distribution.moment(n) for n in range(21)])
+    factorial = np.cumprod(np.concatenate([[1.0], np.arange(1.0, 21.0)]))
+    n = np.arange(19)
+    signs = (-1.0) ** n
+    first, second = (
+        signs * moments[1:20] / factorial[1:20],
+        signs * moments[2:21] / (factorial[:19] * (n + 2)),
+    )
+    best, terms = 0.0, 2
+    with np.errstate(all="ignore"):
+        for count in range(3, 19):
+            ratio = max(abs(first[count] / first[0]), abs(second[count] / second[0]))
+            radius = float((1e-15 / ratio) ** (1.0 / count)) if math.isfinite(ratio) else 0.0
+            if radius > best:
+                best, terms = radius, count
+    # A tenth of the width of the distribution: beyond it the closed form loses nothing.
+    return min(best, 0.5 / moments[1]), first[:terms], second[:terms]
