@@ -89,7 +89,7 @@ def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
     assert run("predict", rig) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert words.startswith("small: cannot be judged: nothing says how contacts strengthen with rest")
-    assert "give interface.delay" in words
+    assert "with a delay of re-attachment it would be, at this speed, linearly stable" in words
 
 
 def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
