@@ -295,13 +295,6 @@ def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
         assert one.mean() == pytest.approx(np.mean(other), abs=error + 0.1 * np.mean(other))
 
 
-def test_the_unit_of_time_changes_no_rig(found):
-    in_ms = replace(found.events, time=1e3 * found.events.time, time_unit="ms")
-    known = {name: value for name, value in found.known.items() if name != "mass"}
-    one, other = (replace(found, events=events, known=known).rig().scales for events in (found.events, in_ms))
-    assert [other.force, other.stretching, other.time] == pytest.approx([one.force, one.stretching, one.time], rel=1e-9)
-
-
 def test_speeds_add_the_delay_and_holds_ageing():
     half, speeds = 0.01, np.geomspace(1e-4, 1.0, 9)
     forces = 4.0 + 6.0 / (1.0 + speeds / half)
