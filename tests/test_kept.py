@@ -65,9 +65,10 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
     leaves = replace(CHAIN, side=0.5, viscosity=0.05)
     sheet = ss.model.Sheet(along=4, across=2, coupling=5.0, shear=2.0, mass=1e-2, damping=15.0, leaf=8.0)
     cases = {
-        "wide at the beginning": (KINDS["wide at the beginning"], SLIDER, DRIVE, ss.FromRest()),
-        "parabolic": (KINDS["parabolic"], SLIDER, DRIVE, ss.FromRest()),
-        "Kramers": (KINDS["Kramers"], SLIDER, DRIVE, ss.FromRest()),
+        **{
+            name: (KINDS[name], SLIDER, DRIVE, ss.FromRest())
+            for name in ("wide at the beginning", "parabolic", "Kramers")
+        },
         "from sliding": (DELAYED, SLIDER, DRIVE, ss.FromSliding(perturbation=0.1)),
         "until a force": (DELAYED, SLIDER, waiting, ss.FromRest()),
         "a ring": (DELAYED, replace(CHAIN, ends="periodic"), DRIVE, ss.FromSliding(perturbation=0.1)),

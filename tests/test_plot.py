@@ -126,12 +126,6 @@ def test_a_long_line_is_drawn_by_its_envelope(trace):
     assert plot.force_trace(trace).lines[0].get_ydata().size == 800
 
 
-def test_unit_text():
-    printed = {"1": "", "": "", "mm/s": "mm/s", "k": "$k$", "kN": "kN", "1/time": "1 per time unit"}
-    printed["x_s/v_d"] = r"$x_{\mathrm{s}}$/$v_{\mathrm{d}}$"
-    assert {unit: plot.unit_text(unit) for unit in printed} == printed
-
-
 @pytest.mark.parametrize(
     ("picture", "of", "message"),
     [

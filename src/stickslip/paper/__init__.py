@@ -13,7 +13,7 @@ A figure is three functions: data, claims and drawing, joined in a `Figure`. Set
 from __future__ import annotations
 
 from stickslip.errors import InputError
-from stickslip.paper import ageing, delay, instability, ramps, rigid
+from stickslip.paper import ageing, delay, instability, ramps
 from stickslip.paper.figure import Claim as Claim
 from stickslip.paper.figure import Figure as Figure
 from stickslip.paper.figure import Format as Format
@@ -23,7 +23,7 @@ from stickslip.paper.figure import Verdict as Verdict
 from stickslip.paper.figure import places as places
 from stickslip.paper.figure import reproduce as reproduce
 
-_FIGURES = [figure for room in (rigid, instability, delay, ageing, ramps) for figure in room.FIGURES]
+_FIGURES = [figure for room in (instability, delay, ageing, ramps) for figure in room.FIGURES]
 FIGURES = {figure.name: figure for figure in sorted(_FIGURES, key=lambda figure: int(figure.name[3:]))}
 """The figures by name, ``"fig1"`` and on, in the order of the paper."""
 

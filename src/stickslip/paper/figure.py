@@ -17,8 +17,7 @@ from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.io import files
 from stickslip.paper.kit import Picture, Progress
-from stickslip.plot import PAGE, house_style, new_figure, save
-from stickslip.plot.style import format_of
+from stickslip.plot.style import PAGE, format_of, house_style, new_figure, save
 
 Format = Literal["png", "pdf", "svg"]
 Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]
@@ -199,11 +198,9 @@ class Figure:
         report = progress or (lambda _: None)
         data = self._data(report, quick)
         report(1.0)
-        data.attrs["title"] = f"{self.name}: {self.title}"
-        data.attrs["caption"] = self.caption
         arguments = {"figure": self.name} | ({"quick": True} if quick else {})
-        data.attrs["provenance"] = store.provenance("paper", arguments)
-        return data
+        made_by = {"provenance": store.provenance("paper", arguments)}
+        return data.assign_attrs(title=f"{self.name}: {self.title}", caption=self.caption, **made_by)
 
     def draw(self, data: xr.Dataset) -> Picture:
         """Draw the data that `compute` gave; `stickslip.plot.save` writes the picture."""
@@ -278,12 +275,12 @@ def places(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a directory ({error.strerror}); choose another place") from None
-    data, pictures = folder / f"{figure.name}.nc", tuple(folder / f"{figure.name}.{name}" for name in formats)
+    data, *pictures = (folder / f"{figure.name}.{suffix}" for suffix in ("nc", *formats))
     for place in (data, *pictures):
         files.target(place)
     for picture in pictures:
         format_of(picture)
-    return data, pictures
+    return data, tuple(pictures)
 
 
 def reproduce(

@@ -1,8 +1,10 @@
-"""Figures 2 and 5: the elastic instability of a slider on a soft spring, and the slip that follows."""
+"""Figures 1, 2, 3 and 5: the force on a rigid slider, and the elastic instability of one on a soft spring."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,32 +12,199 @@ import xarray as xr
 from matplotlib.axes import Axes
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
+from scipy.signal import argrelmax, argrelmin
 
 import stickslip as ss
 from stickslip import plot, theory
-from stickslip.model import Method
-from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2, FIG5
+from stickslip.model import Method, Start
+from stickslip.model.distributions import Distribution
+from stickslip.paper.cases import CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER, FIG1, FIG2, FIG4, FIG5, interface
 from stickslip.paper.figure import Claim, Figure, Measured, at_least, at_most, between, near, weighed
-from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions
+from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, power, table
 from stickslip.plot.style import DASHED
 from stickslip.rigid import effective_stiffness
+
+# ---------------------------------------------------------------- figure 1
+
+_FAR = 8.0
+_POINTS = 1600  # of the curves
+_STARTS, _WIDTHS = (0.0, 0.01, 0.03, 0.1, 0.3), (0.1, 0.3)  # standard deviations of initial forces and of thresholds
+
+_LATE = 60.0  # x_s, where the oscillation of the narrowest distribution below has fallen by exp(-2 pi^2 .1^2 60) = 7e-6
+_DISTRIBUTIONS: dict[str, Distribution] = {
+    "Gaussian, standard deviation .1": ss.Gaussian(mean=1.0, std=0.1),
+    "Gaussian, standard deviation .3": ss.Gaussian(mean=1.0, std=0.3),
+    "uniform": ss.Uniform(low=0.7, high=1.3),
+    "exponential": ss.Exponential(mean=1.0),
+    "gamma": ss.Gamma(mean=1.0, std=0.2),
+    "log-normal": ss.LogNormal(mean=1.0, std=0.2),
+    "Weibull": ss.Weibull(shape=4.0, scale=1.0),
+}
+
+# The pairs of standard deviations in the picture, and the first maximum and minimum of F_c: Eqs. (1)-(4) to the letter,
+# in which a contact that starts stretched backwards may have any threshold. In truth it has not broken, so that its
+# threshold lies beyond its stretching, and contacts remember that; it matters in the third digit, and only if both
+# standard deviations are wide.
+_SETTLED = {
+    (0.01, 0.1): (0.79560, 0.22452),
+    (0.01, 0.3): (0.64572, 0.49249),
+    (0.3, 0.1): (0.54666, 0.46251),
+    (0.3, 0.3): (0.56793, 0.53360),
+}
+_PAIRS = list(_SETTLED)
+
+
+def _force(initial: float | None, threshold: float, method: Any = ss.model.Renewal(_POINTS)) -> xr.DataArray:
+    """Force on the same positions by any method; by all but `Renewal` contacts remember that they have not broken."""
+    force = ss.rigid_slide(interface(initial, threshold), _FAR, method=method)["friction_force"]
+    return force[:: (force.size - 1) // _POINTS]
+
+
+def _late_deviation(name: str) -> float:
+    """Largest relative distance of the force from the kinetic friction in the last x_s."""
+    narrow = replace(FIG1.interface, thresholds=_DISTRIBUTIONS[name])
+    force = ss.rigid_slide(narrow, _LATE, method=ss.model.Renewal(12_000))["friction_force"]
+    return float(abs(force.sel(displacement=slice(_LATE - 1.0, None)) / ss.kinetic_friction(narrow) - 1.0).max())
+
+
+def _data_1(progress: Progress, quick: bool) -> xr.Dataset:
+    counts = (250, 1000, 4000) if quick else (250, 1000, 4000, 16_000)
+    pairs = range(len(_PAIRS))
+
+    def contacts(count: int, seed: int, pair: int, _: Progress) -> dict[str, xr.DataArray]:
+        return {"force": _force(*_PAIRS[pair], ss.Contacts(count, seed=1000 * pair + seed))}
+
+    remembering = table(lambda pair: _force(*_PAIRS[pair], ss.MasterEquation()), pair=pairs)
+    kinetic = table(lambda std: ss.kinetic_friction(interface(0.01, std)), threshold_std=_WIDTHS)
+    deviation = table(_late_deviation, distribution=_DISTRIBUTIONS)
+    force = grid(contacts, progress, contacts=counts, seed=range(3 if quick else 6), pair=pairs)["force"]
+    scatter = ((force - remembering) ** 2).mean("displacement") ** 0.5
+    shown = force.sel(contacts=FIG1.contacts, seed=0, drop=True)
+    return dataset(
+        {
+            "friction_force": table(_force, initial_std=_STARTS, threshold_std=_WIDTHS),
+            "F_c_steady": table(lambda std: _force(None, std), threshold_std=_WIDTHS),
+            "F_c_contacts": (shown, f"force of {FIG1.contacts} contacts, per contact [f_s]"),
+            "F_k": (kinetic, "kinetic friction, per contact [f_s]"),
+            "scatter": (scatter, "rms distance of contacts from the master equation [f_s]"),
+            "deviation": (deviation, f"largest relative distance from F_k at X = {_LATE:g} x_s [1]"),
+        }
+    )
+
+
+def _turning_points(force: xr.DataArray) -> xr.DataArray:
+    """First maximum and first minimum, by parabolas through three samples."""
+    F = force.to_numpy()
+    at = np.array([argrelmax(F)[0][0], argrelmin(F)[0][0]])
+    left, y, right = F[at - 1], F[at], F[at + 1]
+    return xr.DataArray(y - (right - left) ** 2 / (8.0 * (left - 2.0 * y + right)), dims="turn")
+
+
+def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
+    count, scatter = data["contacts"], data["scatter"]
+    scaled, typical = scatter * np.sqrt(count), np.exp(np.log(scatter.to_numpy()).mean(axis=(1, 2)))
+    yield weighed(
+        1,
+        "N contacts scatter about the master equation as N^(-1/2)",
+        near("power of N", power(count, typical), -0.5, 0.1),
+        at_least("smallest rms distance times sqrt(N)", scaled.min(), 0.15, "f_s"),
+        at_most("largest rms distance times sqrt(N)", scaled.max(), 0.55, "f_s"),
+        evidence=f"rms over 0 to {_FAR:g} x_s in {scatter.size} runs of {int(count.min())} to "
+        f"{int(count.max())} contacts",
+    )
+
+    far, (narrow, wide) = data["deviation"], data["F_k"].to_numpy()
+    yield weighed(
+        2,
+        "for any distribution of thresholds but a delta function the force tends to F_k, about N f_s/2",
+        at_most(f"largest relative distance from F_k at {_LATE:g} x_s", far.max(), 1e-4),
+        near("F_k, standard deviation .1", narrow, 0.505, 1e-5, "f_s"),
+        near("F_k, standard deviation .3", wide, 0.54498, 1e-5, "f_s"),
+        evidence=f"{far.size} distributions ({', '.join(_DISTRIBUTIONS)}); F_k in closed form",
+    )
+
+    yield weighed(
+        3,
+        "started in the steady state Q_s, the force does not depend on X",
+        at_most("largest distance from F_k", abs(data["F_c_steady"] - data["F_k"]).max(), 1e-6, "f_s"),
+        evidence=f"0 to {_FAR:g} x_s; thresholds with standard deviations 0.1 and 0.3",
+    )
+
+    F = data["friction_force"]
+    turns = table(lambda *stds: _turning_points(F.loc[stds]), initial_std=_STARTS, threshold_std=_WIDTHS)
+    oscillation = turns[..., 0] - turns[..., 1]
+    yield weighed(
+        4,
+        "the first oscillation of the force is stronger the narrower the start, strongest for a delta start",
+        *(
+            near(f"first {which}, start {pair[0]:g}, thresholds {pair[1]:g}", value, right, 2e-4, "f_s")
+            for pair, settled in _SETTLED.items()
+            for which, value, right in zip(("maximum", "minimum"), turns.loc[pair], settled, strict=True)
+        ),
+        printed=bool((oscillation.diff("initial_std") < 0).all()),
+        evidence="first maximum less first minimum for starts of standard deviation 0, .01, .03, .1 and .3",
+    )
+
+
+def _drawing_1(picture: Picture, data: xr.Dataset) -> None:
+    """Force on a rigid slider.
+
+    Friction force on a rigid slider against its displacement, for three widths of the initial forces and two of the
+    thresholds: the master equation (lines) and contacts (dots). From a narrow start the force rises, overshoots and
+    decreases; it tends to the kinetic friction.
+    """
+    ax = picture.subplots()
+    X, f_s = data["displacement"], plot.unit_text("f_s")
+    for pair, contacts, colour in zip(_PAIRS, data["F_c_contacts"], plot.PALETTE, strict=False):
+        name = rf"$\Delta f_0$ = {pair[0]:g} {f_s},  $\Delta f_\mathrm{{s}}$ = {pair[1]:g} {f_s}"
+        ax.plot(X, data["friction_force"].loc[pair], color=colour, label=name)
+        ax.plot(X, contacts, color=colour, linestyle=":", linewidth=1.0)
+    ax.plot([], [], color=plot.GREY, label="master equation")
+    ax.plot([], [], color=plot.GREY, linestyle=":", label=f"{FIG1.contacts} contacts")
+    panel(ax, "", X, data["friction_force"], xlim=(0, _FAR), ylim=(0, 0.85))
+    ax.legend(loc="upper right", ncols=2, columnspacing=1.6)
+    _sketch(ax.inset_axes((0.47, 0.02, 0.5, 0.27)))
+
+
+def _sketch(ax: Axes) -> None:
+    """The model: a slider pulled by a spring over contacts, each a spring that breaks."""
+    ax.set(xlim=(0, 10), ylim=(0, 3.2))
+    ax.axis("off")
+    for *box, colour in ((5.0, 0.5, 9.6, 0.0, "#D9D9D9"), (3.4, 1.1, 5.6, 1.7, "#AADAF4")):
+        ax.bar(*box, color=colour, edgecolor=plot.BLACK, linewidth=0.7)
+    along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])  # a spring, and its zigzag
+    aside = np.array([0.0, 0.0, 0.13, -0.13, 0.13, -0.13, 0.13, -0.13, 0.0, 0.0])
+    for foot in np.arange(0.95, 5.4, 1.1):
+        spring = foot + 0.4 * along + aside, 0.5 + 1.2 * along
+        ax.plot(*spring, "o-", color=plot.VERMILLION, linewidth=0.8, markersize=2.5, markevery=[0])
+    pull: dict[str, Any] = {"color": plot.BLACK, "linewidth": 0.8, "markersize": 4, "markevery": [-1]}
+    ax.plot([*(6.2 + 2.2 * along), 9.3], [*(2.25 + aside), 2.25], ">-", **pull)
+    for x, y, words, side in (
+        (3.4, 2.25, "slider,  $M$", "center"),
+        (9.6, 0.25, "base", "right"),
+        (6.3, 1.05, "$N$ contacts,  $k$", "left"),
+        (7.3, 2.9, "$K$", "center"),
+        (9.5, 2.25, r"$v_\mathrm{d}$", "left"),
+    ):
+        ax.text(x, y, words, ha=side, va="center", fontsize=8)
+
 
 # ---------------------------------------------------------------- figure 2
 
 STIFF = 5.0
 """Stiffness of a spring that follows the fall of the force, as in Fig. 4."""
 
-_DISTANCE = 2.0
+_WAY = 2.0
 _ONSET = 0.01
 """Fraction of contacts that have broken where, to the eye, the force leaves the straight line."""
 
 
 def first_instability(interface: ss.Interface, stiffness: float) -> tuple[float, float]:
     """Return positions of slider and drive, in ``x_s``, where first ``K_eff(X) = K``: equality in Eq. (6)."""
-    X = np.linspace(0.0, _DISTANCE, 2001)
+    X = np.linspace(0.0, _WAY, 2001)
     above = np.flatnonzero(effective_stiffness(interface, X) > stiffness)
     if above.size == 0:
-        raise ss.UndecidedError(f"K_eff stays below K = {stiffness:g} up to X = {_DISTANCE:g}: no elastic instability")
+        raise ss.UndecidedError(f"K_eff stays below K = {stiffness:g} up to X = {_WAY:g}: no elastic instability")
     around = X[above[0] - 1], X[above[0]]
     X_star = float(brentq(lambda x: effective_stiffness(interface, [x])[0] - stiffness, *around, xtol=1e-12))
     run = ss.rigid_slide(interface, X_star, method=ss.model.Renewal(2048))
@@ -44,7 +213,7 @@ def first_instability(interface: ss.Interface, stiffness: float) -> tuple[float,
 
 def _data_2(progress: Progress, quick: bool) -> xr.Dataset:
     interface, slider = FIG2.interface, FIG2.slider
-    run = ss.rigid_slide(interface, _DISTANCE, method=ss.model.Renewal(1000 if quick else 4000))
+    run = ss.rigid_slide(interface, _WAY, method=ss.model.Renewal(1000 if quick else 4000))
     progress(0.5)
     X, force, rate = (run[name].to_numpy() for name in ("displacement", "friction_force", "breaking_rate"))
     X_star, drive = first_instability(interface, slider.stiffness)
@@ -78,7 +247,7 @@ def _claims_2(data: xr.Dataset) -> Iterator[Claim]:
         near("v_d t*, no re-attachment", data["never"][1], 1.2820, 1e-4, "x_s"),
         near("largest K_eff on the curve", K_eff.max(), CRITICAL_STIFFNESS, 0.003, "k"),
         printed=bool(np.any(K_eff > K)) and not np.any(K_eff > STIFF) and STIFF > critical > K,
-        evidence=f"first root of K_eff(X) = {K:g} k; K_eff(X) against {STIFF:g} k over 0 to {_DISTANCE:g} x_s",
+        evidence=f"first root of K_eff(X) = {K:g} k; K_eff(X) against {STIFF:g} k over 0 to {_WAY:g} x_s",
     )
 
     _, unstable, landing = data["point"].to_numpy()
@@ -154,6 +323,144 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
     ax.tick_params(labelsize=7)
     ax.set_xlabel(r"$X$ ($x_\mathrm{s}$)", fontsize=7, labelpad=1)
     ax.set_ylabel(r"$V_\mathrm{eff}$", fontsize=7, labelpad=1)
+
+
+# ---------------------------------------------------------------- figure 3
+
+_PRINTED = 3.59
+"""``K*/N`` as the paper prints it, for standard deviations .1 of thresholds and .01 at the start."""
+_PAPER = {"initial_std": 0.01, "threshold_std": 0.1}
+
+# Where stick-slip is looked for: threshold standard deviation, delay, start, how long, and whether it is found.
+_RUNS: dict[str, tuple[float, float, Start, float, bool]] = {
+    "narrow thresholds, narrow start, delay .12": (0.1, 0.12, ss.FromRest(), 120.0, True),
+    "narrow thresholds, steady start, delay .12": (0.1, 0.12, ss.FromSliding(perturbation=0.05), 120.0, False),
+    "narrow thresholds, narrow start, delay .2": (0.1, 0.2, ss.FromRest(), 120.0, True),
+    "narrow thresholds, steady start, delay .2": (0.1, 0.2, ss.FromSliding(perturbation=0.05), 320.0, True),
+    "wide thresholds, narrow start, delay .2": (0.3, 0.2, ss.FromRest(), 120.0, False),
+}
+_EVALUATED = 60.0  # the last so many time units
+
+
+def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
+    stds = [0.02, 0.025, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, *np.arange(0.1, 0.51, 0.025).round(4).tolist()]
+    stds = [0.02, 0.05, 0.1, 0.2, 0.3] if quick else stds
+    pairs = {"initial_std": (0.0, 0.01, 0.1, 0.3) if quick else (0.0, 0.01, 0.05, 0.1, 0.2, 0.3), "threshold_std": stds}
+
+    def critical(how: str, initial: float, threshold: float) -> float:
+        return ss.critical_stiffness(interface(initial, threshold), reattachment=how == "at once")
+
+    def critical_delay(std: float) -> float:
+        rig = FIG4.rig.replace(interface=interface(threshold=std))
+        return ss.stability.onset(rig, "delay", between=(1e-3, 1e2))
+
+    def run(name: str, progress: Progress) -> dict[str, Any]:
+        std, delay, start, duration, _ = _RUNS[name]
+        drive = ss.constant(FIG4.velocity, duration)
+        rig = FIG4.rig.replace(interface=interface(threshold=std, delay=ss.Delay(delay)), drive=drive)
+        method = ss.MasterEquation(rtol=1e-3 if quick else 1e-4)
+        seen = ss.regime(ss.simulate(rig, method=method, start=start, progress=progress), after=duration - _EVALUATED)
+        return {"kind": seen.kind, "peak_to_peak": seen.peak_to_peak}
+
+    steady = table(lambda std: ss.critical_stiffness(interface(None, std)), threshold_std=stds)
+    estimate = table(lambda *pair: theory.critical_stiffness_estimate(interface(*pair)), **pairs)
+    delays = [critical_delay(std) for std in (0.1, 0.3)]
+    stiffness = table(critical, reattachment=("at once", "never"), **pairs)
+    seen = grid(run, progress, run=_RUNS)
+    return dataset(
+        {
+            "critical_stiffness": (stiffness, "critical stiffness, per contact [k]"),
+            "critical_stiffness_steady": (steady, "critical stiffness from the steady state, per contact [k]"),
+            "critical_stiffness_estimate": (estimate, "estimate of the critical stiffness, per contact [k]"),
+            "kind": seen["kind"],
+            "peak_to_peak": (seen["peak_to_peak"], "peak to peak of the spring force at the end, per contact [f_s]"),
+            "linear_critical_delay": ("width", delays, "delay from which steady sliding is unstable [time]"),
+        },
+        {"threshold_std": (stds, r"standard deviation of thresholds $\Delta f_\mathrm{s}$ [f_s]")},
+    )
+
+
+def _claims_3(data: xr.Dataset) -> Iterator[Claim]:
+    K = data["critical_stiffness"].sel(reattachment="at once")
+    slope = power([0.02, 0.05], K.sel(initial_std=0.0, threshold_std=[0.02, 0.05]))
+    estimate = data["critical_stiffness_estimate"].sel(_PAPER)
+    settled = {(0.0, 0.1): 3.009, (0.1, 0.1): 1.828, (0.01, 0.2): 1.033, (0.01, 0.3): 0.438}
+    yield weighed(
+        5,
+        "K* decreases with the standard deviation of the thresholds and of the initial forces; it is largest "
+        "for a delta start and zero from the steady state; roughly K* = N k f_s/(Df_s + Df_0)",
+        at_most("largest change of K* from one Df_s to the next", K.diff("threshold_std").max(), 0.0, "k"),
+        at_most("largest change of K* from one Df_0 to the next", K.diff("initial_std").max(), 0.0, "k"),
+        at_most("K* from the steady state", data["critical_stiffness_steady"].max(), 1e-6, "k"),
+        near("Eq. (9), Df_0 = .01, Df_s = .1", estimate, 9.09, 0.01, "k"),
+        near("power of Df_s in K*, delta start, .02 to .05", slope, -1.0, 0.15),
+        *(near(f"K*, Df_0 = {i:g}, Df_s = {t:g}", K.loc[i, t], value, 0.003, "k") for (i, t), value in settled.items()),
+        printed=bool(abs(estimate / K.sel(_PAPER) - 1.0) < 0.5),
+        reading="Eq. (9) gives the scaling of K* for narrow distributions, K* ~ 1/width, not its value, which is three "
+        "times too large here; K* decreases throughout for standard deviations of initial forces up to "
+        f"{float(K['initial_std'].max()):g}",
+        evidence=f"Eq. (8) for {K.size} pairs of standard deviations; K_eff is an integral, no numerical derivative",
+    )
+
+    at_once, never = data["critical_stiffness"].sel(_PAPER).to_numpy().tolist()
+    half_a_digit = 0.005
+    yield weighed(
+        6,
+        f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
+        near("K*, contacts re-attach at once", at_once, CRITICAL_STIFFNESS, 0.003, "k"),
+        near("K*, contacts never re-attach", never, CRITICAL_STIFFNESS_NEVER, 0.003, "k"),
+        printed=any(abs(K - _PRINTED) <= half_a_digit for K in (at_once, never)),
+        exact=f"{CRITICAL_STIFFNESS} k if broken contacts re-attach at once, {CRITICAL_STIFFNESS_NEVER} k if never",
+        evidence="largest K_eff by Eq. (8); the figure printed is 1 % off the nearer of the two",
+    )
+
+    narrow, wide = data["linear_critical_delay"].to_numpy()
+    sticks = data["kind"].to_series() == "stick-slip"
+    yield weighed(
+        18,
+        "wide thresholds, or a start in the steady state, avoid stick-slip",
+        *(
+            between(f"peak to peak F_d, {name}", value, *((0.5, math.inf) if found else (-math.inf, 0.02)), "f_s")
+            for (name, (*_, found)), value in zip(_RUNS.items(), data["peak_to_peak"], strict=True)
+        ),
+        near("linear critical delay, Df_s = .1", narrow, 0.1455, 0.0002, "time"),
+        between("linear critical delay, Df_s = .3", wide, 0.9, 0.96, "time"),
+        printed=bool((sticks == ~sticks.index.str.contains("wide|steady")).all()),
+        reading=f"a steady start stays smooth while the delay is below the linear critical delay ({narrow:.4f}), "
+        "where smooth sliding and stick-slip are both stable; above it any disturbance grows into stick-slip",
+        evidence="runs of the master equation at K = 2 k, eta = 200, v_d = 1, evaluated over their last "
+        f"{_EVALUATED:g} time units; steady starts perturbed by 5 % in velocity",
+    )
+
+
+def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
+    """Critical stiffness.
+
+    Critical stiffness, Eq. (8), against the standard deviation of the thresholds, for several of the initial forces:
+    (a) broken contacts re-attach at once, (b) they never do. Dotted: the estimate of Eq. (9). Cross: the value that the
+    paper prints.
+    """
+    axes = picture.subplots(1, 2, sharey=True)
+    std = data["threshold_std"]
+    titles = ("(a) broken contacts re-attach at once", "(b) broken contacts never re-attach")
+    for ax, K, title, offset in zip(axes, data["critical_stiffness"], titles, ((7, -3), (8, 3)), strict=True):
+        for line, colour in zip(K, plot.PALETTE, strict=False):
+            ax.plot(std, line, color=colour, label=f"{float(line['initial_std']):g}")
+        guess = data["critical_stiffness_estimate"].sel(initial_std=0.01)
+        ax.plot(std, guess, color=plot.GREY, linestyle=":", label=r"$1/(\Delta f_\mathrm{s} + 0.01)$, scaling")
+        exact = float(K.sel(_PAPER))
+        ax.plot(0.1, exact, "o", color=plot.PALETTE[1], markersize=5, label="exact, Figs. 4 to 7")
+        ax.plot(0.1, _PRINTED, "x", color=plot.BLACK, markersize=6, label=f"{_PRINTED}, as printed")
+        ax.annotate(f"{exact:.3f}", (0.1, exact), xytext=offset, textcoords="offset points", fontsize=8)
+        # At .5 the ticks of neighbouring panels would meet.
+        panel(ax, title, std, K.assign_attrs(spacing="log"), xlim=(0, 0.5), xticks=[0, 0.1, 0.2, 0.3, 0.4])
+        ax.set_ylim(0.03, 40)
+        ax.label_outer()
+    handles, names = axes[0].get_legend_handles_labels()
+    count, initial = data.sizes["initial_std"], rf"$\Delta f_0$ ({plot.unit_text('f_s')})"
+    above = {"loc": "upper right", "title_fontsize": 8}
+    axes[1].legend(handles[:count], names[:count], title=initial, ncols=2, **above)
+    axes[0].legend(handles[count:], names[count:], **above)
 
 
 # ---------------------------------------------------------------- figure 5
@@ -256,8 +563,7 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
     forces.plot(t, run["spring_force"], color=plot.BLUE, label=r"$F_\mathrm{d}$")
     forces.plot(t, run["friction_force"], color=plot.VERMILLION, label=r"$F_\mathrm{c}$")
     forces.plot(t, surplus, color=plot.BLACK, label=r"$F_\mathrm{d} - F_\mathrm{c}$")
-    panel(forces, "(a)", t, run["spring_force"].assign_attrs(long_name="force per contact"), **within)
-    plot.legend_above(forces)
+    panel(forces, "(a)", t, run["spring_force"].assign_attrs(long_name="force per contact"), "above", **within)
 
     position.plot(t, run["displacement"], color=plot.GREEN)
     after, (actual, printed) = passed + data["phase"] / FIG5.slider.frequency, X_star + data["eq_12"][0]
@@ -283,11 +589,12 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
     words = "solid: with the actual velocity\n" r"dashed: with $v_\mathrm{d}$, as printed"
     ratio.text(0.08, -0.24, words, fontsize=8, va="bottom", linespacing=1.3)
     x, y = r"$\Omega\,\Delta t$ since the instability", "slip, in terms of Eq. (12)"
-    panel(ratio, "(d)", x, y, xlim=(0, 6), ylim=(-0.3, 4))
-    plot.legend_above(ratio)
+    panel(ratio, "(d)", x, y, "above", xlim=(0, 6), ylim=(-0.3, 4))
 
 
 FIGURES = (
+    Figure("fig1", 3.6, _data_1, _claims_1, _drawing_1),
     Figure("fig2", 3.3, _data_2, _claims_2, _drawing_2),
+    Figure("fig3", 3.6, _data_3, _claims_3, _drawing_3),
     Figure("fig5", 5.4, _data_5, _claims_5, _drawing_5),
 )

@@ -20,7 +20,7 @@ from stickslip.errors import InputError
 from stickslip.measure.fronts import on_blocks, pixels
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
 from stickslip.plot import style
-from stickslip.plot.style import along_time, dress, house_style, label, legend_above, new_axes, variable
+from stickslip.plot.style import along_time, dress, house_style, label, legend_above, new_axes, panel, variable
 from stickslip.simulation import rig_of
 
 What = Literal["attached", "velocity", "force"]
@@ -125,8 +125,7 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
     for i, end in enumerate(stops["last_block"].values[:-1]):
         ax.axvline(end, color=style.VERMILLION, linewidth=0.8, label=None if i else "arrest")
-    ax.set(xlabel="block", xlim=(-0.5, run.sizes["block"] - 0.5))
-    legend_above(ax)
+    panel(ax, "", "block", None, "above", xlim=(-0.5, run.sizes["block"] - 0.5))
     return ax
 
 
@@ -143,10 +142,17 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
     ax = new_axes() if ax is None else ax
-    if isinstance(data, xr.Dataset):
-        _local_speeds(data, rig, ax)
-    least = front_threshold(rig)
-    theory: list[Front] = []
+    if isinstance(data, xr.Dataset):  # on each block that the first front passes, away from its ends
+        start, interface, chain = rig.start, rig.natural.interface, _chain(rig)
+        if not isinstance(start, Prestressed):
+            raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
+        sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
+        local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (strength - sliding)
+        found = measure.fronts(data)
+        inside = slice(start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0))
+        speeds = found["speed"][inside]
+        ax.plot(local[inside], speeds, ".", color=style.BLUE, markersize=3, label="along the run")
+    least, theory = front_threshold(rig), list[Front]()
     with contextlib.suppress(InputError):  # from some prestress on contacts give way by themselves
         for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
             theory.append(front_speed(rig, prestress=float(tau)))
@@ -159,18 +165,6 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None))
     legend_above(ax, columns=2)
     return ax
-
-
-def _local_speeds(run: xr.Dataset, rig: Rig, ax: Axes) -> None:
-    """Draw the speed on each block that the first front passes, away from its ends, against the prestress there."""
-    start, interface, chain = rig.start, rig.natural.interface, _chain(rig)
-    if not isinstance(start, Prestressed):
-        raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
-    sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
-    local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (strength - sliding)
-    found = measure.fronts(run)
-    inside = slice(start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0))
-    ax.plot(local[inside], found["speed"][inside], ".", color=style.BLUE, markersize=3, label="along the run")
 
 
 @house_style()
@@ -211,8 +205,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         A run of a `Chain` pulled at one end.
     ax : Axes, optional
     """
-    found = _events(run)
-    rig = rig_of(run)
+    found, rig = _events(run), rig_of(run)
     ax = new_axes() if ax is None else ax
     ax.plot(found["force_before"], found["reach"], "o", color=style.BLUE, markersize=3.5, label="events of the run")
     thresholds = rig.interface.threshold_distribution
@@ -220,10 +213,8 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     exact = precursor_force(replace(rig, interface=alike))
     rising = slice(0, int(exact.values.argmax()) + 1)
     ax.plot(exact.values[rising], exact["tip"].values[rising], color=style.BLACK, label="theory")
-    dress(ax.xaxis, run["spring_force"])
-    ax.set(ylabel="blocks that slip", ylim=(0, run.sizes["block"] * 1.03))
+    panel(ax, "", run["spring_force"], "blocks that slip", "above", ylim=(0, run.sizes["block"] * 1.03))
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
-    legend_above(ax)
     return ax
 
 
@@ -244,9 +235,7 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     slips = _gone(moved, found).assign_attrs(moved.attrs | {"long_name": "slip in an event"})
     for slip, colour in zip(slips, style.dark_to_bright(found.sizes["event"]), strict=True):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
-    dress(ax.yaxis, slips)
-    ax.set(xlabel="block", xlim=(0, run.sizes["block"] - 1))
-    ax.set_ylim(bottom=0)
+    panel(ax, "", "block", slips, xlim=(0, run.sizes["block"] - 1), ylim=(0, None))
     return ax
 
 

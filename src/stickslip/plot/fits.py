@@ -136,9 +136,8 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
         curve = fit.friction(x)
         upper.plot(x, curve, color=colour, label=name)
         lower.plot(x, step.friction - curve, color=colour, linewidth=0.7)
-    panel(upper, "", None, "friction")
+    panel(upper, "", None, "friction", "above")
     panel(lower, "", f"displacement after the step ({length})", "residual")
-    legend_above(upper)
     return figure
 
 
@@ -162,8 +161,7 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
         line = peak[-1] + per_decade * np.log10(hold / hold[-1])
         upper.semilogx(hold, line, "--", color=style.VERMILLION, label="slope by rate and state")
     lower.semilogx(hold, run["relaxation"], "o-", color=style.BLUE, markersize=3.5)
-    panel(upper, "", None, run["peak"].assign_attrs(long_name="peak above sliding"))
+    panel(upper, "", None, run["peak"].assign_attrs(long_name="peak above sliding"), "above")
     panel(lower, "", run["hold"].assign_attrs(spacing="log"), run["relaxation"].assign_attrs(long_name="relaxation"))
     lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow
-    legend_above(upper)
     return figure

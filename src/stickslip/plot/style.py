@@ -149,14 +149,16 @@ def panel(
     legend: Any = None,
     **properties: Any,
 ) -> None:
-    """Name a panel and its axes, by variables or by words; place the legend; set limits, ticks and scales."""
+    """Name a panel and its axes, by variables or by words; place the legend, or put it "above"; set limits."""
     ax.set(**properties)
     for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
         if isinstance(named, str):
             axis.set_label_text(named)
         elif named is not None:
             dress(axis, named)
-    if legend is not None:
+    if legend == "above":
+        legend_above(ax)
+    elif legend is not None:
         ax.legend(loc=legend)
     if title:
         letter(ax, title)
