@@ -49,6 +49,13 @@ def test_the_paper_s_rig_is_bistable_with_its_margins(paper_s_rig):
     assert margins["velocity"].lower is None
 
 
+def test_a_verdict_is_about_the_speed_that_it_names():
+    """A drive that goes on faster than stick-slip lasts is judged at its first speed."""
+    drives = (ss.constant(1.0, 80.0), ss.constant(1.0, 80.0).then(ss.constant(30.0, 10.0)))
+    kinds = {advise.predict(make(stiffness=2.0, drive=drive), fast=True).regime.kind for drive in drives}
+    assert kinds == {"stick-slip"}
+
+
 def changed(rig, mitigation):
     """The rig after a mitigation."""
     return rig.replace(**{mitigation.parameter: mitigation.stops})

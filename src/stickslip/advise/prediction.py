@@ -142,9 +142,9 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
 
 
 def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
-    """Simulate the rig as its file says, if that ends at a constant speed; shorter if it is dear, longer to judge."""
+    """Simulate the rig as its file says, if that ends at the speed of the answer; shorter if dear, longer to judge."""
     drive, velocity, dearer = rig.drive, rig.natural.velocity, _DEARER if is_dear(rig) else 1.0
-    if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
+    if not drive.pieces[-1].start == drive.pieces[-1].end == velocity:
         drive = trial(rig).drive
     if len(drive.pieces) == 1:
         affordable = _FIRST * dearer / estimate(replace(rig, drive=drive)).seconds * drive.duration
