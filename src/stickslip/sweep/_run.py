@@ -254,12 +254,13 @@ class Runner:
 
     def _renew(self, error: RuntimeError) -> None:
         """Go on after a worker was lost, with a new executor if it is ours; nothing goes on after a shutdown."""
-        if not (isinstance(self._executor, OURS) and isinstance(error, BrokenExecutor)):
+        executor = self._executor
+        if not (isinstance(executor, OURS) and isinstance(error, BrokenExecutor)):
             raise self._refusal(f"takes no more cases ({error})") from error
         with suppress(BrokenExecutor):
             self._gather(futures.wait(self._running).done)  # a broken pool ends all its futures, some of them well
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        self._executor = type(self._executor)(self._workers)
+        executor.shutdown(wait=False, cancel_futures=True)
+        self._executor = type(executor)(getattr(executor, "_max_workers", None))
         try:
             self._executor.submit(os.getpid).result()
         except BrokenExecutor:
@@ -268,13 +269,9 @@ class Runner:
                 'start behind `if __name__ == "__main__":`'
             ) from None
 
-    @property
-    def _workers(self) -> int:
-        return getattr(self._executor, "_max_workers", _MANY)
-
     def _fill(self) -> None:
         """Keep two batches per worker on the way; cases that were lost twice run alone, to know the culprit."""
-        most = 2 * self._workers
+        most = 2 * getattr(self._executor, "_max_workers", _MANY)
         while self._todo and len(self._running) < most:
             size = min(self._size, math.ceil(len(self._todo) / most))
             batch = [*takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))]
