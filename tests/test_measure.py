@@ -618,16 +618,6 @@ def test_the_regimes_of_runs(made, kinds, numbers):
         assert "smooth" in found.attrs["criterion"] or "noise" in found.attrs["criterion"]
 
 
-def test_a_ringing_run_has_one_event_per_cycle():
-    data = ss.simulate(fig4(2.0, 0.1, damping=42.4, count=2000, duration=60.0))
-    for each in (data, data[["spring_force"]]):
-        found = drops(each)
-        cycle = float(found["recurrence"].median())
-        assert cycle == pytest.approx(1.35, abs=0.03)
-        assert found.sizes["event"] == pytest.approx(60.0 / cycle, abs=2)
-        assert float(found["recurrence"][3:].min()) > 1.2
-
-
 def test_drops_of_an_oscillation_without_sticking_are_cycles_and_no_slips():
     run = ss.simulate(ss.example("precision_stage").replace(velocity="2 mm/s"))
     seen, found = regime_and_drops(run)
@@ -766,12 +756,9 @@ def test_the_real_trace():
     assert 2.6 <= mean["drop"] <= 3.6
     assert 5.3 <= mean["recurrence"] <= 6.8
     assert 0.24 <= found["recurrence"].attrs["std"] / mean["recurrence"] <= 0.36
-    assert mean["force_before"] == pytest.approx(11.8, abs=0.2)
-    assert mean["force_after"] == pytest.approx(8.7, abs=0.2)
+    assert [mean[name] for name in ("force_before", "force_after")] == pytest.approx([11.8, 8.7], abs=0.2)
     assert mean["loading_rate"] == pytest.approx(0.55, abs=0.06)
-    result = regime(data)
-    assert result.kind == STICK_SLIP
-    assert "irregular" in result.reason
+    assert str(regime(data)).startswith("stick-slip: irregular")
     for every in (8, 10, 12, 16, 20, 24):
         rarely = regime(data.isel(time=slice(None, None, every)))
         assert (rarely.kind, "record more often" in rarely.reason) == ("undecided", True)

@@ -224,15 +224,15 @@ def held(trace: Trace, noise: float) -> float:
     The rate is the median of the rises; slopes, differences of the means of two windows side by side, are taken over
     as many samples as read it to a tenth. Not a number where the noise leaves none.
     """
-    force, step = trace.force, (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    total, slopes = np.concatenate([[0.0], np.cumsum(force - force.mean())]), np.diff(force) / step
+    force, step, half = trace.force, (trace.t[-1] - trace.t[0]) / (trace.t.size - 1), 1
+    total = np.concatenate([[0.0], np.cumsum(force - force.mean())])
     for _ in range(20):
-        if not (slopes > 0).any():
-            return math.nan
-        rate = float(np.median(slopes[slopes > 0]))
-        half = max(math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)), 1)
         if 24 * half > force.size:
             return math.nan
         begin = np.arange(0, total.size - 2 * half, max(1, force.size // _MANY))
         slopes = (total[begin + 2 * half] - 2.0 * total[begin + half] + total[begin]) / (half**2 * step)
-    return float(np.mean(slopes > 0.75 * np.median(slopes[slopes > 0])))
+        if not (slopes > 0).any():
+            return math.nan
+        rate = float(np.median(slopes[slopes > 0]))
+        half = max(math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)), 1)
+    return float(np.mean(slopes > 0.75 * rate))
