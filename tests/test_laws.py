@@ -307,12 +307,12 @@ def held_stiffly(pair) -> Pair:
 @every_pair
 @pytest.mark.eq(1, 10)
 def test_smooth_sliding_goes_on_with_the_steady_force(name):
-    pair, lives = PAIRS[name], 8.0
+    pair, lifetimes = PAIRS[name], 8.0
     if not has_steady_force(pair.interface):
         pytest.skip("none in closed form")
-    run = simulate(held_stiffly(pair), drive=ss.constant(1.0, lives), interval=0.02, start=ss.FromSliding())
+    run = simulate(held_stiffly(pair), drive=ss.constant(1.0, lifetimes), interval=0.02, start=ss.FromSliding())
     # A contact forgets its force in a life.
-    error = 1e-4 if not isinstance(pair.method, STATISTICAL) else 4 * NOISE / math.sqrt(contacts_of(pair) * lives)
+    error = 1e-4 if not isinstance(pair.method, STATISTICAL) else 4 * NOISE / math.sqrt(contacts_of(pair) * lifetimes)
     assert float(run["friction_force"].mean()) == pytest.approx(ss.kinetic_friction(pair.interface, 1.0), abs=error)
 
 

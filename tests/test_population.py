@@ -108,14 +108,14 @@ def moments(interface):
 @pytest.mark.parametrize("delay", [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()], ids=str)
 @pytest.mark.parametrize("count", [10, 1_000, 10**8])
 def test_fluctuations_in_rigid_sliding(delay, count):
-    interface, lives = replace(CYCLING, delay=delay), 600.0
+    interface, lifetimes = replace(CYCLING, delay=delay), 600.0
     force, attached = moments(interface)
-    F, A = rigidly(interface, ss.Population(count, seed=1), np.arange(0.0, lives, 0.037))
+    F, A = rigidly(interface, ss.Population(count, seed=1), np.arange(0.0, lifetimes, 0.037))
     # A contact's force forgets in a life: so many independent values, of a variance with a relative error of sqrt(2/n).
-    slack = 4 * math.sqrt(2 / lives)
+    slack = 4 * math.sqrt(2 / lifetimes)
     assert F.var() * count == pytest.approx(force, rel=slack)
     assert F.mean() == pytest.approx(
-        ss.kinetic_friction(interface, 1.0), abs=4 * math.sqrt(force / count / lives) + 1e-5
+        ss.kinetic_friction(interface, 1.0), abs=4 * math.sqrt(force / count / lifetimes) + 1e-5
     )
     assert A.var() * count == pytest.approx(attached, rel=slack, abs=1e-12)
 

@@ -127,7 +127,7 @@ def test_an_answer_has_no_length_or_time_of_its_own(length, time):
         return [np.nan if end is None else end / rig.value(name) for end, name in limits]
 
     assert linear(found, there) == pytest.approx(linear(here, RIG), rel=1e-6, nan_ok=True)
-    sizes = {mitigation.parameters: mitigation.size for mitigation in here.mitigations}
+    sizes = {mitigation.parameter: mitigation.size for mitigation in here.mitigations}
     assert sizes
     # Rounding makes other runs of the same contacts: twice the precision of the search, .05.
-    assert {each.parameters: each.size for each in found.mitigations} == pytest.approx(sizes, abs=0.1)
+    assert {each.parameter: each.size for each in found.mitigations} == pytest.approx(sizes, abs=0.1)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError
-from stickslip.kernels.lives import reach
+from stickslip.kernels.lifetimes import reach
 from stickslip.model import Delay, ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, RandomDelay, Slider
 from stickslip.model.distributions import Gaussian, Uniform
 from stickslip.paper.cases import FIG4, FIG7
 from stickslip.sliding import kinetic_friction
-from stickslip.sliding.lives import growth_of
+from stickslip.sliding.lifetimes import growth_of
 from stickslip.theory import (
     attached_fraction,
     critical_stiffness_estimate,

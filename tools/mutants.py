@@ -70,7 +70,7 @@ TESTS = {
     "kernels/hazard.py": "test_kernels test_thermal_runs test_ageing",
     "kernels/langevin": "test_ageing",
     "kernels/leapfrog.py": "test_elastic",
-    "kernels/lives.py": "test_friction_laws",
+    "kernels/lifetimes.py": "test_friction_laws",
     "kernels/finite_population.py": "test_population",
     "kernels/oscillator.py": "test_contacts test_simulate test_turning_drives",
     "kernels/panel": "test_panels test_master_equation",

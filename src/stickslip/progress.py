@@ -17,7 +17,7 @@ Progress = Callable[[float], None]
 
 def part(report: Progress, begin: float, end: float) -> Progress:
     """What reports on a part of the work, from one fraction of all of it to another."""
-    return lambda share: report(begin + (end - begin) * share)
+    return lambda done: report(begin + (end - begin) * done)
 
 
 @contextmanager
@@ -35,21 +35,21 @@ def bar(title: str, *, always: bool = False, first: float = 60.0, every: float =
 
     with Bar(console=Console(stderr=True), transient=True) as shown_bar:
         task = shown_bar.add_task(escape(title), total=1.0)
-        yield lambda share, *_: shown_bar.update(task, completed=share)
+        yield lambda done, *_: shown_bar.update(task, completed=done)
 
 
 def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
     begin = time.monotonic()
     due = begin + first
 
-    def write(share: float, words: str = "", since: float = 0.0) -> None:
-        """Write a line, if it is time, while a share of the work is done and not all; `since` was done at the begin."""
+    def write(done: float, words: str = "", since: float = 0.0) -> None:
+        """Write a line, if it is time, while a part of the work is done and not all; `since` was done at the begin."""
         nonlocal due
         now = time.monotonic()
-        if now >= due and share < 1.0:
+        if now >= due and done < 1.0:
             due = now + every
-            left = f", about {in_time((now - begin) * (1.0 - share) / (share - since))} left" if share > since else ""
-            words = words or f"{100.0 * share:.0f} %"
+            left = f", about {in_time((now - begin) * (1.0 - done) / (done - since))} left" if done > since else ""
+            words = words or f"{100.0 * done:.0f} %"
             sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {title}: {words}{left}\n")
             sys.stderr.flush()
 

@@ -210,7 +210,7 @@ def _solved(interface: Interface, distance: float, velocity: float, points: int)
             f"{work:.1g} points are needed to resolve thresholds and initial stretchings, more than {_MOST_WORK:.0e}: "
             "give standard deviations that differ less from each other and from the mean"
         )
-    delay, share = interface.delay.quadrature()
+    delay, part = interface.delay.quadrature()
     contacts = renewal.Contacts(
         distribution.density,
         lambda x, n: excess(distribution, x, n),
@@ -218,7 +218,7 @@ def _solved(interface: Interface, distance: float, velocity: float, points: int)
         weight,
         np.maximum(stretchings, 0.0),
         velocity * delay,
-        share,
+        part,
         *((np.zeros(1), np.ones(1)) if born is None else stretching_nodes(born, distribution)),
     )
     re_attached = renewal.solve(contacts, distance, points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -42,6 +43,14 @@ class Foretold(Answer):
             told = [f"- {row if isinstance(row, str) else ', '.join(row)}" for row in rows if title]
             lines += [f"{title}{rest}:", *told] if told else []
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        told = f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.verdict)}</p>"
+        for title, rest, rows in self.sections:
+            cells = [[html.escape(cell) for cell in ([row] if isinstance(row, str) else row)] for row in rows]
+            body = "".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in cells)
+            told += f"<p><b>{title}</b>{html.escape(rest)}</p><table>{body}</table>"
+        return told
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""

@@ -56,8 +56,8 @@ def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
     method = case.method if isinstance(case.method, Contacts) else Contacts(_CONTACTS, seed=1)
     case = replace(case, method=method)
     begin, end = _window(case, at)
-    times = _frame_times(case, begin, end, lambda share: watch(0.5 * share))
-    seen = _look(case, method, times, lambda share: watch(0.5 + 0.5 * share))
+    times = _frame_times(case, begin, end, lambda fraction: watch(0.5 * fraction))
+    seen = _look(case, method, times, lambda fraction: watch(0.5 + 0.5 * fraction))
     yield {
         "times": packed(times * rig.unit("time")),
         "force": packed(case.slider.stiffness * (seen.drive - seen.slider) * rig.unit("f_s")),

@@ -66,9 +66,9 @@ def _map_axis(parameter: xr.DataArray) -> Plain:
     return {**name_of(parameter), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
 
 
-def _shade(share: Array) -> Array:
+def _shade(fraction: Array) -> Array:
     """Growth rates, as fractions of the largest, spread out about zero."""
-    return np.asarray(np.arcsinh(share / 1e-3) / np.arcsinh(1e3))
+    return np.asarray(np.arcsinh(fraction / 1e-3) / np.arcsinh(1e3))
 
 
 def _over(request: Plain) -> tuple[str, str]:

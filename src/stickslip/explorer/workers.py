@@ -148,9 +148,7 @@ def start() -> None:
         ensure_running()
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# In the worker
-# ---------------------------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------------------------- in the worker
 
 
 class _StoppedError(Exception):
@@ -182,14 +180,14 @@ def _bound_memory() -> None:
 def _answer(line: Connection, job: Job) -> None:
     told = time.monotonic()
 
-    def watch(share: float) -> None:
+    def watch(fraction: float) -> None:
         nonlocal told
         if line.poll():
             line.recv()
             raise _StoppedError
         if time.monotonic() - told > 0.2:
             told = time.monotonic()
-            line.send(("reply", {"progress": share}))
+            line.send(("reply", {"progress": fraction}))
 
     try:
         for content in answers.ANSWERS[job.kind](job.request, watch):

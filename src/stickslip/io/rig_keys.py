@@ -27,9 +27,7 @@ from stickslip.model.methods import METHODS
 from stickslip.model.records import Number, choices_of, declared
 from stickslip.model.units import si_unit
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Keys that exclude each other
-# ---------------------------------------------------------------------------------------------------------------------
+# ----------------------------------------------------------------------------------------- keys that exclude each other
 
 MATERIAL: Mapping[str, Mapping[str, str]] = {
     "chain": {"coupling": "youngs_modulus", "leaf": "shear_modulus", "mass": "density"},
@@ -58,9 +56,7 @@ RULES: Mapping[str, tuple[Either, ...]] = {
     "drive": (either("velocity", "pieces", needed=True), either("distance", "duration", "pieces")),
 }
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Tables of a file
-# ---------------------------------------------------------------------------------------------------------------------
+# ----------------------------------------------------------------------------------------------------- tables of a file
 
 _EXAMPLES = tomllib.loads(Path(__file__).with_name("every_key.toml").read_text("utf-8"))
 _WITHIN: Mapping[str, Mapping[str, Any]] = _EXAMPLES.pop("within")
@@ -127,9 +123,7 @@ def tables() -> dict[str, Mapping[str, Key]]:
     return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Records that a table names: distributions, delays, ageing, temperature; and methods
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------- records that a table names: distributions, delays, ageing, temperature; and methods
 
 KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
     **dict.fromkeys(("thresholds", "initial", "newborn"), ("distribution", DISTRIBUTIONS)),

@@ -50,7 +50,7 @@ def _threshold(rng: np.random.Generator, std: float, factor: float, least: float
 
 
 @jit
-def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: float) -> tuple[float, float, bool]:
+def _arc(velocity: float, force: float, stiffness: float, ratio: float, distance: float) -> tuple[float, float, bool]:
     """Distance and velocity where the slider has gone a distance `gap`, or where it first stops, and whether it does.
 
     Time in units of ``sqrt(M/K)``; unbalanced force and its loss per distance over the stiffness K of the driving
@@ -65,16 +65,16 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: flo
         return 0.0, 0.0, True
     oscillation = -rest * math.cos(omega * stop) + across * math.sin(omega * stop)
     furthest = rest + math.exp(-ratio * stop) * oscillation
-    if furthest < gap:
+    if furthest < distance:
         return max(furthest, 0.0), 0.0, True
     low, high = 0.0, stop
-    time = min(0.5 * stop, gap / velocity) if velocity > 0.0 else 0.5 * stop
+    time = min(0.5 * stop, distance / velocity) if velocity > 0.0 else 0.5 * stop
     speed = 0.0
     for _ in range(_STEPS):
         c, s, decay = math.cos(omega * time), math.sin(omega * time), math.exp(-ratio * time)
-        beyond = rest + decay * (across * s - rest * c) - gap
+        beyond = rest + decay * (across * s - rest * c) - distance
         speed = decay * (velocity * c - bend * s)
-        if abs(beyond) <= 1e-13 * gap:
+        if abs(beyond) <= 1e-13 * distance:
             break
         if beyond > 0.0:
             high = time
@@ -86,7 +86,7 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: flo
         if newer == time:
             break
         time = newer
-    return gap, max(speed, 0.0), False
+    return distance, max(speed, 0.0), False
 
 
 @jit
@@ -137,13 +137,15 @@ def slips(
             loose += 1
             left -= 1
             total -= attached_at[contact]
-            gap = smallest(breaks_at) - X
-            if gap <= 0.0:
+            distance = smallest(breaks_at) - X
+            if distance <= 0.0:
                 continue
             unbalanced = drive - X - (left * X - total + residual * loose) / (count * kappa)
-            way, velocity, stops = _arc(velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, gap)
+            travelled, velocity, stops = _arc(
+                velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, distance
+            )
             if stops:
-                X += way
+                X += travelled
                 break
             X = smallest(breaks_at)
 

@@ -71,7 +71,7 @@ def make_state(motion: Motion, place: Floats, alive: Floats, case: Case, rate: f
     cohort[:, PLACE, :count], cohort[:, REACH, :count] = place, reach
     cohort[:, ALIVE, :count], cohort[:, MASS, :count] = alive, alive / np.maximum(held, EXTINCT)
     motion.blocks.held[:] = alive.sum(axis=1)
-    motion.blocks.births[:] = (alive * place).sum(axis=1)
+    motion.blocks.origins[:] = (alive * place).sum(axis=1)
     motion.blocks.squares[:] = (alive * place**2).sum(axis=1)
     used = np.zeros((n, 2), np.int64)
     used[:, 0] = count
@@ -113,7 +113,7 @@ def _drift(state: State, j: int, fraction: float, case: Case) -> float:
     cohort, table, weakest, sliding = cohorts.cohort, case.table, case.table.bottom, case.sliding
     X, h = blocks.X[j], now.step
     then = X + h * blocks.V[j]
-    broken, lost, births, squares = 0.0, 0.0, 0.0, 0.0
+    broken, lost, origins, squares = 0.0, 0.0, 0.0, 0.0
     for i in range(cohorts.used[j, 0]):
         b = cohort[j, PLACE, i]
         x = abs(then - b)
@@ -127,7 +127,7 @@ def _drift(state: State, j: int, fraction: float, case: Case) -> float:
         middle = 0.5 * (before + x)
         broken += gone
         lost += 0.5 * middle * middle * gone
-        births += gone * b
+        origins += gone * b
         squares += gone * b * b
         if alive == 0.0:
             cohorts.used[j, 1] += 1
@@ -145,7 +145,7 @@ def _drift(state: State, j: int, fraction: float, case: Case) -> float:
     force += 0.5 * slide(state.motion, j, then, sliding)
     now.broken += lost + 0.5 * force * force * (after - held)
     blocks.held[j] = after
-    blocks.births[j] += alive * b - births
+    blocks.origins[j] += alive * b - origins
     blocks.squares[j] += alive * b * b - squares
     if alive > 0.0:
         _attach(cohorts, j, b, alive, reach, table, case.merge)

@@ -6,7 +6,7 @@ nearest breaking position, the next re-attachment at its time. An event that cha
 order whatever the number of events. A block in whose reach nothing happens costs three comparisons, however many
 contacts it has.
 
-Per block: births and thresholds of all contacts, and three tournaments (`tournament`) over them, for breaks ahead and
+Per block: origins and thresholds of all contacts, and three tournaments (`tournament`) over them, for breaks ahead and
 behind and for re-attachments. What a contact loses when it attaches counts as broken.
 """
 
@@ -87,7 +87,7 @@ def _sum_again(state: State, j: int) -> None:
         if contacts.threshold[j, i] > 0.0:
             total += contacts.birth[j, i]
             squares += contacts.birth[j, i] * contacts.birth[j, i]
-    state.motion.blocks.births[j] = total / N
+    state.motion.blocks.origins[j] = total / N
     state.motion.blocks.squares[j] = squares / N
 
 
@@ -128,7 +128,7 @@ def break_contact(state: State, j: int, slot: int, time: float, force: float, de
     contacts.threshold[j, slot] = 0.0
     contacts.attached[j] -= 1
     contacts.breaks[j] += 1
-    blocks.births[j] -= b / N
+    blocks.origins[j] -= b / N
     blocks.squares[j] -= b * b / N
     blocks.held[j] = contacts.attached[j] / N
     blocks.broken[j] = contacts.breaks[j] / N
@@ -154,7 +154,7 @@ def attach_contact(state: State, j: int, X: float, threshold: float, force: floa
     slot = winner(contacts.tree_attach[j], N)
     contacts.birth[j, slot], contacts.threshold[j, slot] = X, threshold
     contacts.attached[j] += 1
-    blocks.births[j] += X / N
+    blocks.origins[j] += X / N
     blocks.squares[j] += X * X / N
     blocks.held[j] = contacts.attached[j] / N
     state.motion.now.broken += 0.5 * force * force / N
@@ -192,9 +192,9 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
             if math.isnan(delay):
                 why = DELAYS_USED_UP
                 break
-            way, tree = (1.0, contacts.tree_ahead[j]) if V > 0.0 else (-1.0, contacts.tree_behind[j])
+            direction, tree = (1.0, contacts.tree_ahead[j]) if V > 0.0 else (-1.0, contacts.tree_behind[j])
             slot, force = winner(tree, contacts.birth.shape[1]), slide(state.motion, j, x, sliding)
-            gain = way * break_contact(state, j, slot, t + at, way * force, delay)
+            gain = direction * break_contact(state, j, slot, t + at, direction * force, delay)
         contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
         state.motion.now.spent += 8
     look_ahead(contacts, j)

@@ -104,7 +104,7 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> B
 
 
 @bare
-def lives(rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats) -> int:
+def lifetimes(rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats) -> int:
     """Draw the stretchings at which newborns break at a steady velocity, from numbers between 0 and 1; how many."""
     used = 0
     for i in range(strength.size):

@@ -61,15 +61,15 @@ def _is_passed(cohorts: Floats, g: int, origin: float, table: Table, low: float,
     for j in range(Q):
         r, x = cohorts[REACH, g, j], origin - cohorts[PLACE, g, j]
         widest = max(widest, r)
-        way = r - sign * x  # until it passes
-        first, last = min(first, way), max(last, way)
+        passed = r - sign * x  # until it passes
+        first, last = min(first, passed), max(last, passed)
     far = max(high, -low)
     return bool(last - first > 1e-9 and last > 1e-12 and first < far and widest + far > table.bottom)
 
 
 @inlined
 def _inside(cohorts: Floats, row: int, g: int, u: float) -> float:
-    """Place of birth, or births per unit of `u`, at ``0 <= u <= 1`` in the panel that a cohort stands for."""
+    """Place of attachment, or attachments per unit of `u`, at ``0 <= u <= 1`` in the panel that a cohort stands for."""
     total = 0.0
     for a in range(Q - 1, -1, -1):
         c = 0.0

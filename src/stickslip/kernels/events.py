@@ -227,7 +227,7 @@ def _look_again(state: State, boxes: Boxes | None) -> None:
     """Sum afresh about the present position, so that rounding cannot pile up, and bound; places may have changed."""
     m, contacts = state.motion[0], state.ahead.entries
     m.reference, m.least = m.position, np.inf
-    m.births = m.squares = m.stiffness = 0.0
+    m.origins = m.squares = m.stiffness = 0.0
     for place in range(used(state.ahead)):
         if contacts[place]["key"] < np.inf:
             m.least = min(m.least, _reach(state, place, boxes) - contacts[place]["birth"])
@@ -236,7 +236,7 @@ def _look_again(state: State, boxes: Boxes | None) -> None:
                 boxes.of[contacts[place]["slot"]]["place"] = place
                 if boxes.rule.as_stiff:
                     k = contacts[place]["threshold"]
-            m.births += k * y
+            m.origins += k * y
             m.squares += k * y * y
             m.stiffness += k
     m.attachments = m.keeps_behind = 0

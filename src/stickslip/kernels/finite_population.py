@@ -53,7 +53,7 @@ def deviation(work: Work, case: Case, t: float, row: Record, force: float, veloc
     if h < 0.0 or (extra.force == 0.0 and extra.fraction == 0.0):
         return
     D, L = extra.fraction, extra.energy
-    way = extra.velocity * h
+    distance = extra.velocity * h
     x = 0.0
     slider = case.slider
     if not is_rigid(slider):
@@ -72,8 +72,8 @@ def deviation(work: Work, case: Case, t: float, row: Record, force: float, veloc
         row.lost += extra.loss_rate * area
     row.lost += L
     stiffness = max(extra.frequency2 * slider.mass - slider.stiffness, 0.0) if x != 0.0 else 0.0
-    row.contact_force += stiffness * x - extra.force - D * way
-    far = way + x
+    row.contact_force += stiffness * x - extra.force - D * distance
+    far = distance + x
     row.stored += force * x + 0.5 * (stiffness + D) * x * x - L - extra.force * far - 0.5 * D * far * far
     row.attached -= extra.detached
 
@@ -91,7 +91,7 @@ def deviate(row: Record, t: float, start: Record, end: Record, work: Work, case:
 
 
 @bare
-def settle(state: State, work: Work, case: Case, dt: float, start: Record, way: float) -> None:
+def settle(state: State, work: Work, case: Case, dt: float, start: Record, direction: float) -> None:
     """Draw what breaks and re-attaches in a step that has been solved, and taken, for the mean.
 
     The cohorts are still those of its start, of which `start` holds the motion; the slider moved the way `way`.
@@ -144,7 +144,7 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, way: 
     reattached = _arrivals(state, case, start.time, motion.time)
     motion.reattached = start.reattached + reattached / N
     if reattached > 0.0:
-        _keep(state, work, case, start, dt, _attach(state, work, case, origin, way, reattached))
+        _keep(state, work, case, start, dt, _attach(state, work, case, origin, direction, reattached))
     count_up(state, case)
 
 
@@ -189,11 +189,11 @@ def _joins(cohorts: Floats, place: int, case: Case, n: float, b: float, r: float
     g, j = place // Q, place % Q
     if place < 0 or n == 0.0 or max(r, cohorts[REACH, g, j]) > case.table.bottom:
         return False
-    total, way = n + cohorts[COUNT, g, j], b - cohorts[PLACE, g, j]
-    error = total / case.finite.contacts * way * way
-    if abs(way) > case.finite.grain or error > _COARSE * case.accuracy.tolerance:
+    total, offset = n + cohorts[COUNT, g, j], b - cohorts[PLACE, g, j]
+    error = total / case.finite.contacts * offset * offset
+    if abs(offset) > case.finite.grain or error > _COARSE * case.accuracy.tolerance:
         return False
-    b = cohorts[PLACE, g, j] + way * n / total
+    b = cohorts[PLACE, g, j] + offset * n / total
     _put(cohorts, place, case, total, b, max(r, cohorts[REACH, g, j], abs(X - b)))
     return True
 
@@ -288,7 +288,7 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
 
 
 @bare
-def _attach(state: State, work: Work, case: Case, origin: float, way: float, reattached: float) -> float:
+def _attach(state: State, work: Work, case: Case, origin: float, direction: float, reattached: float) -> float:
     """Put what re-attaches in a step where the slider is on the way; how many have broken again by its end."""
     cohorts, nodes, newborn = state.cohorts, work.nodes, case.newborn
     X, place = state.motion.position, Q * state.used.cohorts
@@ -305,7 +305,7 @@ def _attach(state: State, work: Work, case: Case, origin: float, way: float, rea
             n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
             more -= n
             other = max(other - newborn.fraction[i], 1e-300)
-            at, r = origin + b - way * newborn.stretching[i], abs(newborn.stretching[i])
+            at, r = origin + b - direction * newborn.stretching[i], abs(newborn.stretching[i])
             x = abs(X - at)
             if x > r:
                 k = _drawn(case, n, value_at(case.table, x) / value_at(case.table, r))

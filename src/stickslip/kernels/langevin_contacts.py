@@ -54,7 +54,7 @@ class _Step(NamedTuple):
     sigma: float
     variance: float  # of the bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion
     certain: float  # a margin below it is gone by the end whatever happens
-    forgotten: bool  # so many lives in a step that the moment of the first break in it does not matter
+    forgotten: bool  # so many lifetimes in a step that the moment of the first break in it does not matter
     young: bool  # thresholds near the boundary are driven towards it
 
 

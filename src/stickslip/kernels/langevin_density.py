@@ -160,10 +160,10 @@ def _substitute(work: _Work, below: float, first: int, top: int, dt: float, solv
 
 @jit
 def _advance_cohort(
-    mass: Floats, moment: Floats, grid: _Grid, x: float, step: _Step, top: int, births: _Births, work: _Work
+    mass: Floats, moment: Floats, grid: _Grid, x: float, step: _Step, top: int, newborns: _Births, work: _Work
 ) -> tuple[float, float]:
     """One step of a cohort, by two implicit stages; returns the rates at which its contacts break in the two."""
-    known, birth, fraction, gamma = work.known, births.node, births.fraction, step.gamma
+    known, birth, fraction, gamma = work.known, newborns.node, newborns.fraction, step.gamma
     first = 0 if birth == 0 else 1  # newborns on the boundary: it reflects
     dt = gamma * step.dt
     _rates(grid, mass, moment, x, step, first, top, work)
@@ -179,7 +179,7 @@ def _advance_cohort(
     for stage in range(2):
         m, q = work.stage[stage, 0], work.stage[stage, 1]
         path = x + step.dX * (gamma if stage == 0 else 1.0)  # of the slider since the reference place
-        born = births.first if stage == 0 else births.second
+        born = newborns.first if stage == 0 else newborns.second
         for i in range(first, top + 1):
             known[i] = mass[i] if stage == 0 else mass[i] + ahead * (work.stage[0, 0, i] - mass[i])
         if birth >= 0:

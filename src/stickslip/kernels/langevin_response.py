@@ -35,8 +35,8 @@ class Excursions(NamedTuple):
     start: Floats  # shape (n,): ages at which the excursions begin
     slope: Floats  # shape (n, n): slopes of a polynomial in the start from its values
     survivors: Floats  # shape (nodes,)
-    lives: Floats  # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain and times age
-    alive: Counts  # shape (nodes,): how many of the columns of `lives` to regard: later there is nobody
+    lifetimes: Floats  # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain and times age
+    alive: Counts  # shape (nodes,): how many of the columns of `lifetimes` to regard: later there is nobody
 
 
 @jit
@@ -64,16 +64,16 @@ def excursions(life: Life) -> Excursions:
     levels = np.append(np.zeros(1), start) * rise - 1.0 / life.delta
     survival = survive(edges, rise, levels, margin).reshape(-1, count + 1)
     age = panel_ages(edges).ravel()
-    lives, alive = np.empty((age.size, 3 * count)), np.full(age.size, count)
+    lifetimes, alive = np.empty((age.size, 3 * count)), np.full(age.size, count)
     for i in range(age.size):
         off = age[i] - start
         row = barycentric / np.where(off == 0.0, 1e-300, off)
-        lives[i, :count] = survival[i, 0] * row / np.sum(row)
-        lives[i, count::2] = survival[i, 1:]
-        lives[i, count + 1 :: 2] = age[i] * survival[i, 1:]
+        lifetimes[i, :count] = survival[i, 0] * row / np.sum(row)
+        lifetimes[i, count::2] = survival[i, 1:]
+        lifetimes[i, count + 1 :: 2] = age[i] * survival[i, 1:]
         while alive[i] < 3 * count and survival[i, 1 + (alive[i] - count) // 2] != 0.0:
             alive[i] += 2
-    return Excursions(life, edges, age, start, slope, survival[:, 0].copy(), lives, alive)
+    return Excursions(life, edges, age, start, slope, survival[:, 0].copy(), lifetimes, alive)
 
 
 @jit
@@ -127,7 +127,7 @@ def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
 @jit
 def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -> tuple[complex, complex]:
     """Transforms of the survivors and of their age; those of all that excursions have, in real and imaginary parts."""
-    edges, age, lives = known.edges, known.age, known.lives
+    edges, age, lifetimes = known.edges, known.age, known.lifetimes
     weight = np.empty((edges.size - 1, P + 1), dtype=np.complex128)
     _transform_weights(edges, p, weight)
     real[:], imaginary[:] = 0.0, 0.0
@@ -136,8 +136,8 @@ def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -
         whole += w * known.survivors[i]
         moment += w * known.survivors[i] * age[i]
         for b in range(known.alive[i]):
-            real[b] += w.real * lives[i, b]
-            imaginary[b] += w.imag * lives[i, b]
+            real[b] += w.real * lifetimes[i, b]
+            imaginary[b] += w.imag * lifetimes[i, b]
     return whole, moment
 
 

@@ -1,4 +1,4 @@
-"""Ageing contacts at constant velocity, N to infinity: lives are alike, and one life says all."""
+"""Ageing contacts at constant velocity, N to infinity: lifetimes are alike, and one life says all."""
 
 import numpy as np
 
@@ -128,22 +128,23 @@ def steady_friction(
 def pull_newborns(velocity: float, langevin: Langevin, distance: float, points: int) -> tuple[Floats, Floats]:
     """Force while contacts that were all newborn at the start are dragged at constant velocity, Eqs. (7), (13)-(17).
 
-    Lives at constant velocity are alike, so births (counted by local time) are a renewal process: ``births * S = 1``
-    and ``F = births * (v a S)``, with the survivors S by age of the stationary solution and ``*`` the convolution;
-    ``max(-dF/dX)`` is the effective stiffness of Fig. 11. Newborns have no strength. Returns paths and forces.
+    Lifetimes at constant velocity are alike, so attachments (counted by local time) are a renewal process:
+    ``attachments * S = 1`` and ``F = attachments * (v a S)``, with the survivors S by age of the stationary solution
+    and ``*`` the convolution; ``max(-dF/dX)`` is the effective stiffness of Fig. 11. Newborns have no strength. Returns
+    paths and forces.
     """
     life = life_at(velocity, Langevin(langevin.rate, langevin.mean, langevin.std, 0.0))
     u, mean = life.u, langevin.mean
     ages = np.linspace(0.0, distance / mean / u, points + 1)
-    lives, works = _integrals_by_age(life, ages)
-    births, force = np.zeros(points), np.zeros(points)
+    lifetimes, works = _integrals_by_age(life, ages)
+    attachments, force = np.zeros(points), np.zeros(points)
     for i in range(points):
         known = 0.0
         for j in range(i):
-            known += births[j] * (lives[i - j + 1] - lives[i - j])
-        births[i] = (1.0 - known) / lives[1]
+            known += attachments[j] * (lifetimes[i - j + 1] - lifetimes[i - j])
+        attachments[i] = (1.0 - known) / lifetimes[1]
         for j in range(i + 1):
-            force[i] += births[j] * (works[i - j + 1] - works[i - j])
+            force[i] += attachments[j] * (works[i - j + 1] - works[i - j])
     return ages[1:] * u * mean, force * u * mean
 
 
@@ -152,9 +153,9 @@ def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
     """Integrals of the survivors ``S`` and of ``a S`` up to each of the `ages`, which begin with 0."""
     edges = panel_edges(life)
     survivors = survive(edges, life.u / life.delta, np.array([-1.0 / life.delta]), np.zeros(1))
-    lives, works, row, k = np.zeros(ages.size), np.zeros(ages.size), np.empty(P + 1), 0
+    lifetimes, works, row, k = np.zeros(ages.size), np.zeros(ages.size), np.empty(P + 1), 0
     for i in range(1, ages.size):
-        lives[i], works[i] = lives[i - 1], works[i - 1]
+        lifetimes[i], works[i] = lifetimes[i - 1], works[i - 1]
         here, end = ages[i - 1], min(ages[i], edges[-1])
         while here < end:
             while edges[k + 1] <= here:
@@ -165,7 +166,7 @@ def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
                 root = low + (high - low) * _GAUSS[q]
                 interpolate(edges, k, root * root, row)
                 left = 2.0 * root * (high - low) * _WEIGHT[q] * np.sum(row * survivors[k, :, 0])
-                lives[i] += left
+                lifetimes[i] += left
                 works[i] += left * root * root
             here = there
-    return lives, works
+    return lifetimes, works

@@ -1,7 +1,7 @@
 """Blocks in motion: leapfrog, kick and drift, with what goes with it: dashpots, energies, samples, pieces of the drive.
 
 What the contacts of a block do while it drifts is for another kernel to say (`blocks`, `block_cohorts`); here they are
-three sums: the attached fraction, and the births of those attached, plain and squared. The contacts that are detached
+three sums: the attached fraction, and the origins of those attached, plain and squared. The contacts that are detached
 slide together, one elastic and plastic element a block: stretched as an attached contact would be, up to the force
 ``f_d``. What it dissipates counts as broken.
 """
@@ -53,7 +53,7 @@ class Blocks(NamedTuple):
     V: Floats  # half a step behind the displacement, but at rest between pieces
     V_now: Floats  # at the time of the displacement
     held: Floats  # attached fraction
-    births: Floats  # sum of birth positions over N
+    origins: Floats  # sum of birth positions over N
     squares: Floats  # sum of their squares over N
     anchor: Floats  # where the element of the detached contacts has no force
     broken: Floats  # breaks per contact since the start
@@ -83,9 +83,9 @@ steps of blocks spent, whether there is a row, and the mode of quasi-static moti
 def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
     """Return blocks between two steps, contacts still to be summed; `anchored` is the stretching of their elements."""
     n, anchor = X.size, X - np.clip(anchored, -sliding, sliding)
-    held, births, squares, broken = np.zeros((4, n))
+    held, origins, squares, broken = np.zeros((4, n))
     x, v = X.astype(float), V.astype(float)
-    blocks = Blocks(x, v, v.copy(), held, births, squares, anchor, broken, *np.full((3, n), np.nan))
+    blocks = Blocks(x, v, v.copy(), held, origins, squares, anchor, broken, *np.full((3, n), np.nan))
     motion = Motion(blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
     motion.now.block = -1
     return motion
@@ -137,7 +137,7 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
     D, _ = drive_at(piece.drive, now.time)
     span = 0.5 * (before + after)
     brake = 0.5 * network.damping * span
-    kept, share = (1.0 - brake) / (1.0 + brake), span / ((1.0 + brake) * network.mass)
+    kept, per_mass = (1.0 - brake) / (1.0 + brake), span / ((1.0 + brake) * network.mass)
     part = before / (before + after) if span > 0.0 else 1.0
     damped, pulled = 0.0, 0.0
     viscous = network.lag > 0.0
@@ -147,10 +147,10 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
             W[j] = blocks.X[j] + network.lag * blocks.V[j]
         for j in range(n):
             X = blocks.X[j]
-            force = network.pull[j] * (D - X) + network.load[j] - blocks.held[j] * X + blocks.births[j]
+            force = network.pull[j] * (D - X) + network.load[j] - blocks.held[j] * X + blocks.origins[j]
             if sliding > 0.0:
                 force -= (1.0 - blocks.held[j]) * element(blocks, j, X, sliding)
-            after_V = kept * blocks.V[j] + share * (force + stretch(network, W, j))
+            after_V = kept * blocks.V[j] + per_mass * (force + stretch(network, W, j))
             Z[j] = X + network.lag * (blocks.V[j] + part * (after_V - blocks.V[j]))
     else:
         Z = blocks.X
@@ -158,10 +158,10 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
         X, V = blocks.X[j], blocks.V[j]
         force = network.pull[j] * (D - X)
         pulled += force
-        force += network.load[j] - blocks.held[j] * X + blocks.births[j] + stretch(network, Z, j)
+        force += network.load[j] - blocks.held[j] * X + blocks.origins[j] + stretch(network, Z, j)
         if sliding > 0.0:
             force -= (1.0 - blocks.held[j]) * slide(motion, j, X, sliding)
-        kicked = kept * V + share * force
+        kicked = kept * V + per_mass * force
         blocks.V[j] = kicked
         blocks.V_now[j] = V + part * (kicked - V)
         damped += (V + kicked) * (V + kicked)
@@ -192,8 +192,8 @@ def fill_row(motion: Motion, network: Network, piece: Piece, row: Floats, slidin
         X, V, held, first = blocks.X[j], blocks.V_now[j], blocks.held[j], SCALARS + j
         force, pull = element(blocks, j, X, sliding), network.pull[j]
         row[first], row[first + n], row[first + 3 * n], row[first + 4 * n] = X, V, held, blocks.broken[j]
-        row[first + 2 * n] = held * X - blocks.births[j] + (1.0 - held) * force
-        stored += held * X * X - 2.0 * X * blocks.births[j] + blocks.squares[j] + (1.0 - held) * force * force
+        row[first + 2 * n] = held * X - blocks.origins[j] + (1.0 - held) * force
+        stored += held * X * X - 2.0 * X * blocks.origins[j] + blocks.squares[j] + (1.0 - held) * force * force
         kinetic += V * V
         spring = pull * (D - X) + network.load[j] - network.push[j]
         pulled += spring

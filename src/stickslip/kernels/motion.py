@@ -17,13 +17,13 @@ from .oscillator import Slider
 from .records import Floats, Record, blank, record
 
 MOTION = record(
-    "time position velocity births squares reference stiffness work damped broken sliding_force anchor looked least",
+    "time position velocity origins squares reference stiffness work damped broken sliding_force anchor looked least",
     counts="attached sample events breaks breaks_at_arrest slides slid direction keeps_behind attachments "
     "thresholds_used delays_used variates_used",
 )
 """Where the slider is, what is summed over the contacts, and how far samples and random numbers are used.
 
-`births` is the sum over the attached contacts of stiffness times position of birth, about `reference`, `squares` that
+`origins` is the sum over the attached contacts of stiffness times position of birth, about `reference`, `squares` that
 of the squares, `stiffness` that of all. While elastic, the detached contacts have no force with the slider at `anchor`.
 Then its position at the time of a look, and a bound on all keys in the queue of those behind. `breaks_at_arrest` are
 those up to the last arrest; `slides` is the sign of the motion in which the detached contacts slide, 0 while they are
@@ -97,7 +97,7 @@ def detached_stretching(m: Record, X: float) -> float:
 @inlined
 def contact_force(m: Record, N: float) -> float:
     """Friction force, per contact."""
-    force = m.stiffness * (m.position - m.reference) - m.births
+    force = m.stiffness * (m.position - m.reference) - m.origins
     if m.sliding_force > 0.0:
         force += (N - m.attached) * detached_stretching(m, m.position)
     return float(force / N)
@@ -115,7 +115,7 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
     if c.rigid or c.massless:
         v = drive_v if c.rigid else c.K * drive_v / (c.K + stiffness * c.part)
         return Leg(t, X, n, free, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0))
-    F_c = n * (X - m.reference) - m.births
+    F_c = n * (X - m.reference) - m.origins
     if c.f_d > 0.0:
         F_c += free * detached_stretching(m, X)
     flight = take_off(
@@ -133,7 +133,7 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
 @inlined
 def balance(m: Record, drive: Quadratic, c: Constants) -> float:
     """Where a slider without mass is in balance."""
-    pull = c.K * drive_at(drive, m.time)[0] + (m.stiffness * m.reference + m.births) * c.part
+    pull = c.K * drive_at(drive, m.time)[0] + (m.stiffness * m.reference + m.origins) * c.part
     stiffness = c.K + m.stiffness * c.part
     if c.f_d > 0.0:
         free = (c.N - m.attached) * c.part
@@ -157,9 +157,9 @@ def sample(m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants
     x = leg.X + y - m.reference
     row[0] = leg.X + y
     row[1] = u
-    row[2] = (n * x - m.births) * c.part
+    row[2] = (n * x - m.origins) * c.part
     row[3] = m.attached / c.N
-    row[4] = 0.5 * (n * x * x - 2.0 * x * m.births + m.squares) * c.part
+    row[4] = 0.5 * (n * x * x - 2.0 * x * m.origins + m.squares) * c.part
     row[5], row[6], row[7] = m.work, m.damped, m.broken
     if c.f_d > 0.0:
         free = leg.free * c.part
@@ -220,7 +220,7 @@ def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
     x = m.position - birth
     m.broken += detached_energy(m, c) - 0.5 * k * x * x * c.part
     y = birth - m.reference
-    m.births += k * y
+    m.origins += k * y
     m.squares += k * y * y
     m.stiffness += k
     m.attached += 1
@@ -232,7 +232,7 @@ def count_out(m: Record, birth: float, k: float, c: Constants) -> None:
     x = m.position - birth
     m.broken += 0.5 * k * x * x * c.part - detached_energy(m, c)
     y = birth - m.reference
-    m.births -= k * y
+    m.origins -= k * y
     m.squares -= k * y * y
     m.stiffness -= k
     m.attached -= 1

@@ -39,7 +39,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it breaks at once."""
     nodes, table, newborn = work.nodes, case.table, case.newborn
     all_reattachment(work, case.delays, dt)
-    way = heading(state, work)
+    direction = heading(state, work)
     change = 0.0
     for k in range(1, P + 1):
         y = nodes[k].x
@@ -47,7 +47,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
         for j in range(Q):
             reattached, b = dot(INCREASE[k - 1, j], nodes.reattached), dot(PART[k - 1, j], nodes.x)
             for i in range(newborn.stretching.size):
-                x = y - b + way * newborn.stretching[i]
+                x = y - b + direction * newborn.stretching[i]
                 m = reattached * newborn.fraction[i]
                 most = max(abs(x), abs(newborn.stretching[i]))
                 if most > table.bottom:
@@ -62,7 +62,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
         nodes[k].slope += A
         nodes[k].stored += 0.5 * E
         if case.sliding_force > 0.0:
-            _slide(state, work, case, k, way)
+            _slide(state, work, case, k, direction)
         nodes[k].broken = state.motion.mass_in - nodes[k].old + lost
         change = max(change, abs(lost - nodes[k].young))
         nodes[k].young = lost
@@ -77,12 +77,12 @@ def heading(state: State, work: Work) -> float:
 
     Not that of its velocity at the start: it may turn there.
     """
-    way = work.nodes[1].x
-    if way == 0.0:
-        way = state.motion.velocity
-    if way == 0.0:
-        way = state.motion.direction
-    return 1.0 if way > 0.0 else -1.0
+    direction = work.nodes[1].x
+    if direction == 0.0:
+        direction = state.motion.velocity
+    if direction == 0.0:
+        direction = state.motion.direction
+    return 1.0 if direction > 0.0 else -1.0
 
 
 @inlined
@@ -108,11 +108,11 @@ def element_at(state: State, case: Case, y: float) -> float:
 
 
 @inlined
-def _slide(state: State, work: Work, case: Case, k: int, way: float) -> None:
+def _slide(state: State, work: Work, case: Case, k: int, direction: float) -> None:
     """Add the force that detached contacts carry."""
     nodes = work.nodes
     e, detached = element_at(state, case, nodes[k].x), 1.0 - nodes[k].attached
-    nodes[k].slope -= way * e * (nodes[k].slope - nodes[k].attached)
+    nodes[k].slope -= direction * e * (nodes[k].slope - nodes[k].attached)
     if abs(e) < case.sliding_force:
         nodes[k].slope += detached
     nodes[k].force += detached * e

@@ -80,7 +80,7 @@ def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
-def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None:
+def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -> None:
     """Make cohorts and a panel of what a step has done to infinitely many contacts."""
     nodes, motion, table, newborn = work.nodes, state.motion, case.table, case.newborn
     origin, y, cohorts = motion.position, nodes[P].x, state.cohorts
@@ -105,7 +105,7 @@ def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None
             x0 = newborn.stretching[i]
             for j in range(Q):
                 m = dot(INCREASE[P - 1, j], nodes.reattached)
-                b = dot(PART[P - 1, j], nodes.x) - way * x0
+                b = dot(PART[P - 1, j], nodes.x) - direction * x0
                 cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = origin + b, m * newborn.mass[i]
                 cohorts[REACH, kept, j] = max(abs(y - b), abs(x0))
                 cohorts[WHOLE, kept, j] = 1.0
@@ -236,11 +236,11 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
 @bare
 def _misled(state: State, work: Work, case: Case) -> float:
     """Error of the force where newborns are stretched along the heading of a step and the slider moves against it."""
-    nodes, way, stretching, reattached = work.nodes, heading(state, work), 0.0, 0.0
+    nodes, direction, stretching, reattached = work.nodes, heading(state, work), 0.0, 0.0
     for i in range(case.newborn.stretching.size):
         stretching += case.newborn.fraction[i] * abs(case.newborn.stretching[i])
     for k in range(1, P + 1):
-        if nodes[k].v * way < 0.0:
+        if nodes[k].v * direction < 0.0:
             reattached += nodes[k].reattached - nodes[k - 1].reattached
     return 2.0 * stretching * reattached
 
@@ -409,17 +409,17 @@ def _run(state: State, work: Work, case: Case, wanted: Wanted) -> int:
 def _take(state: State, work: Work, case: Case, dt: float, event: int, room: int) -> None:
     """Take a step that has been solved, and what happens at its end."""
     motion, nodes, start = state.motion, work.nodes, work.before[0]
-    way, counted = heading(state, work), case.finite.contacts > 0.0
+    direction, counted = heading(state, work), case.finite.contacts > 0.0
     broke = nodes[P].broken > EVENT * case.accuracy.tolerance
     motion.slope = nodes[P].slope
     _sum_energies(state, work, case, dt)
     if not counted:
-        _commit(state, work, case, dt, way)
+        _commit(state, work, case, dt, direction)
     _move(state, work, case, dt)
     if counted:
-        settle(state, work, case, dt, start, way)
+        settle(state, work, case, dt, start, direction)
         motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
-    motion.direction = way
+    motion.direction = direction
     if event == TURNS:
         _turn(state, work, case, start, dt, room, broke)
     else:

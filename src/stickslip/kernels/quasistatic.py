@@ -56,7 +56,7 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 
 
 @bare
-def _answer(state: State, network: Network, sliding: float, right: Floats, way: float, room: Floats) -> bool:
+def _answer(state: State, network: Network, sliding: float, right: Floats, direction: float, room: Floats) -> bool:
     """How the blocks move (``room[0]``) as forces `right` are added, and whether it was found which elements slide.
 
     `way` is the sign of the path.
@@ -71,7 +71,7 @@ def _answer(state: State, network: Network, sliding: float, right: Floats, way: 
     for j in range(n):
         if sliding > 0.0 and blocks.held[j] < 1.0:
             e = blocks.X[j] - blocks.anchor[j]
-            stuck[j] = 1.0 if abs(e) < sliding * (1.0 - _ON_THE_EDGE) or way * e * right[j] < 0.0 else 0.0
+            stuck[j] = 1.0 if abs(e) < sliding * (1.0 - _ON_THE_EDGE) or direction * e * right[j] < 0.0 else 0.0
         else:
             stuck[j] = 0.0
     for _ in range(64):  # which elements slide depends on the answer
@@ -89,7 +89,7 @@ def _answer(state: State, network: Network, sliding: float, right: Floats, way: 
             for j in range(n):
                 e = blocks.X[j] - blocks.anchor[j]
                 if blocks.held[j] < 1.0 and abs(e) >= sliding * (1.0 - _ON_THE_EDGE):
-                    should = 1.0 if way * e * Y[j] < 0.0 else 0.0
+                    should = 1.0 if direction * e * Y[j] < 0.0 else 0.0
                     if should != stuck[j]:
                         stuck[j] = should
                         changed = True
@@ -99,13 +99,13 @@ def _answer(state: State, network: Network, sliding: float, right: Floats, way: 
 
 
 @bare
-def _first(state: State, sliding: float, way: float, most: float, room: Floats) -> tuple[float, int, int]:
+def _first(state: State, sliding: float, direction: float, most: float, room: Floats) -> tuple[float, int, int]:
     """How far along ``way * room[0]`` the first event lies, at most `most`; on which block, and 1 if it is a break."""
     blocks = state.motion.blocks
     Y, stuck = room[0], room[2]
     nearest, block, kind = most, -1, 0
     for j in range(blocks.X.size):
-        y = way * Y[j]
+        y = direction * Y[j]
         if y > 0.0:
             if state.contacts.ahead[j] - blocks.X[j] < nearest * y:
                 nearest, block, kind = max((state.contacts.ahead[j] - blocks.X[j]) / y, 0.0), j, 1
@@ -139,8 +139,8 @@ def _go(state: State, network: Network, sliding: float, amount: float, time: flo
 def _follow(state: State, network: Network, sliding: float, time: float, piece: Piece, room: Floats) -> None:
     """Let the blocks follow the drive to a time."""
     now = state.motion.now.time
-    way = drive_at(piece.drive, time)[0] - drive_at(piece.drive, now)[0]
-    _go(state, network, sliding, way, max(time, now), piece, room)
+    direction = drive_at(piece.drive, time)[0] - drive_at(piece.drive, now)[0]
+    _go(state, network, sliding, direction, max(time, now), piece, room)
 
 
 @inlined
@@ -152,19 +152,21 @@ def _time_of(piece: Piece, now: float, distance: float) -> float:
 
 
 @bare
-def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws) -> int:
+def _break_there(state: State, j: int, direction: float, sliding: float, draws: Draws) -> int:
     """Break all contacts of a block at their thresholds where it stands, moving this way."""
     blocks = state.motion.blocks
-    X = blocks.X[j] = state.contacts.ahead[j] if way > 0.0 else -state.contacts.behind[j]
-    tree = state.contacts.tree_ahead[j] if way > 0.0 else state.contacts.tree_behind[j]
+    X = blocks.X[j] = state.contacts.ahead[j] if direction > 0.0 else -state.contacts.behind[j]
+    tree = state.contacts.tree_ahead[j] if direction > 0.0 else state.contacts.tree_behind[j]
     why = drive.ON_THE_WAY
-    while smallest(tree) <= way * X:
+    while smallest(tree) <= direction * X:
         delay = next_delay(state.contacts, j, draws)
         if math.isnan(delay):
             why = drive.DELAYS_USED_UP
             break
         force = slide(state.motion, j, X, sliding)
-        break_contact(state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.now.time, way * force, delay)
+        break_contact(
+            state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.now.time, direction * force, delay
+        )
         state.motion.now.mode = LET_GO
     look_ahead(state.contacts, j)
     return why
@@ -194,7 +196,7 @@ def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float
     D, _ = drive_at(piece.drive, state.motion.now.time)
     for j in range(blocks.X.size):
         X, held = blocks.X[j], blocks.held[j]
-        force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.births[j]
+        force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.origins[j]
         right[j] = force - (1.0 - held) * element(blocks, j, X, sliding) + stretch(network, blocks.X, j)
 
 
@@ -258,11 +260,13 @@ def advance(
         if 0.0 < turn < until - time:
             until = time + turn
         D_until, _ = drive_at(piece.drive, until)
-        way = math.copysign(1.0, D_until - D)
-        if not _answer(state, network, sliding, network.pull, way, room):
+        direction = math.copysign(1.0, D_until - D)
+        if not _answer(state, network, sliding, network.pull, direction, room):
             return drive.UNSOLVED
-        distance, j, is_break = _first(state, sliding, way, abs(D_until - D), room)
-        event = _time_of(piece, time, way * distance) if j >= 0 and distance > 0.0 else (time if j >= 0 else until)
+        distance, j, is_break = _first(state, sliding, direction, abs(D_until - D), room)
+        event = (
+            _time_of(piece, time, direction * distance) if j >= 0 and distance > 0.0 else (time if j >= 0 else until)
+        )
         event = min(event, until)
         if event > piece.look:
             return drive.LOOK
@@ -279,7 +283,7 @@ def advance(
         if j >= 0:
             if is_break == 1:
                 now.block = j
-                why = _break_there(state, j, math.copysign(1.0, way * room[0, j]), sliding, draws)
+                why = _break_there(state, j, math.copysign(1.0, direction * room[0, j]), sliding, draws)
                 if why != drive.ON_THE_WAY:
                     return why
         elif event >= piece.end:

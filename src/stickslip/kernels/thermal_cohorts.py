@@ -536,24 +536,24 @@ def initial_state(model: Model, delays: Delays, x: Floats, weight: Floats, since
 def sliding_state(model: Model, delays: Delays, velocity: float, limits: Limits, step: float, f_d: float) -> State:
     """Put a slider at 0 in steady sliding on its contacts: newborns taken along step by step until none is left."""
     mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
-    state, way = _empty(model, delays, 1024, 0.0), step
+    state, distance = _empty(model, delays, 1024, 0.0), step
 
     def begin() -> None:
         state.run[0], state.cohort[REACH, 0] = untouched(model), 0.0
 
     begin()
-    while follow(state, model, 0, 0.0, way / velocity, 0.0, way) < 0.97 and way > step / 16.0:
-        way *= 0.5  # most newborns should not break before the first step is over
+    while follow(state, model, 0, 0.0, distance / velocity, 0.0, distance) < 0.97 and distance > step / 16.0:
+        distance *= 0.5  # most newborns should not break before the first step is over
     begin()
     x, alive, runs, reaches = [0.0], [1.0], [state.run[0].copy()], [0.0]
     while alive[-1] > EXTINCT:
-        fraction = follow(state, model, 0, x[-1] / velocity, way / velocity, x[-1], way)
+        fraction = follow(state, model, 0, x[-1] / velocity, distance / velocity, x[-1], distance)
         state.run[0], state.cohort[REACH, 0] = state.trial[0], state.cohort[TRIAL_REACH, 0]
-        x.append(x[-1] + way)
+        x.append(x[-1] + distance)
         alive.append(min(fraction, alive[-1]))
         runs.append(state.run[0].copy())
         reaches.append(float(state.cohort[REACH, 0]))
-        way = min(1.2 * way, step)
+        distance = min(1.2 * distance, step)
     place, left, count = np.array(x), np.array(alive[:-1]), len(x) - 1
     part = 0.5 * np.diff(place, prepend=0.0)
     part = part[:count] + 0.5 * np.diff(place)

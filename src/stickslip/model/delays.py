@@ -49,16 +49,16 @@ class DelayModel(Record):
         low = min(distribution.support[0] for _, distribution in rest)
         high = max(distribution.support[1] for _, distribution in rest)
         node = low + 0.5 * (high - low) * (1 + _NODE)
-        density = _WEIGHT * sum(share * distribution.density(node) for share, distribution in rest)
-        density *= sum(share for share, _ in rest) / density.sum()
+        density = _WEIGHT * sum(part * distribution.density(node) for part, distribution in rest)
+        density *= sum(part for part, _ in rest) / density.sum()
         return np.append(tau, node), np.append(weight, density)
 
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""
         (tau, weight), rest = self.parts()
-        if order > 0 and weight.sum() + sum(share for share, _ in rest) < 1.0 - 1e-9:
+        if order > 0 and weight.sum() + sum(part for part, _ in rest) < 1.0 - 1e-9:
             return math.inf
-        mean = sum(share * distribution.moment(order) for share, distribution in rest)
+        mean = sum(part * distribution.moment(order) for part, distribution in rest)
         return float(weight @ tau**order + mean) if order > 0 else 1.0
 
     def laplace(self, s: ArrayLike) -> ComplexArray:
@@ -66,7 +66,7 @@ class DelayModel(Record):
         s = np.asarray(s, dtype=complex)
         (tau, weight), rest = self.parts()
         total = np.exp(-s[..., None] * tau) @ weight
-        return np.asarray(total + sum(share * distribution.laplace(s) for share, distribution in rest))
+        return np.asarray(total + sum(part * distribution.laplace(s) for part, distribution in rest))
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         """``1 - laplace(s)``, without cancellation at small `s`."""
@@ -169,9 +169,9 @@ class RandomDelay(DelayModel):
         atom = np.array([1.0 - positive] if self.negative == "clip" and positive < 1.0 else [])
         halves = [(positive, self.mean), (1.0 - positive, -self.mean)][: 2 if self.negative == "fold" else 1]
         # A folded tail too thin to matter is also too thin for a distribution of its own.
-        kept = [(share, mean) for share, mean in halves if share > 2e-6]
-        total = sum(share for share, _ in kept) / (1.0 - atom.sum())
-        cut = [(share / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for share, mean in kept]
+        kept = [(part, mean) for part, mean in halves if part > 2e-6]
+        total = sum(part for part, _ in kept) / (1.0 - atom.sum())
+        cut = [(part / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for part, mean in kept]
         return (np.zeros_like(atom), atom), list(cut)
 
     def parts(self) -> Parts:

@@ -41,7 +41,7 @@ def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer
 
 
 class Life(NamedTuple):
-    """Averages over the lives of contacts in steady sliding, each from its birth to its break."""
+    """Averages over the lifetimes of contacts in steady sliding, each from its birth to its break."""
 
     path: float
     """Mean distance that the slider goes, ``<x_s - x_0>``; the mean threshold where newborns are unstretched."""
@@ -50,7 +50,7 @@ class Life(NamedTuple):
 
 
 def mean_life(interface: Interface) -> Life:
-    """Return the averages over lives: newborns have the stretchings of `Interface.newborn`, and hold beyond them."""
+    """The averages over lifetimes: newborns have the stretchings of `Interface.newborn`, and hold beyond them."""
     thresholds = interface.threshold_distribution
     if interface.newborn is None:
         return Life(thresholds.moment(1), 0.5 * thresholds.moment(2))

@@ -92,8 +92,8 @@ class Work:
         for spent, most, amount in ((of_time, seconds, said[0]), (of_memory, bytes, said[1])):
             if (excess := sum(spent) / most) <= 1:
                 continue
-            share, worst = max(zip(spent, self.parts, strict=True), key=lambda part: part[0])
-            allowed = worst.value * max(share / most, 1.0) ** (-1.0 / worst.power)
+            cost, worst = max(zip(spent, self.parts, strict=True), key=lambda part: part[0])
+            allowed = worst.value * max(cost / most, 1.0) ** (-1.0 / worst.power)
             given, bound = (
                 f"{value:.4g}" if worst.quantity is None else self.rig.in_units(value, worst.quantity)
                 for value in (worst.value, allowed)
@@ -110,12 +110,12 @@ class Course(NamedTuple):
     """What contacts and slider go through in a run; pieces of the drive that end on a condition are taken as a whole.
 
     `distance` is the way of the drive and `shaken` that of a slider that a perturbation has set ringing, in mean
-    thresholds, and `lives` how often a contact breaks. The slider turns by so many radians, and rings for `ringing` and
-    `rung` of them, before it smooths out and where it sticks.
+    thresholds, and `lifetimes` how often a contact breaks. The slider turns by so many radians, and rings for `ringing`
+    and `rung` of them, before it smooths out and where it sticks.
     """
 
     distance: float
-    lives: float
+    lifetimes: float
     shaken: float = 0.0
     turns: float = 0.0
     ringing: float = 0.0
@@ -127,9 +127,9 @@ def course_of(rig: Rig) -> Course:
     slider, duration, pieces = rig.slider, rig.drive.duration, rig.drive.pieces
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     distance = sum(_way(piece) for piece in pieces) / mean
-    lives = sum(_lives(piece, mean, delay) for piece in pieces)
+    lifetimes = sum(_lifetimes(piece, mean, delay) for piece in pieces)
     if not isinstance(slider, Slider) or slider.mass == 0:
-        return Course(distance, lives)
+        return Course(distance, lifetimes)
     frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
     # A slip leaves the slider ringing, the longer, the less it is damped.
     damping_ratio = slider.damping / (2.0 * frequency)
@@ -140,10 +140,10 @@ def course_of(rig: Rig) -> Course:
         largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
         shaken = largest / (mean * frequency) * min(turns, rings)
     slips = 1.0 + distance * min(slider.stiffness, 1.0)
-    return Course(distance, lives + shaken, shaken, turns, ringing, min(turns, 10.0 * rings * slips))
+    return Course(distance, lifetimes + shaken, shaken, turns, ringing, min(turns, 10.0 * rings * slips))
 
 
-def _lives(piece: Piece, mean: float, delay: float) -> float:
+def _lifetimes(piece: Piece, mean: float, delay: float) -> float:
     """How often each contact breaks in a piece of the drive: it is stretched, and detached for the delay."""
     way, speed = _way(piece), 0.5 * (abs(piece.start) + abs(piece.end))
     return way / (mean + speed * delay) if math.isfinite(delay) else min(way / mean, 1.0)
@@ -173,8 +173,8 @@ def sampling(rig: Rig, turns: float) -> Part:
 
 
 def breaking(
-    count: float, lives: float, each: float, bytes: float, how: str = "", more: float = 0.0, of: str = "contacts"
+    count: float, lifetimes: float, each: float, bytes: float, how: str = "", more: float = 0.0, of: str = "contacts"
 ) -> Part:
     """Return the work of breaks of N contacts or cohorts, `each` of so many seconds, and some `more`."""
-    what = f"about {count * lives:.2g} breaks of {count:.2g} {of}{how}"
-    return Part(f"simulation.{of}", count, None, 1.0, what, each * count * lives + more, bytes * count)
+    what = f"about {count * lifetimes:.2g} breaks of {count:.2g} {of}{how}"
+    return Part(f"simulation.{of}", count, None, 1.0, what, each * count * lifetimes + more, bytes * count)

@@ -22,38 +22,38 @@ from typing import ClassVar
 
 import numpy as np
 
-from stickslip.kernels import lives as kernel
-from stickslip.kernels.lives import perturbed
+from stickslip.kernels import lifetimes as kernel
+from stickslip.kernels.lifetimes import perturbed
 from stickslip.model import Bell, Interface
-from stickslip.sliding.lives import growth_of, hazard_of, lives_of, threshold_nodes
-from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLives, Perturbed, Response, Scales
+from stickslip.sliding.lifetimes import growth_of, hazard_of, lifetimes_of, threshold_nodes
+from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLifetimes, Perturbed, Response, Scales
 
 
-def mean_lives(interface: Interface, velocity: float) -> MeanLives:
+def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
     """Return the mean life of contacts that break by temperature, or whose thresholds grow by a fixed rule."""
-    lives = lives_of(interface, velocity)
-    survival, slope = lives.weight * lives.survival, lives.weight * lives.slope
-    longer, more = slope.sum() + lives.cap_slope.sum(), lives.x @ slope + lives.cap_x @ lives.cap_slope
-    return MeanLives(*np.array([[survival.sum(), lives.x @ survival, longer, more, 1.0]]).T)
+    lifetimes = lifetimes_of(interface, velocity)
+    survival, slope = lifetimes.weight * lifetimes.survival, lifetimes.weight * lifetimes.slope
+    longer, more = slope.sum() + lifetimes.cap_slope.sum(), lifetimes.x @ slope + lifetimes.cap_x @ lifetimes.cap_slope
+    return MeanLifetimes(*np.array([[survival.sum(), lifetimes.x @ survival, longer, more, 1.0]]).T)
 
 
-def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLives:
-    """Return the mean lives of contacts of different areas: of each area, or of all if newborns draw a new one."""
+def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
+    """Return the mean lifetimes of contacts of different areas: of each area, or of all if newborns draw a new one."""
     hazard = hazard_of(interface.temperature)
     node, weight = threshold_nodes(interface.threshold_distribution, 1e-6, [])  # the root of a small area is steep
     stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
     # Without temperature the speed does not matter to a life.
-    lives = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)
-    whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
+    lifetimes = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)
+    whose = np.repeat(np.cumsum(lifetimes.fresh) - 1, kernel.NODES)
 
     def of_each(value: Array) -> Array:
-        return np.asarray(np.bincount(whose, weights=lives.weight * value, minlength=node.size), dtype=float)
+        return np.asarray(np.bincount(whose, weights=lifetimes.weight * value, minlength=node.size), dtype=float)
 
-    way, longer = of_each(lives.survival), of_each(lives.slope)
-    work, more = (stiffness * of_each(lives.x * value) for value in (lives.survival, lives.slope))
+    way, longer = of_each(lifetimes.survival), of_each(lifetimes.slope)
+    work, more = (stiffness * of_each(lifetimes.x * value) for value in (lifetimes.survival, lifetimes.slope))
     if interface.areas == "fresh":  # one kind of site, with the mean life
-        return MeanLives(*np.array([[weight @ value for value in (way, work, longer, more)] + [1.0]]).T)
-    return MeanLives(way, work, longer, more, weight)
+        return MeanLifetimes(*np.array([[weight @ value for value in (way, work, longer, more)] + [1.0]]).T)
+    return MeanLifetimes(way, work, longer, more, weight)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +78,8 @@ class ActivatedResponse(Response):
         found = np.empty((4, q.size), dtype=complex)
         for one in np.unique(octave):
             here, fast = octave == one, math.isinf(one)
-            lives = lives_of(self.interface, v, 0.0 if fast else 2.0**one)
-            found[:, here] = perturbed(lives, q[here], fast)
+            lifetimes = lifetimes_of(self.interface, v, 0.0 if fast else 2.0**one)
+            found[:, here] = perturbed(lifetimes, q[here], fast)
         return found
 
     @cached_property

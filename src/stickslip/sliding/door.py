@@ -2,7 +2,7 @@
 
 The force is the mean work of a contact over the mean way of the slider, both from one attachment to the next. With
 ``M_j`` the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached contacts,
-``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lives.
+``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lifetimes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from stickslip.errors import InputError, instance
 from stickslip.model import FixedGrowth, Interface, Langevin
 from stickslip.model.quadrature import hashable
 from stickslip.sliding import unaged
-from stickslip.sliding.response import Array, MeanLives, Response
+from stickslip.sliding.response import Array, MeanLifetimes, Response
 
 Law = Callable[[Interface, Array], Array]
 """Of the velocity, per contact."""
@@ -36,22 +36,22 @@ class Sliding(NamedTuple):
     response: Callable[[Interface], Response]
 
 
-def _by_lives(lives: Callable[[Interface, float], MeanLives]) -> tuple[Law, Law]:
-    """Force and slope of contacts of which the mean lives are known, with their slopes."""
+def _by_lifetimes(lifetimes: Callable[[Interface, float], MeanLifetimes]) -> tuple[Law, Law]:
+    """Force and slope of contacts of which the mean lifetimes are known, with their slopes."""
 
     def law(interface: Interface, velocity: Array) -> Array:
-        return np.array([_force_and_slope(interface, v, lives) for v in velocity.tolist()]).T
+        return np.array([_force_and_slope(interface, v, lifetimes) for v in velocity.tolist()]).T
 
     return lambda i, v: law(i, v)[0], lambda i, v: law(i, v)[1]
 
 
 def _force_and_slope(
-    interface: Interface, velocity: float, lives: Callable[[Interface, float], MeanLives]
+    interface: Interface, velocity: float, lifetimes: Callable[[Interface, float], MeanLifetimes]
 ) -> tuple[float, float]:
     away = velocity * interface.delay.moment(1) if velocity > 0 else 0.0
     if math.isinf(away):
         return interface.sliding_force, 0.0
-    life, pulled = lives(interface, velocity), interface.sliding_force * away
+    life, pulled = lifetimes(interface, velocity), interface.sliding_force * away
     length = life.way + away
     if np.any(length <= 0):
         return 0.0, 0.0  # contacts break as soon as they attach
@@ -83,10 +83,10 @@ def _own_response(interface: Interface) -> Response:
 
 
 def _kind(interface: Interface) -> Sliding:
-    """Which kind of contacts; kernels are loaded with those whose lives they integrate."""
+    """Which kind of contacts; kernels are loaded with those whose lifetimes they integrate."""
     who, ageing = "smooth sliding", interface.ageing
     if interface.areas is None and ageing is None and interface.temperature is None:
-        return Sliding(who, ("sliding_force", "newborn"), *_by_lives(unaged.mean_lives), unaged.response)
+        return Sliding(who, ("sliding_force", "newborn"), *_by_lifetimes(unaged.mean_lives), unaged.response)
     if interface.areas is None and isinstance(ageing, Langevin):
         from stickslip.sliding import langevin
 
@@ -97,9 +97,9 @@ def _kind(interface: Interface) -> Sliding:
     from stickslip.sliding import activated
 
     if interface.areas is not None:
-        laws, takes = _by_lives(activated.mean_lives_of_areas), ("temperature", "areas", "sliding_force")
+        laws, takes = _by_lifetimes(activated.mean_lives_of_areas), ("temperature", "areas", "sliding_force")
         return Sliding(f"{who} of areas", takes, *laws, activated.response)
-    laws = _by_lives(activated.mean_lives)
+    laws = _by_lifetimes(activated.mean_lives)
     if interface.temperature is None:
         return Sliding(f"{who} of thresholds that grow", ("sliding_force",), *laws, activated.response)
     return Sliding(f"{who} with temperature", ("temperature", "sliding_force"), *laws, activated.response)

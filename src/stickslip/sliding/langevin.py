@@ -23,7 +23,7 @@ from stickslip.kernels.langevin import Life
 from stickslip.kernels.langevin_response import Excursions, excursions, life_transforms
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
-from stickslip.sliding.lives import hazard_of
+from stickslip.sliding.lifetimes import hazard_of
 from stickslip.sliding.response import (
     Array,
     ComplexArray,
@@ -146,7 +146,7 @@ def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[Comp
     """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength)."""
     points = np.append(np.asarray(p, dtype=np.complex128).ravel(), 0.0)
     parts = life_transforms(_known(u, delta, newborn), points)
-    if newborn == 0:  # lives from the boundary are known up to a factor
+    if newborn == 0:  # lifetimes from the boundary are known up to a factor
         parts /= parts[0, -1].real
     return parts[:, :-1].reshape(4, *p.shape), float(parts[0, -1].real)
 
@@ -172,7 +172,7 @@ def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float
 
 @lru_cache(maxsize=64)
 def _phases(delta: float) -> Array:
-    """Phases of a life in the table: lives are in step for as many turns as their scatter allows."""
+    """Phases of a life in the table: lifetimes are in step for as many turns as their scatter allows."""
     turning = np.arange(0.3, max(30.0, min(3.0 / delta, 100.0)), 0.3)
     low, high = np.geomspace(_LOWEST, 0.3, 14, endpoint=False), np.geomspace(turning[-1], _HIGHEST, 70)[1:]
     return np.concatenate([low, turning, high])

@@ -40,7 +40,7 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
 
     Thresholds that age by `Langevin` have no such form: the stationary kinetic equation of Eqs. (13)-(17) is
     solved, to 1e-4 or better. Without delay the force depends on ``v/rate**2`` alone. For thresholds that grow by a
-    fixed rule (`ExponentialGrowth`, `LogarithmicGrowth`) the lives of contacts are integrated over their strengths.
+    fixed rule (`ExponentialGrowth`, `LogarithmicGrowth`) the lifetimes of contacts are integrated over their strengths.
     With temperature they are integrated over the hazard of each contact, to 1e-7 or better; every contact keeps its
     own threshold for its life. Contacts of different areas, with or without temperature, are integrated over these.
     (A rate averaged over the thresholds, one law for all contacts, is another model: at a

@@ -27,8 +27,8 @@ STEP = 0.2
 """Phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3."""
 
 
-class MeanLives(NamedTuple):
-    """Mean way of the slider in the lives of contacts, work against it, their slopes in ln v, and the kinds' weights.
+class MeanLifetimes(NamedTuple):
+    """Mean distance slid in the lifetimes of contacts, work against it, their slopes in ln v, and the kinds' weights.
 
     Each of the shape (kinds,): contacts of one kind share their attachments.
     """
@@ -177,6 +177,6 @@ class Perturbed(NamedTuple):
         """Kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and the mean delay `away`, in ``x``."""
         lost, work, breaks, yields = self
         back = 1.0 - missing
-        births = q * back * breaks / (missing + back * q * (rest - lost))
-        attached = births * (rest - lost) - breaks
-        return np.asarray((lost + births * work - yields - force * attached) / (rest + away))
+        attachments = q * back * breaks / (missing + back * q * (rest - lost))
+        attached = attachments * (rest - lost) - breaks
+        return np.asarray((lost + attachments * work - yields - force * attached) / (rest + away))

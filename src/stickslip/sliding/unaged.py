@@ -36,7 +36,7 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
-    MeanLives,
+    MeanLifetimes,
     Parts,
     Response,
     Scales,
@@ -144,10 +144,10 @@ class UnagedResponse(Response):
         return distribution.moment(1) if distribution.single else float(distribution.inverse_survival(np.array(1e-5)))
 
 
-def mean_lives(interface: Interface, velocity: float) -> MeanLives:
+def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
     """Return the mean life without ageing and temperature, the same at all velocities."""
     del velocity
-    return MeanLives(*np.array([[*mean_life(interface), 0.0, 0.0, 1.0]]).T)
+    return MeanLifetimes(*np.array([[*mean_life(interface), 0.0, 0.0, 1.0]]).T)
 
 
 def response(interface: Interface) -> UnagedResponse:

@@ -40,11 +40,11 @@ def first_contacts(
 
 
 def newborns(
-    interface: Interface, size: int, factor: float, births: np.random.Generator, thresholds: np.random.Generator
+    interface: Interface, size: int, factor: float, newborns: np.random.Generator, thresholds: np.random.Generator
 ) -> tuple[Array, Array]:
     """Draw stretchings of contacts that re-attach, along the motion (none if unstretched), and their thresholds."""
     if interface.newborn is not None:
-        x = stretchings_within(interface.newborn, births, size, _largest(interface))
+        x = stretchings_within(interface.newborn, newborns, size, _largest(interface))
         return x, _thresholds_of(interface, thresholds, x, factor)
     drawn = interface.threshold_distribution.sample(thresholds, size)
     if interface.areas is not None:
@@ -68,7 +68,7 @@ def _thresholds_of(interface: Interface, rng: np.random.Generator, x: Array, fac
 def lives_met(
     beginning: Beginning, count: int, rng: np.random.Generator, start: Array, threshold: Array, reached: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Draw the contacts of steady sliding from lives, as `first_contacts`, and how far each has come since it attached.
+    """Draw the contacts of steady sliding from lifetimes, as `first_contacts`, and how far each has come since.
 
     Lives go from stretchings at the `start` (none if unstretched) to those `reached`; long ones are met more often.
     """

@@ -202,7 +202,7 @@ class ElasticEngine(Engine):
         words, power = f"{steps:.2g} steps of blocks", 1.0 if stiff else -0.5
         moving = Part(f"slider.{name}", value, name, power, words, each * steps)
         each = _BALANCE * body.size if balanced else _BREAK
-        whole = breaking(body.size * count, max(course.lives, 1.0), each, _CONTACT, of=what)
+        whole = breaking(body.size * count, max(course.lifetimes, 1.0), each, _CONTACT, of=what)
         parts = moving, whole._replace(value=count)
         if (interval := rig.output.interval) is None:
             return parts
@@ -223,7 +223,7 @@ class ElasticEngine(Engine):
         """Mean friction force of the blocks now, per contact."""
         blocks = self._motion.blocks
         element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
-        return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
+        return float(np.mean(blocks.held * blocks.X - blocks.origins + (1.0 - blocks.held) * element))
 
     def marks(self) -> dict[str, Array]:
         """Return when each block first broke, at which spring force, was half detached; and its preload."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
-from stickslip.kernels.boxes import Rule, lives
+from stickslip.kernels.boxes import Rule, lifetimes
 from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
 from stickslip.kernels.events import force_of, re_attach_all, short_of
 from stickslip.kernels.motion import make_motion
@@ -41,7 +41,7 @@ from stickslip.simulation.engines.base import (
 )
 from stickslip.simulation.engines.beginnings import first_contacts, generators, lives_met, newborns
 from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
-from stickslip.sliding.lives import growth_of, hazard_of
+from stickslip.sliding.lifetimes import growth_of, hazard_of
 
 _BLOCK = 16_384
 """Random numbers drawn at once. The same seed gives another run with another length."""
@@ -58,7 +58,7 @@ _CONTACT = 150.0
 _FINEST_TURN = 1e-13
 """Of a run's time; shorter turns of the slider are lost in the rounding of time."""
 _LIVES = 16
-"""The same for each contact that keeps its strength: its lives are much alike."""
+"""The same for each contact that keeps its strength: its lifetimes are much alike."""
 
 
 def check_newborns(interface: Interface) -> None:
@@ -84,7 +84,7 @@ class EventByEvent(Engine):
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
         interface, self._delay = beginning.interface, beginning.interface.delay
         self._interface = interface
-        self._initial, self._thresholds, self._delays, self._births, self._tracks, self._chances = generators(
+        self._initial, self._thresholds, self._delays, self._newborns, self._tracks, self._chances = generators(
             method.seed, 6
         )
         self._factor = self._next_track()
@@ -137,12 +137,12 @@ class EventByEvent(Engine):
             how = " by thermal activation"
         if isinstance(interface.temperature, Bell) and interface.ageing is None:
             mean = interface.threshold_distribution.moment(1)
-            each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * course.lives * mean / interface.temperature.width
+            each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * course.lifetimes * mean / interface.temperature.width
         elif interface.temperature is not None or interface.ageing is not None:
             each = _BOXED_BREAK if interface.temperature is not None else _GROWING_BREAK
         # Once a slider that sticks rings no more, its turns cost nothing; unless the rounding of time hides them.
         radians = course.turns if course.turns * _FINEST_TURN > 1.0 else course.rung
-        breaks = breaking(count, course.lives, each, _CONTACT, how, more)
+        breaks = breaking(count, course.lifetimes, each, _CONTACT, how, more)
         return *oscillation(rig, radians), breaks, sampling(rig, course.turns)
 
     def _first(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array, Array]:
@@ -158,12 +158,12 @@ class EventByEvent(Engine):
             return *first_contacts(beginning, count, rng, self._factor), since
         start, strength = newborns(interface, count if keeps else max(_POOL, 4 * count), self._factor, rng, rng)
         if not keeps:
-            reached = lives_of(self._rule, start, strength, velocity, rng)
+            reached = lifetimes_of(self._rule, start, strength, velocity, rng)
             x, strength, pending, gone = lives_met(beginning, count, rng, start, strength, reached)
             return x, strength, pending, -gone / velocity
-        # Each is met somewhere in one of its own lives and the time after it, the long ones more often.
+        # Each is met somewhere in one of its own lifetimes and the time after it, the long ones more often.
         begun = start if start.size else np.zeros(count)
-        reached = lives_of(self._rule, np.repeat(begun, _LIVES), np.repeat(strength, _LIVES), velocity, rng)
+        reached = lifetimes_of(self._rule, np.repeat(begun, _LIVES), np.repeat(strength, _LIVES), velocity, rng)
         path = reached.reshape(count, _LIVES) - begun[:, None]
         length = path + velocity * self._delay.sample(rng, path.size).reshape(path.shape)
         met = np.argmax(rng.random((count, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
@@ -185,7 +185,7 @@ class EventByEvent(Engine):
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
         """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
         count = min(_BLOCK, max(2 * self._state.size, 64)) if self._interface.track_scatter else _BLOCK
-        x, threshold = newborns(self._interface, count, self._factor, self._births, self._thresholds)
+        x, threshold = newborns(self._interface, count, self._factor, self._newborns, self._thresholds)
         self._state.motion[0].thresholds_used = 0
         return draws._replace(thresholds=threshold, stretchings=x)
 
@@ -269,10 +269,10 @@ def rule_of(interface: Interface) -> Rule | None:
     return Rule(hazard_of(interface.temperature), growth_of(interface.ageing), interface.areas is not None)
 
 
-def lives_of(rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator) -> Array:
+def lifetimes_of(rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator) -> Array:
     """Draw the stretchings at which newborn contacts break in steady sliding."""
     reached, done = np.empty(strength.size), 0
     start = start if start.size else np.zeros(strength.size)
     while done < strength.size:
-        done += lives(rule, start[done:], strength[done:], velocity, rng.random(2**20), reached[done:])
+        done += lifetimes(rule, start[done:], strength[done:], velocity, rng.random(2**20), reached[done:])
     return reached

@@ -32,7 +32,7 @@ from stickslip.simulation.engines.base import (
 from stickslip.simulation.engines.beginnings import first_contacts, generators
 from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
 from stickslip.sliding.langevin import ageing_constants
-from stickslip.sliding.lives import hazard_of
+from stickslip.sliding.lifetimes import hazard_of
 
 _STEP = 0.02
 """Largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements."""
@@ -96,7 +96,7 @@ class Steps(Engine, Protocol):
 
 
 def _start(beginning: Beginning, rate: float) -> float:
-    """When to begin to slide rigidly, to be in the steady state at time 0: lives, and times of ageing before."""
+    """When to begin to slide rigidly, to be in the steady state at time 0: lifetimes, and times of ageing before."""
     if not beginning.sliding:
         return 0.0
     velocity, delay = beginning.velocity, beginning.interface.delay.moment(1)
@@ -145,7 +145,7 @@ class LangevinContacts(Steps):
         """Return the work of a run, by part."""
         hot, count = rig.interface.temperature is not None, method.count
         how, each = (" by thermal activation", _HOT_BREAK) if hot else ("", _BREAK)
-        return _cost(rig, course, _AGE * count, breaking(count, course.lives, each, _CONTACT, how))
+        return _cost(rig, course, _AGE * count, breaking(count, course.lifetimes, each, _CONTACT, how))
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""

@@ -227,9 +227,9 @@ def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float
     for count in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32):
         if count >= x.size:
             break
-        nodes, share = gauss_rule(x, weight, count)
-        if np.abs(pulled(nodes, share) - exact).max() < tolerance:
-            x, weight = nodes, share
+        nodes, part = gauss_rule(x, weight, count)
+        if np.abs(pulled(nodes, part) - exact).max() < tolerance:
+            x, weight = nodes, part
             break
     return Newborn(x, weight, weight / survival(x))
 

@@ -20,7 +20,7 @@ from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretch
 from stickslip.simulation.engines.beginnings import survival_of
 from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
-from stickslip.sliding.lives import blurred_survival, growth_of, hazard_of
+from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
 
 _NODES = 240
 """Nodes of thresholds, at most, where one number does not do."""

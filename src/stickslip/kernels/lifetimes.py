@@ -25,7 +25,7 @@ INTEGRAL = integrals(NODE)
 """Stiffly accurate collocation: a fast decay within a panel is damped, not resolved."""
 
 
-class Lives(NamedTuple):
+class Lifetimes(NamedTuple):
     """Lives of contacts on panels of `NODES` nodes; per contact, averaged over the thresholds by the weights.
 
     `width` and `fresh` are per panel, shape (p,): its length, and whether a life starts there. Per node, shape (8 p,):
@@ -119,7 +119,7 @@ def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: floa
 
 
 @jit
-def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lives:
+def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lifetimes:
     """Lives of contacts one threshold after the other: for barriers that no single variable describes.
 
     No panel is longer than `longest`, for the frequencies that matter.
@@ -132,7 +132,7 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
     integrated, aged, x = np.empty(NODES), np.empty(NODES), np.empty(NODES)
     rate, along, older = np.empty(NODES), np.empty(NODES), np.empty(NODES)
     for i in range(n):
-        xi, share = strengths[i], weights[i]
+        xi, part = strengths[i], weights[i]
         end = reach(growth, xi, v)
         if end <= 0.0:
             continue
@@ -161,7 +161,7 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
             first = False
             for j in range(NODES):
                 integrated[j], aged[j] = broken + h * dot(INTEGRAL[j], rate), late + h * dot(INTEGRAL[j], older)
-                survival = share * np.exp(-integrated[j])
+                survival = part * np.exp(-integrated[j])
                 table[0, nodes] = x[j]
                 table[1, nodes] = h * INTEGRAL[NODES - 1, j]
                 table[2, nodes] = survival
@@ -175,12 +175,12 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
             here = end if h == end - here else here + h
         if broken < 45.0:
             _, pace = _threshold(growth, xi, end / v)
-            held = share * np.exp(-broken)
+            held = part * np.exp(-broken)
             cap[0, i], cap[1, i] = end, held / (1.0 - pace / v)
             cap[2, i] = -held * pace * end / v / (1.0 - pace / v)
     table = table[:, :nodes].copy()
     zero = np.zeros(nodes)
-    return Lives(
+    return Lifetimes(
         width[:panels], fresh[:panels], table[0], table[1], table[2], table[3], zero, table[4], table[2], table[5],
         cap[0], cap[1], cap[2],
     )  # fmt: skip
@@ -216,7 +216,7 @@ def _gone(z: complex) -> complex:
 
 
 @jit
-def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
+def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complexes:
     """Transforms of a life under a perturbation, at each `q`, shape (4, n): ``M_0 - Sq``, ``W``, ``L``, ``Y``.
 
     What the survival loses under ``exp(-q x)``, the first moment of what is left, what the perturbation breaks, and the
@@ -225,14 +225,14 @@ def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
     found = np.zeros((4, q.size), np.complex128)
     matrix, value = np.empty((NODES, NODES), np.complex128), np.empty(NODES, np.complex128)
     turn, fed = np.empty(NODES, np.complex128), np.empty(NODES, np.complex128)
-    stiff = bool(np.any(lives.decay != 0.0))
-    thermal = bool(np.any(lives.push != 0.0))
+    stiff = bool(np.any(lifetimes.decay != 0.0))
+    thermal = bool(np.any(lifetimes.push != 0.0))
     for m in range(q.size):
         here, start, left = q[m], 0.0j, 1.0 + 0.0j
         lost, work, breaks, yields = 0.0j, 0.0j, 0.0j, 0.0j
-        for k in range(lives.width.size):
-            h, at = lives.width[k], k * NODES
-            if lives.fresh[k]:
+        for k in range(lifetimes.width.size):
+            h, at = lifetimes.width[k], k * NODES
+            if lifetimes.fresh[k]:
                 start, left = 0.0j, 1.0 + 0.0j
             if not fast:
                 for j in range(NODES):
@@ -241,14 +241,14 @@ def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
                 for i in range(NODES):
                     value[i] = start
                     for j in range(NODES):
-                        matrix[i, j] = h * INTEGRAL[i, j] * (lives.decay[at + j] + here)
-                        value[i] += h * INTEGRAL[i, j] * lives.source[at + j]
+                        matrix[i, j] = h * INTEGRAL[i, j] * (lifetimes.decay[at + j] + here)
+                        value[i] += h * INTEGRAL[i, j] * lifetimes.source[at + j]
                     matrix[i, i] += 1.0
                 solve(matrix, value)
                 start = value[NODES - 1]
             elif thermal:
                 for j in range(NODES):
-                    fed[j] = h * lives.source[at + j] / turn[j]
+                    fed[j] = h * lifetimes.source[at + j] / turn[j]
                 for i in range(NODES):
                     value[i] = start
                     for j in range(NODES):
@@ -256,22 +256,22 @@ def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
                     value[i] *= turn[i]
                 start = value[NODES - 1]
             for i in range(at, at + NODES):
-                x, weight = lives.x[i], lives.weight[i]
+                x, weight = lifetimes.x[i], lifetimes.weight[i]
                 gone = 1.0 + 0.0j
                 if not fast:
                     # what is left of exp(-q x), from panel to panel, but where the difference would lose digits
                     gone = _gone(here * x) if abs(here) * x < 0.1 else 1.0 - left * turn[i - at]
-                lost += weight * lives.survival[i] * gone
-                work += weight * lives.survival[i] * x * (1.0 - gone)
+                lost += weight * lifetimes.survival[i] * gone
+                work += weight * lifetimes.survival[i] * x * (1.0 - gone)
                 if thermal:
-                    more = weight * (lives.push[i] * value[i - at] - lives.drop[i] * (1.0 - gone))
+                    more = weight * (lifetimes.push[i] * value[i - at] - lifetimes.drop[i] * (1.0 - gone))
                     breaks += more
                     yields += x * more
             left *= turn[NODES - 1]
-        for k in range(lives.cap_x.size):
-            more = lives.cap_weight[k] * (1.0 + 0.0j if fast else _gone(here * lives.cap_x[k]))
+        for k in range(lifetimes.cap_x.size):
+            more = lifetimes.cap_weight[k] * (1.0 + 0.0j if fast else _gone(here * lifetimes.cap_x[k]))
             breaks += more
-            yields += lives.cap_x[k] * more
+            yields += lifetimes.cap_x[k] * more
         if fast:
             lost -= 1.0 / here
             work = 1.0 / here**2

@@ -1,7 +1,7 @@
 """Lives of contacts in steady sliding that break by temperature, or whose thresholds grow by a fixed rule.
 
 One life of a contact, from attachment to break, is all there is to steady sliding: the force is its mean work over its
-mean length, and the linear response what a small perturbation changes in it. The lives are laid out once for an
+mean length, and the linear response what a small perturbation changes in it. The lifetimes are laid out once for an
 interface and a speed; `stickslip.sliding.activated` reads them.
 """
 
@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.kernels import lives as kernel
+from stickslip.kernels import lifetimes as kernel
 from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
-from stickslip.kernels.lives import INTEGRAL, NODE, Lives, relax, rule
+from stickslip.kernels.lifetimes import INTEGRAL, NODE, Lifetimes, relax, rule
 from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, Parabolic
 from stickslip.model.activation import Activation
 from stickslip.model.distribution import Distribution
@@ -25,22 +25,22 @@ from stickslip.model.quadrature import hashable
 Array = NDArray[np.float64]
 
 
-def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lives:
-    """Return the lives of contacts in steady sliding at a speed, for perturbations of wave numbers up to `highest`."""
+def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:
+    """The lifetimes of contacts in steady sliding at a speed, for perturbations of wave numbers up to `highest`."""
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
     contacts = interface.threshold_distribution, interface.temperature, interface.ageing
-    return _lives(*map(hashable, contacts), float(velocity), longest)
+    return _lifetimes(*map(hashable, contacts), float(velocity), longest)
 
 
 @lru_cache(maxsize=128)
-def _lives(
+def _lifetimes(
     distribution: Distribution,
     temperature: Activation | None,
     ageing: AgeingModel | None,
     velocity: float,
     longest: float,
-) -> Lives:
+) -> Lifetimes:
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth, hazard = growth_of(ageing), hazard_of(temperature)
@@ -147,13 +147,13 @@ _FOLLOWED = 60.0
 """Slope of ageing over the activation width up to which the fall of the rate after birth is followed."""
 
 
-def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Lives:
+def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Lifetimes:
     """Lives of all contacts at once: of a barrier that falls linearly, or without temperature.
 
     The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
     """
     low, high = distribution.support
-    if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lives
+    if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lifetimes
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
     width, x, weight = _radau(_edges_in_one(distribution, hazard, growth, v, longest))
     strength, steeper, later = _met(growth, x, v)
@@ -177,7 +177,7 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     cap = weight * density * np.where(strength > 0, steeper, 0.0)
     fresh = np.zeros(width.size, dtype=bool)
     fresh[0] = True
-    return kernel.Lives(width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, zero)
+    return kernel.Lifetimes(width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, zero)
 
 
 def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Array:
