@@ -244,8 +244,9 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
     for name, searched in found.attempts.items():
         for end in searched:
             try:
-                kinds = motion(at(rig, name, end))
-            except (TooDear, ss.InputError):
+                there = at(rig, name, end)
+                kinds = set() if count_unstable(there.natural) else motion(there)
+            except (TooDear, ss.InputError, ss.UndecidedError):
                 yield "attempt, too dear", ""
                 continue
             yield "attempt", "" if kinds != {"smooth sliding"} else f"{name} at {end:.4g}: {kinds}"

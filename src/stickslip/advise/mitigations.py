@@ -126,7 +126,7 @@ def _stop(rig: Rig, parameter: Parameter, side: int, furthest: float, trials: Tr
             if smooth(step):
                 width = 1.001 * math.log1p(PRECISION)  # to which doubled steps are halved, whatever the rounding
                 value = halved(smooth, rough, step, width)[1] * (1.0 + PRECISION)
-                if value <= band.high:
-                    yield value
+                if value <= band.high or band.high == furthest:  # nothing is known beyond the end of the search
+                    yield min(value, band.high)
                     return
                 break

@@ -199,7 +199,7 @@ def attempts(found: Prediction) -> Iterator[str]:
     """How far each parameter goes that does not give smooth sliding within the range searched."""
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
-        yield f"{parameter_named(name).title}: no smooth sliding found from {low} to {high}"
+        yield f"{parameter_named(name).title}: no stable smooth sliding found from {low} to {high}"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:
