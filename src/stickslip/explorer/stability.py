@@ -90,12 +90,13 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     for each in found.mitigations:
         change = f"{parameter_named(each.parameter).title} × {each.stops / each.value:.2g}"
         before, after = (advise.say.amount(rig, each.parameter, value) for value in (each.value, each.stops))
-        step = {
-            "title": f"{change}: {trouble} decays even from a start at rest",
-            "to": f"{before} to {after}",
-            "values": {each.parameter: each.stops},
-        }
-        mitigations.append({"parameters": [each.parameter], "steps": [step]})
+        mitigations.append(
+            {
+                "title": f"{change}: {trouble} decays even from a start at rest",
+                "to": f"{before} to {after}",
+                "values": {each.parameter: each.stops},
+            }
+        )
     yield {
         "name": rig.name,
         "verdict": found.verdict,

@@ -48,7 +48,6 @@ const ageing = {
 // Each solver has numbers of its own; those of the other one are kept for when it is chosen again.
 const kept = { contacts: 10_000, seed: 1, rtol: 1e-4 };
 const solver = {
-  read: (doc) => at(doc, "simulation.method"),
   write: (doc, value) => {
     for (const key of ["contacts", "seed", "rtol"]) {
       kept[key] = at(doc, `simulation.${key}`) ?? kept[key];
