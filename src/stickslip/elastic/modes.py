@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
 from stickslip.answers import Answer
-from stickslip.elastic.precursors import elastic_body, links_of
+from stickslip.elastic.precursors import elastic_body
 from stickslip.elastic.threshold_front import rising
 from stickslip.errors import InputError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
+from stickslip.model.body import coupling_matrix
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import rightmost_root
 
@@ -226,7 +227,7 @@ def _of_network(body: ElasticBody, count: int) -> tuple[Array, Array]:
     """Stiffness of the softest modes of any body without leaf springs, and the part of it of the links."""
     if body.size > 4096:
         raise InputError(f"Rig.slider: {body.size} blocks in a network: more than 4096 are not computed; give fewer")
-    matrix = links_of(body).toarray()
+    matrix = coupling_matrix(body).toarray()
     stiffness, shape = np.linalg.eigh(matrix + np.diag(body.pulled - body.leaf))
     return stiffness[:count], np.einsum("ij,ik,kj->j", shape, matrix, shape)[:count]
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from stickslip.errors import InputError, instance
 from stickslip.model import Chain, ElasticBody, FromRest, Interface, Rig
+from stickslip.model.body import coupling_matrix
 
 if TYPE_CHECKING:
     import xarray as xr
-    from scipy import sparse
 
 
 def elastic_body(rig: Rig, who: str) -> ElasticBody:
@@ -147,16 +147,6 @@ def distance_to_the_first_break(rig: Rig) -> float | None:
     body, interface = natural.slider, natural.interface
     if not isinstance(body, Chain) or interface.ageing is not None or not isinstance(natural.start, FromRest):
         return None
-    net = sparse.csc_array(links_of(body) + sparse.diags_array(1.0 + body.pulled))
+    net = sparse.csc_array(coupling_matrix(body) + sparse.diags_array(1.0 + body.pulled))
     moved = float(spsolve(net, body.pulled).max())
     return interface.threshold_distribution.moment(1) / moved if moved > 0 else None
-
-
-def links_of(body: ElasticBody) -> sparse.csr_array:
-    """Stiffness matrix of the springs between the blocks of a body."""
-    from scipy import sparse
-
-    pairs, springs = body.links
-    net = sparse.coo_array((springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size))
-    net = net + net.T
-    return sparse.csr_array(sparse.diags_array(net.sum(axis=0)) - net)

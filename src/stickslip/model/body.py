@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.model.records import Number, Record
 from stickslip.model.registry import registry
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 Array = NDArray[np.float64]
 Links = tuple[NDArray[np.int64], Array]
@@ -213,3 +216,13 @@ class Sheet(ElasticBody):
     def rows(self) -> int:
         """Number of rows."""
         return self.across
+
+
+def coupling_matrix(body: ElasticBody) -> sparse.csr_array:
+    """Stiffness matrix of the springs between the blocks of a body."""
+    from scipy import sparse
+
+    pairs, springs = body.links
+    net = sparse.coo_array((springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size))
+    net = net + net.T
+    return sparse.csr_array(sparse.diags_array(net.sum(axis=0)) - net)

@@ -25,6 +25,7 @@ from stickslip.model import (
     Prestressed,
     QuasiStatic,
 )
+from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
@@ -177,10 +178,7 @@ class ElasticEngine(Engine):
         if not beginning.sliding:
             return np.zeros(body.size), np.zeros(body.size)
         force = friction + body.mass * body.damping * beginning.velocity * self._slides
-        pairs, stiffness = body.links
-        rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
-        coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
-        held = sparse.diags_array(body.pulled + coupling.sum(axis=0)) - coupling
+        held = sparse.diags_array(body.pulled) + coupling_matrix(body)
         driven = float(force.sum() / body.pulled.sum())
         X = np.asarray(spsolve(held.tocsc(), body.pulled * driven - force)).reshape(body.size)
         perturbation = per_block("FromSliding.perturbation", beginning.perturbation, body)
