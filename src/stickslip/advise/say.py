@@ -196,10 +196,10 @@ def _value(rig: Rig, parameter: str, value: float) -> str:
 
 
 def attempts(found: Prediction) -> Iterator[str]:
-    """How far each parameter goes that does not give smooth sliding within the range searched."""
+    """How far each parameter was varied without a value that reliably gives smooth sliding."""
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
-        yield f"{parameter_named(name).title}: no stable smooth sliding found from {low} to {high}"
+        yield f"{parameter_named(name).title}: no value from {low} to {high} gives smooth sliding in 8 of 8 runs"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:
