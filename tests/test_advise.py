@@ -120,7 +120,7 @@ def test_where_nothing_helps_the_range_searched_is_told():
     assert shares[-1] == 1.0
     assert not found.mitigations
     assert found.attempts["damping"][1] == pytest.approx(30 * found.rig.value("damping"))
-    assert any("gives smooth sliding in 8 of 8 runs" in line for line in say.attempts(found))
+    assert any("with smooth sliding in 8 of 8 runs" in line for line in say.attempts(found))
 
 
 def test_a_slow_decay_is_waited_for():

@@ -199,7 +199,7 @@ def attempts(found: Prediction) -> Iterator[str]:
     """How far each parameter was varied without a value that reliably gives smooth sliding."""
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
-        yield f"{parameter_named(name).title}: no value from {low} to {high} gives smooth sliding in 8 of 8 runs"
+        yield f"{parameter_named(name).title}: no value found from {low} to {high} with smooth sliding in 8 of 8 runs"
 
 
 def not_searched(found: Prediction) -> Iterator[str]:
