@@ -1,7 +1,5 @@
 """What answers have in common: each prints as its short text, and gives itself as plain numbers and texts."""
 
-from __future__ import annotations
-
 import html
 import math
 from dataclasses import fields, is_dataclass

@@ -1,7 +1,5 @@
 """How far a long computation has come: a function that is called with the fraction done, or a bar."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterator

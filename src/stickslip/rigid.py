@@ -4,8 +4,6 @@ The elastic instability of a slider on a spring is decided here, Eqs. (5)-(8): a
 stiffness cannot follow the fall of the force.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

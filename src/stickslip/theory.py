@@ -3,8 +3,6 @@
 Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit; lengths in ``x_s``.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers and quantities in words: as a person would write them, with one table of SI prefixes."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -3,8 +3,6 @@
 All along here are factors on what the rig has, so that no unit matters.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress

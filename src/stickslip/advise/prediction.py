@@ -1,7 +1,5 @@
 """How a prediction is put together: the verdict first, then speeds, margins and mitigations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Runs that judge a rig: how long they last, with which contacts, how many of them, and what they may cost."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Literal

@@ -1,7 +1,5 @@
 """Where an oscillation persists along a parameter, afresh from the same start at each value."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Whether an oscillation persists: runs until the amplitude has settled or decayed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """How fast a slip front runs along an elastic slider, and the prestress below which there is none."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal

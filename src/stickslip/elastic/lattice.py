@@ -9,8 +9,6 @@ are the stiffnesses that a wave of the front's speed meets behind and ahead of i
 prestress ``G-(0) = sqrt(G(0)) exp((1/pi) Int_0^inf arg G(i w) dw/w)``, of the kind ``(tau_0 - f_d)/(f_s - f_d)``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache

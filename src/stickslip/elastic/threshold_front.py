@@ -8,8 +8,6 @@ Behind ``U`` ahead of the front all contacts are stretched to ``tau_0``; as the 
 with one eigenvalue `C`, positive if the front advances. Inertia enters by ``v = c/sqrt(1 + M eta^2/C^2)`` alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

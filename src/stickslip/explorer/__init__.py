@@ -10,8 +10,6 @@ It needs the extra ``pip install stickslip[explorer]`` and asks no other host fo
 - ``static/``: the page.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path

@@ -5,8 +5,6 @@ It takes a `Watch`, which it calls now and then with the fraction of the work do
 waits for any more by raising.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 

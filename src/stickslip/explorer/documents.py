@@ -3,8 +3,6 @@
 What the page shows in a field is what stands in the document; every check is made here, by `stickslip.io.rig_files`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import tomllib

@@ -1,7 +1,5 @@
 """Runs of an elastic slider for the page Fronts: its force, what happens along the bar, and each event closer."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

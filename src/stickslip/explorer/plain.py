@@ -1,7 +1,5 @@
 """Runs and traces as plain data for a screen: arrays, axes with units, the force with its slips and regime."""
 
-from __future__ import annotations
-
 import base64
 import math
 from collections.abc import Callable

@@ -4,8 +4,6 @@ The run is made once more, in steps from frame to frame, and each contact is loo
 where the slider moves fast, so that shown at an even pace they slow down through the slips.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -5,8 +5,6 @@ or the whole trace, each time, so windows cannot disturb or see each other. On e
 kind of question; in a lane the newest question wins, and older ones are dropped.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hmac
 import json

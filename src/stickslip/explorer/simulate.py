@@ -1,7 +1,5 @@
 """The page Simulate: a run with its force, phase portrait and stretchings, its contacts, and the rig changed."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Iterator

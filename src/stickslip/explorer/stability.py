@@ -1,7 +1,5 @@
 """The pages Map and Stop: linear stability over two parameters, and what would stop stick-slip."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

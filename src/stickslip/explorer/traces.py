@@ -1,7 +1,5 @@
 """Measured traces: their slips and regime, and the rig behind them by `quick_fit` and by `fit`. No state."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

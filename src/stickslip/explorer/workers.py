@@ -4,8 +4,6 @@ The server itself never computes, so that no question of one window can hold up 
 from a process that has loaded the kernels already, so that a new one is ready at once, or spawned where there is none.
 """
 
-from __future__ import annotations
-
 import asyncio
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """What is known besides a trace: values of the bench, friction at several speeds and after holds; what they tell."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -6,8 +6,6 @@ tried, this one had intervals that hold the truth as often as they say. Where th
 model makes, a regression would extrapolate, and nothing is moved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

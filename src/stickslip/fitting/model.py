@@ -4,8 +4,6 @@ The limit of slow driving of a slider whose broken contacts slide with a residua
 numbers without a unit describe its slips; forces are in units of the total contact strength ``N f_s``.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple

@@ -4,8 +4,6 @@ Slow drifts of a bench are taken out first: a cubic in the number of the slip. R
 drift. Nothing here depends on time, as drives are rarely as steady as they should be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 A symbolic link is followed, for reading and for writing: the link stays, and the file that it leads to is replaced.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 import stat

@@ -1,7 +1,5 @@
 """The contacts behind two friction coefficients: what a bench measures, turned into what the model asks for."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """One key of a file: what may stand there, and how it is read; and rules on the keys of one table."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

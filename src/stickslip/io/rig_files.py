@@ -4,8 +4,6 @@ The records of the model are what a file is read into and checked by; what the k
 `stickslip.io.rig_keys`. Stretchings of distributions are relative to ``interface.breaking_displacement``.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import textwrap

@@ -5,8 +5,6 @@ choices and default from there; one that is none is measured in the unit of its 
 the writer, the messages and the reference page (with the words of docs/reference/rig-keys.toml) are made from it.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, replace

@@ -3,8 +3,6 @@
 Every mistake is noted, and told in one line.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Rigs written as the content of rig files: the shortest text that reads back the same."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass

@@ -1,7 +1,5 @@
 """TOML files read table by table: every mistake in one line that names place, value and remedy."""
 
-from __future__ import annotations
-
 import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping

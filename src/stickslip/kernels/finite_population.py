@@ -11,8 +11,6 @@ so at one random moment in the step, of which the slider feels the rest: force, 
 variances and correlations that they have if every break has a moment of its own.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 

@@ -1,7 +1,5 @@
 """What the master equation on panels goes on from, and what stays the same on the way."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """One step of the master equation: positions and forces that agree at its nodes, and whether it is too long."""
 
-from __future__ import annotations
-
 from ._jit import bare, inlined
 from .cohorts import force_at, gather
 from .drive import drive_at

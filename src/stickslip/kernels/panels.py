@@ -11,8 +11,6 @@ do not fall far enough, or if what attaches in it is spread too far for the node
 Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and ``k``, any unit of time.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Mass that re-attaches during a step: from breaks one delay earlier, and from breaks within the step."""
 
-from __future__ import annotations
-
 import math
 
 from ._jit import bare, inlined

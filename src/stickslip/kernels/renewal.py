@@ -16,8 +16,6 @@ Contacts that re-attach stretched by ``x_0``, with a threshold beyond ``|x_0|``,
 distribution of paths, a mean over nodes of ``x_0``, takes the place of that of thresholds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A decreasing function of one variable, such as the survival of thresholds, as a table of polynomials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple

@@ -15,8 +15,6 @@ grow with time. What attaches in a step does so in its middle; what of it breaks
 no contact is lost.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from typing import NamedTuple

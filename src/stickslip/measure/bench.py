@@ -1,7 +1,5 @@
 """What a bench does to a trace: strokes to and fro, a sensor that saturates, a sign that is turned."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

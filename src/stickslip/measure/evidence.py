@@ -1,7 +1,5 @@
 """The tests that a regime is read off: each a statistic, its limit, and where the limit comes from."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

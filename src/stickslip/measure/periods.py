@@ -1,7 +1,5 @@
 """The period of a force: the one estimator that all of the package uses."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A contact of threshold ``x_c`` stretched by ``x`` breaks at the rate ``attempts 
 once where ``|x| = x_c``. The threshold of each contact is its own for its whole life.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

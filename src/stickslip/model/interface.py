@@ -1,7 +1,5 @@
 """The interface: what its contacts are like."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

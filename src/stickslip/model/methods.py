@@ -1,7 +1,5 @@
 """How a rig is simulated: the method, what is recorded, and the state that a run starts from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

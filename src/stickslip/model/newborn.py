@@ -1,7 +1,5 @@
 """Contacts at their birth: with which stretching and how far from the next break, and what that makes on average."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -4,8 +4,6 @@ The units stand here, with exact sizes. A library of units would take a third of
 is meant: ``mPas`` as millipascals.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections import Counter

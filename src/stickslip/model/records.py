@@ -1,7 +1,5 @@
 """What the numbers of a record may be and what they are measured in, said once, where the field is declared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache

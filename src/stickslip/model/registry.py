@@ -1,7 +1,5 @@
 """Tables of records by the name that a rig file gives them; a class of the user's own enters by one decorator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import is_dataclass
 from functools import partial

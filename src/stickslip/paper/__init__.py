@@ -10,8 +10,6 @@ True
 A figure is three functions: data, claims and drawing, joined in a `Figure`. Settled numbers stand in the claims.
 """
 
-from __future__ import annotations
-
 from stickslip.errors import InputError
 from stickslip.paper import ageing, delay, instability, ramps
 from stickslip.paper.figure import Claim as Claim

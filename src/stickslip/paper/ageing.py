@@ -1,7 +1,5 @@
 """Figures 8 and 11: stick-slip of ageing contacts against the rate of ageing, and their effective stiffness."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

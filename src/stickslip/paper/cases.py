@@ -1,7 +1,5 @@
 """Parameters of the figures of the paper."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any

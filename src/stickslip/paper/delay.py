@@ -1,7 +1,5 @@
 """Figures 4 and 6: stick-slip of contacts that re-attach after a delay, and the shortest delay that sustains it."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -1,7 +1,5 @@
 """A figure of the paper: data, a picture, claims that the data must satisfy, and the way of all three to files."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

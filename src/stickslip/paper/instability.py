@@ -1,7 +1,5 @@
 """Figures 1, 2, 3 and 5: the force on a rigid slider, and the elastic instability of one on a soft spring."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

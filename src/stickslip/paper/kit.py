@@ -1,7 +1,5 @@
 """How the figures make their data and pictures: cases of a grid, labelled Datasets, panels with their words."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, SupportsFloat

@@ -1,7 +1,5 @@
 """Figures 7, 9 and 10: ramps of the velocity, with the transitions between smooth sliding and stick-slip."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Pictures of elastic sliders: fronts in space and time, their speed, and the precursors of sliding."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pictures of fits: the slips of a trace and its statistics among those of the draws; velocity steps and holds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Maps: sweeps over one or two parameters, and the stability map around a rig, with what theory says on top."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any

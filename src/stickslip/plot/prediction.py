@@ -1,7 +1,5 @@
 """Pictures of a prediction: the motion at each speed, the margins, and the waves of an elastic slider."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

@@ -1,7 +1,5 @@
 """Pictures of a run or of a measured trace."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

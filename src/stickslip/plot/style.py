@@ -1,7 +1,5 @@
 """What all pictures share: the style of the house, labels with units, legends, files."""
 
-from __future__ import annotations
-
 import io
 import math
 import os

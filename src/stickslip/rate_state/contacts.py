@@ -1,7 +1,5 @@
 """What contacts do after a step of the velocity: a small one from their linear response, a finite one by cohorts."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The two experiments as they are read: a velocity step cut out of a run or a trace, and healing after holds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Rate-and-state parameters of an interface as the input of other programs: QDYN, tandem, DiaBayes, rsfmodel."""
 
-from __future__ import annotations
-
 import math
 import os
 from importlib import resources

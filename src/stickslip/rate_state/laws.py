@@ -1,7 +1,5 @@
 """Rate and state: the two laws, their spring-slider, their small-step response and their critical stiffness."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """The driver: any engine along any drive, with samples, snapshots, conditions and progress."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ times as long.
 True
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from dataclasses import dataclass

@@ -13,8 +13,6 @@ per contact, in units of ``k``, with ``S^, W`` the transforms of the survival an
 `stickslip.sliding.unaged`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

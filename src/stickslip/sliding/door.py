@@ -5,8 +5,6 @@ The force is the mean work of a contact over the mean way of the slider, both fr
 ``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lifetimes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache

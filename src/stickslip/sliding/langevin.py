@@ -7,8 +7,6 @@ reduced speed, and then some ten microseconds for each point: many points on the
 for that speed. Delays enter in closed form.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """The friction law of an interface: force over velocity, its slope, and the velocities at which it turns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ mean length, and the linear response what a small perturbation changes in it. Th
 interface and a speed; `stickslip.sliding.activated` reads them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache

@@ -5,8 +5,6 @@ A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts ans
 the modes of `stickslip.stability`.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -17,8 +17,6 @@ Contacts that re-attach with one and the same stretching ``x_0`` answer like uns
 - x_0`` and the sliding force ``f_d - x_0``, which may be negative.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

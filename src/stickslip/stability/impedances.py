@@ -5,8 +5,6 @@ A rig answers one question: which force per contact, applied where the contacts 
 contact.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol, runtime_checkable
 

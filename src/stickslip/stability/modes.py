@@ -4,8 +4,6 @@ Roots of ``Z(s) + kappa(s) = 0``, with ``Z`` the impedance of the rig and ``kapp
 contacts.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

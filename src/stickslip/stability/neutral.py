@@ -4,8 +4,6 @@ On the axis the interface and the rig separate: with ``kappa`` computed once, ea
 is neutral for exactly one extra spring, ``-Re(Z + kappa)``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

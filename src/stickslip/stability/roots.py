@@ -5,8 +5,6 @@ the imaginary axis, then along lines beside it; the rightmost is confirmed by th
 followed left of the axis, by the argument principle on a line just left of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Scans of ``Im(Z + kappa)`` along the imaginary axis, fine enough and far enough to see every zero."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

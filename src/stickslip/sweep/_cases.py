@@ -3,8 +3,6 @@
 Imported by every worker process at its start, so nothing slow is loaded here.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import inspect

@@ -1,7 +1,5 @@
 """Find where a category changes in a plane, with far fewer runs than a grid: explore, find, polish."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -3,8 +3,6 @@
 A Dask client is one more executor: ``client.get_executor()``.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
 import multiprocessing

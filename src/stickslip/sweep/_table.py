@@ -7,8 +7,6 @@ Only the process that drives a sweep writes, and holds a lock on ``<store>.lock`
 it ends. Anybody may read meanwhile.
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import json

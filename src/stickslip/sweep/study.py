@@ -1,7 +1,5 @@
 """The case of a sweep of a rig: its parameters set, run and classified. Workers load this."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, get_args

@@ -4,8 +4,6 @@ To add a solver, write a class that has what `Engine` asks for and register it, 
 selects it.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Callable, Collection

@@ -1,7 +1,5 @@
 """What contacts are like at the beginning of a run: drawn one by one, or as nodes of a quadrature."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Elastic sliders: N contacts on each block, breaks located inside the steps: `stickslip.kernels.blocks`."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Whatever makes contacts break before a fixed threshold, or after it has grown, is the rule of `stickslip.kernels.boxes`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

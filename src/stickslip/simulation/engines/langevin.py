@@ -1,7 +1,5 @@
 """Thresholds that age by Langevin, Eqs. (13)-(17): N contacts, and their kinetic equation."""
 
-from __future__ import annotations
-
 import math
 from typing import ClassVar, Protocol
 

@@ -1,7 +1,5 @@
 """The master equation, Eqs. (1)-(4), on the panels of `stickslip.kernels.panels`: for N contacts or infinitely many."""
 
-from __future__ import annotations
-
 import copy
 import math
 from functools import lru_cache

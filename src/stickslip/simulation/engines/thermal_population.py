@@ -1,7 +1,5 @@
 """Infinitely many contacts that break by thermal activation or age: `stickslip.kernels.thermal_cohorts`."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 
