@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import xarray as xr
+
 from stickslip.advise import say
 from stickslip.advise.bands import Band, joined
 from stickslip.advise.mitigations import Mitigation
@@ -20,7 +22,6 @@ from stickslip.model.rig import Rig
 from stickslip.simulation import Recording
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.figure import Figure
 
     from stickslip.elastic.modes import CriticalLength

@@ -1,11 +1,9 @@
 """The stability map around a rig's own point."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip import stability
 from stickslip.advise.mitigations import WIDEST_STD
@@ -13,9 +11,6 @@ from stickslip.errors import number, whole
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def chart(

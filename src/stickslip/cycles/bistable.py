@@ -1,13 +1,11 @@
 """Where both smooth sliding and stick-slip persist, each by itself: between a fold and a linear boundary."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip.cycles.branch import carried, first_point
 from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span
@@ -17,9 +15,6 @@ from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
 from stickslip.stability import Crossing, Crossings, critical
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -183,8 +178,6 @@ def bistable_region(
     >>> bool((region.band_velocity_low < region.band_velocity_high).all()), region.sizes["band"]
     (True, 1)
     """
-    import xarray as xr
-
     instance("bistable_region: rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance("bistable_region: edge", edge, xr.Dataset, "the Dataset that stability.boundary() returns")
     across, up = (parameter_named(name) for name in over)

@@ -1,11 +1,9 @@
 """The cycle of stick-slip, followed along a parameter up to where its branch ends."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip.cycles.edges import Edge, Point, Span, halved
 from stickslip.errors import UndecidedError, number
@@ -14,9 +12,6 @@ from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def cycle_branch(
@@ -71,8 +66,6 @@ def cycle_branch(
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """
-    import xarray as xr
-
     span = Span(rig, parameter, between, FromRest(), tolerance=tolerance, step=step)
     along = span.parameter.name
     if begin is not None:

@@ -9,14 +9,12 @@ with ``Lambda_m`` its stiffness, ``lambda_m`` the part of it that is the bulk's.
 spring ``Lambda_m``, with the viscosity of the bulk added to its damping.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
@@ -28,9 +26,6 @@ from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.model.body import coupling_matrix
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import rightmost_root
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -102,8 +97,6 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     >>> found.stiffness.values.round(4).tolist(), found.growth.values.round(4).tolist()
     ([3.0, 4.1716], [-0.0538, -0.0957])
     """
-    import xarray as xr
-
     body = elastic_body(rig, "modes")
     wanted = whole("count", count, at_least=1, hint="number of modes")
     stiffness, coupling, wavelength, each = sliders_of(body, wanted)

@@ -1,18 +1,13 @@
 """Statics of an elastic slider: how far a force reaches, and how far slip precursors run under a slow side drive."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip.errors import InputError, instance
 from stickslip.model import Chain, ElasticBody, FromRest, Interface, Rig
 from stickslip.model.body import coupling_matrix
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def elastic_body(rig: Rig, who: str) -> ElasticBody:
@@ -110,8 +105,6 @@ def precursor_force(rig: Rig) -> xr.DataArray:
     >>> round(float(force.sel(tip=10)), 6), round(float(force.max()) / bar.blocks, 6)
     (6.811553, 0.444328)
     """
-    import xarray as xr
-
     body, interface = elastic_parts(rig, "precursor_force")
     if not isinstance(body, Chain) or body.leaf > 0 or body.side == 0 or body.ends != "free":
         raise InputError(

@@ -3,8 +3,6 @@
 A result carries, as one JSON string in its attribute ``provenance``, all that is needed to make it again.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import math
@@ -15,7 +13,9 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from stickslip import model
 from stickslip.errors import InputError, instance
@@ -27,9 +27,6 @@ from stickslip.model.delays import DELAYS
 from stickslip.model.distribution import Positive
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LARGEST_RUN = 8_000_000_000
 """Bytes that a run may have, as a file and in memory."""
@@ -122,8 +119,6 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     InputError
         If the place cannot be written.
     """
-    import xarray as xr
-
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # What has no dimension, or is no number, cannot be compressed.
     numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
@@ -152,7 +147,6 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
         If there is no such file or it is not NetCDF.
     """
     import h5py
-    import xarray as xr
 
     files.size(path, "run", largest=LARGEST_RUN)
     source, before = Path(path), sys.unraisablehook

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
 from stickslip.io.datasets import read_provenance
 from stickslip.words import engineering
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -64,8 +61,6 @@ class Trace:
     @classmethod
     def of(cls, data: xr.Dataset) -> Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
-        import xarray as xr
-
         instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
             raise InputError(

@@ -1,11 +1,9 @@
 """The table of the force drops of a run or of a trace, with their statistics."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip import words
 from stickslip.errors import number, printable
@@ -14,10 +12,6 @@ from stickslip.measure.bench import find_strokes
 from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips
 from stickslip.measure.verdict import Regime, judged
 from stickslip.words import prefixed
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 _DUST = 1e-9  # of a mean: scatter that comes from rounding
 _SIGNED = ("force_before", "force_after", "mu_before", "mu_after")  # by the direction of the drive
@@ -85,8 +79,6 @@ def regime_and_drops(
     data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
 ) -> tuple[Regime, xr.Dataset]:
     """Return what `regime` and `drops` do, from one look at the data."""
-    import xarray as xr
-
     if minimum_drop is not None:
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
     trace, seen = judged(data, after)
@@ -124,8 +116,6 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     """One row per slip."""
-    import xarray as xr
-
     start, end = found.start, found.end
     time, force, way, speed = (
         str(data[name].attrs.get("units", "")) if name in data else ""

@@ -1,21 +1,18 @@
 """Fronts and events of an elastic slider: where contacts broke, in which order, and how fast that went on."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from stickslip.errors import InputError, instance
 from stickslip.measure.arrays import Array, check_numbers, slope
 from stickslip.measure.arrays import in_words as in_unit
 from stickslip.model import Chain
 from stickslip.simulation import labelled, rig_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _WAIT, _BEFORE = 10.0, 20  # a front has stopped where the next wait is so many times the median of so many before
 _WINDOW = 2  # blocks on either side from which the speed at a block is read
@@ -149,7 +146,6 @@ def events(run: xr.Dataset) -> xr.Dataset:
     >>> ss.measure.events(ss.simulate(rig)).sizes["event"] > 3
     True
     """
-    import xarray as xr
     from scipy import ndimage
 
     units = _checked(run, "events", "broken")
@@ -197,8 +193,6 @@ def events(run: xr.Dataset) -> xr.Dataset:
 
 def _table(along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Any]:
     """The variables of a table, in order of time; blocks are counted."""
-    import pandas as pd
-
     frame = pd.DataFrame(rows, columns=names.split()).sort_values("start")
     of = {name: values.to_numpy(dtype=int if "block" in name else float) for name, values in frame.items()}
     return {name: labelled(_COLUMNS[name][1], along, of[name], _COLUMNS[name][0].format_map(units)) for name in of}
@@ -206,8 +200,6 @@ def _table(along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]
 
 def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
     """The units of the variables of a run, if it is one of an elastic slider."""
-    import xarray as xr
-
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")

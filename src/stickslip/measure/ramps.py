@@ -6,6 +6,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
@@ -18,8 +20,6 @@ from stickslip.simulation import labelled, rig_of
 from stickslip.words import engineering
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from stickslip.model.rig import Rig
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
@@ -118,8 +118,6 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
 
 def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float) -> xr.Dataset:
     """Peak to peak of the spring force over a moving window of two cycles, or of 4 x_s where they are not known."""
-    import xarray as xr
-
     assert trace.drive is not None
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
     width = _WINDOW * (rig.unit("x_s") if rig else 1.0) * np.ones_like(travel)
@@ -179,9 +177,6 @@ def _turning_time(t: Array, drive: Array) -> float:
 
 def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
     """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
-    import pandas as pd
-    import xarray as xr
-
     speed, force, up = np.abs(seen["drive_velocity"].values), seen["peak_to_peak"], seen["middle"].values <= top
     curves = [pd.Series(force.values[way], speed[way]).sort_index(kind="stable") for way in (up, ~up)]
     low, high = np.max([each.index.min() for each in curves]), np.min([each.index.max() for each in curves])

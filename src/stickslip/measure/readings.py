@@ -1,15 +1,14 @@
 """Reading a force trace measured on a bench, as instruments write it."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+import xarray as xr
 
 from stickslip.errors import InputError, shortened, shown
 from stickslip.io import files
@@ -19,9 +18,6 @@ from stickslip.measure.headings import Heading, ratio, simple
 from stickslip.measure.tables import Table, read_cell, read_table
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LARGEST_FILE = 100_000_000  # bytes
 FEW_UNREADABLE = 3  # rows, or ...
@@ -142,8 +138,6 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
 
 def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
-    import xarray as xr
-
     force, times = values["force"], values["time"]
     rows = np.flatnonzero(np.isfinite(times) & np.isfinite(force))
     spiky = spikes(force)

@@ -14,18 +14,16 @@ import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from statistics import mode
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import Heading, headings_of, ratio, unit_named, with_coefficients
 from stickslip.model.quantities import unit_size
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_COLUMNS = 1000
 _LONGEST_LINE = 65_536  # characters of a line that are looked at
@@ -254,8 +252,6 @@ def _labview(head: list[str], headings: list[Heading], numeric: list[int], mark:
 
 def _cells(lines: _Lines, start: int, columns: set[int], mark: str, comma: bool, *, quoted: bool) -> pd.DataFrame:
     """The cells of columns from a line on, a row to a line; the last of them takes what is too much in a row."""
-    import pandas as pd
-
     rows: Any = memoryview(lines.raw)[lines.begins[start] :]
     if mark == _BEFORE_NUMBERS:
         rows, mark = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows), "\t"
@@ -299,8 +295,6 @@ def _numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
 
 def _of_spreadsheet(raw: bytes) -> Table:
     """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
-    import pandas as pd
-
     sheets = pd.read_excel(io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl")
     sheet = max(sheets.values(), key=lambda sheet: sheet.apply(pd.to_numeric, errors="coerce").count().sum())
     plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)

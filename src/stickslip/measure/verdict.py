@@ -1,14 +1,13 @@
 """The regime of motion under a constant drive."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+import xarray as xr
 
 from stickslip import words
 from stickslip.answers import Answer
@@ -19,9 +18,6 @@ from stickslip.measure.evidence import ENOUGH, MOST, TINY, Criterion, Evidence, 
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 __all__ = ["TINY", "Kind", "Regime", "regime"]
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
+import xarray as xr
+
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.body import ElasticBody
@@ -17,9 +19,6 @@ from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_value
 from stickslip.model.records import Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Ends = tuple[float | str, float | str]
 """Both ends of a range of a parameter: numbers in the rig's own unit, or texts with a unit."""

@@ -1,17 +1,14 @@
 """The only place where SI units exist: three independent scales turn a rig into natural units and results back."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
+
+import xarray as xr
 
 from stickslip.errors import InputError, shown
 from stickslip.model.records import Number, Record
 from stickslip.words import engineering as engineering  # others take it from here
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,14 +1,13 @@
 """A measured velocity step: as rate and state, and as contacts."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
@@ -21,9 +20,6 @@ from stickslip.rate_state.experiments import Step, velocity_step_in
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.sliding import kinetic_friction
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

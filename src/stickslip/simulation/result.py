@@ -1,11 +1,9 @@
 """The Dataset that a run becomes: names, units and what they mean."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
@@ -13,9 +11,6 @@ from stickslip.model import ElasticBody, Sheet, Slider
 from stickslip.simulation.engines import Stretchings
 from stickslip.simulation.engines.base import Array
 from stickslip.simulation.follow import Track
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Labelled = tuple[str | tuple[str, ...], Array, dict[str, str]]
 """A variable as `xarray.Dataset` takes it: dimensions, values, attributes."""
@@ -63,8 +58,6 @@ def dataset_of(
     track: Track, slider: Slider | ElasticBody, bins: int, provenance: str, marks: Mapping[str, Array] | None = None
 ) -> xr.Dataset:
     """Return the Dataset of a run, in natural units; `bins` are those of a snapshot, `marks` of the blocks."""
-    import xarray as xr
-
     variables: dict[str, Labelled] = {}
     coordinates = {"time": labelled("time", "time", track.times)}
     if isinstance(slider, ElasticBody):

@@ -5,14 +5,12 @@ Thresholds that age by `Langevin` have solvers of their own behind the same two 
 exact moments of breaking, and the kinetic equation of Eqs. (13)-(17).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
@@ -25,10 +23,6 @@ from stickslip.simulation.engines.base import Array
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of
 from stickslip.simulation.work import Work, course_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 _NUMBERS = 2e6
 """Samples of an elastic slider, times its blocks, if nothing is said."""

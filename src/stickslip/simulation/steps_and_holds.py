@@ -1,13 +1,11 @@
 """The two experiments of rate and state, on contacts: velocity steps, and slide-hold-slide."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, sequence, shown, whole
@@ -18,9 +16,6 @@ from stickslip.model.quantities import read_quantity
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.follow import follow
 from stickslip.simulation.result import labelled
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _APPROACH = 0.05
 """Part of the distance that is slid at the velocity before a step, and recorded."""
@@ -79,8 +74,6 @@ def velocity_step(
     >>> round(change, 3)  # about A/2 ln(10) = .0115 less what a wide scatter takes, by theory
     0.01
     """
-    import xarray as xr
-
     told = _rig_of("velocity_step", rig, method)
     v = _natural(told, "velocity_step: before", before, "x_s/time")
     w = _natural(told, "velocity_step: after", after, "x_s/time")
@@ -153,8 +146,6 @@ def slide_hold_slide(
     >>> run.peak.round(3).values.tolist()  # healing: nearly .02 ln(10) a decade
     [0.089, 0.134]
     """
-    import xarray as xr
-
     who, told = "slide_hold_slide", _rig_of("slide_hold_slide", rig, method)
     v = _natural(told, f"{who}: velocity", velocity, "x_s/time")
     listed = sequence(f"{who}: holds", holds, "times, such as (1.0, 10.0, 100.0)")

@@ -11,9 +11,10 @@ from contextlib import closing
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip import __version__
@@ -32,9 +33,6 @@ from stickslip.sweep._cases import (
 from stickslip.sweep._refine import Refinement, Span, search, spans_of
 from stickslip.sweep._run import Options, Progress, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 STATES = ("not run", "done", "failed")
 """What can become of a case; the place is the code in the results."""
@@ -271,8 +269,6 @@ def _keys_of(table: Table) -> list[str]:
 
 def dataset_of(table: Table) -> xr.Dataset:
     """What came of all cases: over the axes of a grid, or along the ``run`` of a search, with its crossings."""
-    import xarray as xr
-
     head, keys = table.head, _keys_of(table)
     sizes, axes = {name: len(values) for name, values in head["axes"].items()}, head["axes"]
     if "search" in head:
@@ -298,8 +294,6 @@ def dataset_of(table: Table) -> xr.Dataset:
 
 def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
     """Add the points of the boundary, half way between two runs, with what came of these, once all runs are there."""
-    import xarray as xr
-
     sought = head["search"]
     pairs = head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
     sides = np.array(pairs, dtype=int).reshape(-1, 2).T

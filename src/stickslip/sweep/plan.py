@@ -9,8 +9,6 @@
 ``plan.run(store="phase.sqlite")`` runs what the store lacks.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -19,9 +17,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from stickslip.errors import InputError, instance, number, sequence, shown, together, whole
 from stickslip.io import datasets
@@ -37,9 +36,6 @@ from stickslip.sweep._dataset import open_sweep, run_cases
 from stickslip.sweep._refine import Refinement, Span, spans_of
 from stickslip.sweep._run import Options, Progress, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SHORTEST = 120.0
 """``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""

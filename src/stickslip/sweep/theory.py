@@ -1,11 +1,9 @@
 """What theory says of a sweep: the computed boundary of smooth sliding, and how far stick-slip persists beyond it."""
 
-from __future__ import annotations
-
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from stickslip.cycles import bistable_range, bistable_region
 from stickslip.errors import InputError, UndecidedError
@@ -13,9 +11,6 @@ from stickslip.model import Rig
 from stickslip.progress import Progress
 from stickslip.stability import boundary, critical
 from stickslip.sweep.plan import plan_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progress | None = None) -> xr.Dataset:
@@ -37,8 +32,6 @@ def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progres
         The same with ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane), ``band_...`` along ``band``;
         the attribute ``theory`` says what is there, or why nothing is.
     """
-    import xarray as xr
-
     plan = plan_of(result)
     order = plan.parameters if "run" in result.dims else result["regime"].dims
     ranges = {str(name): _reach(result[name]) for name in order if name in plan.parameters}
@@ -84,8 +77,6 @@ def _in_plane(
 
 
 def _on_line(rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool) -> xr.Dataset:
-    import xarray as xr
-
     ((parameter, between),) = ranges.items()
     bands = list(bistable_range(rig, parameter, between=between)) if bistable else []
     columns = {
