@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import xarray as xr
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from stickslip.errors import InputError, instance
 from stickslip.model import Chain, ElasticBody, FromRest, Interface, Rig
@@ -133,9 +135,6 @@ def distance_to_the_first_break(rig: Rig) -> float | None:
     Blocks on their contacts are a net of springs, and one breaks loose when it has moved by the mean threshold: exact
     where all thresholds are alike. None where blocks start otherwise than from rest, thresholds age, or nothing pulls.
     """
-    from scipy import sparse
-    from scipy.sparse.linalg import spsolve
-
     natural = rig.natural
     body, interface = natural.slider, natural.interface
     if not isinstance(body, Chain) or interface.ageing is not None or not isinstance(natural.start, FromRest):

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.special import expit, logit
 
 from stickslip.errors import InputError
@@ -100,8 +101,6 @@ def infer(
 
 def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:
     """Percentile of the distance to the tenth neighbour among the same of draws from the prior."""
-    from scipy.spatial import cKDTree
-
     tree = cKDTree(found)
     some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
     usual = np.asarray(tree.query(found[some], k=_NEIGHBOUR + 1)[0])[:, -1]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy import ndimage
 
 from stickslip.errors import InputError, instance
 from stickslip.measure.arrays import Array, check_numbers, slope
@@ -146,8 +147,6 @@ def events(run: xr.Dataset) -> xr.Dataset:
     >>> ss.measure.events(ss.simulate(rig)).sizes["event"] > 3
     True
     """
-    from scipy import ndimage
-
     units = _checked(run, "events", "broken")
     time = np.asarray(run["time"].values, dtype=float)
     if time.size < 3:

@@ -5,20 +5,16 @@ and `Sheet` say so in a few numbers; what solvers and theory ask of either is th
 (`size`), which springs pull them (`pulled`) and which couple them (`links`).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from stickslip.model.records import Number, Record
 from stickslip.model.registry import registry
-
-if TYPE_CHECKING:
-    from scipy import sparse
 
 Array = NDArray[np.float64]
 Links = tuple[NDArray[np.int64], Array]
@@ -220,8 +216,6 @@ class Sheet(ElasticBody):
 
 def coupling_matrix(body: ElasticBody) -> sparse.csr_array:
     """Stiffness matrix of the springs between the blocks of a body."""
-    from scipy import sparse
-
     pairs, springs = body.links
     net = sparse.coo_array((springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size))
     net = net + net.T

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import elementwise
 
 from stickslip.errors import InputError
 
@@ -128,8 +129,6 @@ def partial_moment_of(distribution: Distribution, x: ArrayLike, order: int) -> A
 
 def inverse_survival_of(distribution: Distribution, probability: ArrayLike) -> Array:
     """Stretching exceeded with the given probability, by root finding within a panel."""
-    from scipy.optimize import elementwise
-
     table = table_of(hashable(distribution))
     wanted = np.clip(np.asarray(probability, dtype=float), 0.0, table.survival[0])
     panel = np.clip(np.searchsorted(-table.survival, -wanted, side="right") - 1, 0, len(table.x) - 1)

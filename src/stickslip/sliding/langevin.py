@@ -161,8 +161,6 @@ def _top(u: float, delta: float) -> float:
 @lru_cache(maxsize=256)
 def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float]:
     """Transforms of a life over the logarithm of its phase, and its mean length."""
-    from scipy.interpolate import CubicSpline
-
     phases = _phases(delta)
     parts, rest = _life(u, delta, newborn, 1j * (u + u * u) * phases)
     return CubicSpline(np.log(phases), parts, axis=1), rest

@@ -1,12 +1,11 @@
 """Maps of the stability of smooth sliding over two parameters, and their boundaries."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, numbers, sequence, shown
@@ -19,9 +18,6 @@ from stickslip.stability.critical import Line, Point
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import rightmost_root
 from stickslip.stability.neutral import Neutral
-
-if TYPE_CHECKING:
-    import xarray
 
 Array = NDArray[np.float64]
 Window = tuple[Ends, Ends]
@@ -37,7 +33,7 @@ def boundary(
     *,
     over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
     between: Window,
-) -> xarray.Dataset:
+) -> xr.Dataset:
     """Find where smooth sliding loses or regains stability in a window of two parameters.
 
     The contour between stable and unstable points of a grid, each of its points then polished by Newton's method along
@@ -89,7 +85,7 @@ def stability_map(
     over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
     values: tuple[ArrayLike, ArrayLike],
     growth: bool = False,
-) -> xarray.Dataset:
+) -> xr.Dataset:
     """Count the growing modes of smooth sliding on a grid of two parameters.
 
     Over the stiffness of a rig nothing is repeated: for each value of the other parameter the springs that make a
@@ -236,10 +232,8 @@ class _Grid(NamedTuple):
                 return *place, crossing.frequency
         return None
 
-    def dataset(self, call: str, columns: dict[str, tuple[Any, Any, str, str]], **more: object) -> xarray.Dataset:
+    def dataset(self, call: str, columns: dict[str, tuple[Any, Any, str, str]], **more: object) -> xr.Dataset:
         """Columns by name: dimensions, values, unit and title; with what made them, where a function is but named."""
-        import xarray
-
         rig, over = self.rig, [parameter.name for parameter in self.parameters]
         slider = rig.slider if is_dataclass(rig.slider) else repr(rig.slider)
         made = {"interface": rig.interface, "slider": slider, "drive": rig.drive, "over": over, **more}
@@ -247,4 +241,4 @@ class _Grid(NamedTuple):
             name: (dims, values, {"units": unit, "long_name": title})
             for name, (dims, values, unit, title) in columns.items()
         }
-        return xarray.Dataset(data, attrs={"provenance": store.provenance(call, made)})
+        return xr.Dataset(data, attrs={"provenance": store.provenance(call, made)})

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from stickslip.errors import InputError, number, whole
 from stickslip.sweep._cases import AxisValue, case_key
@@ -192,8 +193,6 @@ def _middle(line: Line) -> Point:
 
 def _triangles(points: Iterable[Point]) -> list[list[Point]]:
     """The triangles between points (Delaunay), the corners of each in order; none between fewer than three."""
-    from scipy.spatial import Delaunay
-
     there = list(points)
     found = Delaunay(there).simplices.tolist() if len(there) > 2 else []
     return [sorted(there[i] for i in corners) for corners in found]

@@ -5,6 +5,8 @@ from abc import abstractmethod
 from dataclasses import replace
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from stickslip.errors import InputError
 from stickslip.kernels import block_cohorts, blocks, drive, quasistatic
@@ -169,9 +171,6 @@ class ElasticEngine(Engine):
 
     def _start(self, beginning: Beginning, friction: Array) -> tuple[Array, Array]:
         """Displacements and velocities of the blocks at the start, in balance with their friction if they slide."""
-        from scipy import sparse
-        from scipy.sparse.linalg import spsolve
-
         body = self.slider
         if not beginning.sliding:
             return np.zeros(body.size), np.zeros(body.size)
