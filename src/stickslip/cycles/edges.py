@@ -1,11 +1,9 @@
 """Where to look along a parameter, what is found there, and the edges between."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -46,7 +44,7 @@ class Edge(Answer):
     persists_at: float
 
     @classmethod
-    def of(cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None) -> Edge:
+    def of(cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None) -> Self:
         """Return an edge at a value, or bracketed by runs at two."""
         if persists_at is None:
             return cls(value=decays_at, kind=kind, decays_at=decays_at, persists_at=decays_at)

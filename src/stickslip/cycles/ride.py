@@ -1,11 +1,9 @@
 """A run under a constant drive that can be continued, measured, and switched to other parameters."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +64,7 @@ class Ride:
     begun: Array | None = None  # rows of the cycle that the last look has left unfinished
 
     @classmethod
-    def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Ride:
+    def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Self:
         """Return a rig at its start.
 
         Raises `InputError` if a cycle lasts so long against the slider's own oscillation that no run could follow it.
@@ -83,7 +81,7 @@ class Ride:
         engine = Panels(beginning, method)
         return cls(rig, engine, Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0), cycle)
 
-    def look(self) -> tuple[Ride, Look]:
+    def look(self) -> tuple[Self, Look]:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
         stiffness, velocity, engine = self.rig.slider.stiffness, self.drive.velocity, self.engine.copy()
         rows = self._samples(engine, LOOK * self.cycle / velocity)
@@ -112,7 +110,7 @@ class Ride:
         samples, _ = follow_leg(engine, leg)
         return np.stack([times, slider.stiffness * (leg.drive_position(times) - samples[:, 0]), samples[:, 1]])
 
-    def turned(self, rig: Rig) -> Ride:
+    def turned(self, rig: Rig) -> "Ride":
         """Return what goes on as another rig; forces and positions stay, and the drive goes on from where it is."""
         engine = self.engine.turned(rig.interface, rig.slider)
         time, X = engine.here()

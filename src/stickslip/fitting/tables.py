@@ -4,8 +4,6 @@ Made once, kept, and gone on with when cut short. It holds the force before and 
 and picked comes in when it is fitted, so that one table serves traces of every bench, each biased as its trace is.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -16,7 +14,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 from zipfile import BadZipFile
 
 import numpy as np
@@ -154,7 +152,7 @@ class Observation(NamedTuple):
     sampling: Sampling
 
     @classmethod
-    def of(cls, events: Events) -> Observation:
+    def of(cls, events: Events) -> Self:
         """Take it from a trace."""
         rise = least_rise(events.smallest, events.noise)
         forces = (events.loading_rate * events.step, events.noise, events.resolution, events.smallest, rise)

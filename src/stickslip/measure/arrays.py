@@ -1,9 +1,8 @@
 """The arrays of a Dataset as the measures need them, and the turning points of a force."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import xarray as xr
@@ -59,7 +58,7 @@ class Trace:
     quantity: str = "force"
 
     @classmethod
-    def of(cls, data: xr.Dataset) -> Trace:
+    def of(cls, data: xr.Dataset) -> Self:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
         instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
@@ -111,7 +110,7 @@ class Trace:
         step = np.diff(self.t)
         return 1 + np.flatnonzero(step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:]))
 
-    def part(self, begin: float, end: float = math.inf) -> Trace:
+    def part(self, begin: float, end: float = math.inf) -> Self:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
         known = {name: values for name in _VARIABLES if (values := getattr(self, name)) is not None}

@@ -1,10 +1,8 @@
 """What the columns of a measured table are called: names, units, and which quantity that makes them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 from stickslip.model.quantities import unit_size
 from stickslip.words import PREFIXES
@@ -80,7 +78,7 @@ class Heading(NamedTuple):
     unit: str = ""
 
     @classmethod
-    def read(cls, cell: str) -> Heading:
+    def read(cls, cell: str) -> Self:
         """Take the head of a column apart: ``Force (N)``, ``Force [N]``, ``Force / N``, ``force_N``."""
         cell = cell.strip(' "\t')
         if bracket := _BRACKET.fullmatch(cell):

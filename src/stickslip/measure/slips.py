@@ -1,10 +1,8 @@
 """Slips: the drops of a force that stand out. One picker for measures and for fits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +63,7 @@ class Slips:
         slipping = trace.t[self.trough[:-1]] - self.times[:-1]
         return float(slipping.sum() / np.ptp(self.times))
 
-    def only(self, keep: NDArray[np.bool_], **change: Any) -> Slips:
+    def only(self, keep: NDArray[np.bool_], **change: Any) -> Self:
         """Return some of the slips."""
         of_each = ("peak", "trough", "start", "end", "times", "before", "after")
         return replace(self, **{name: getattr(self, name)[keep] for name in of_each}, **change)

@@ -1,9 +1,7 @@
 """How the thresholds of contacts grow with their age."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from stickslip.errors import InputError
 from stickslip.model.delays import DelayModel
@@ -61,7 +59,7 @@ class Langevin(AgeingModel):
         """Time in which thresholds reach their stationary distribution, ``rate**-2``."""
         return self.rate**-2
 
-    def with_time(self, value: float) -> Langevin:
+    def with_time(self, value: float) -> Self:
         """Return the ageing with another time."""
         return replace(self, rate=value**-0.5)
 
@@ -83,7 +81,7 @@ class ExponentialGrowth(AgeingModel):
         """Time ``1/rate`` in which what lacks to the full thresholds falls to 1/e."""
         return 1.0 / self.rate
 
-    def with_time(self, value: float) -> ExponentialGrowth:
+    def with_time(self, value: float) -> Self:
         """Return the ageing with another time."""
         return replace(self, rate=1.0 / value)
 

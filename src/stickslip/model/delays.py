@@ -1,11 +1,9 @@
 """How long a broken contact stays detached."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,9 +99,9 @@ class Delay(DelayModel):
     def mean(self) -> float:
         return self.time
 
-    def with_mean(self, value: float) -> Delay:
+    def with_mean(self, value: float) -> Self:
         """Return a delay of another time."""
-        return Delay(value)
+        return replace(self, time=value)
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         del rng
@@ -157,7 +155,7 @@ class RandomDelay(DelayModel):
         if self.std < 1e-9 * self.mean:
             raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
 
-    def with_mean(self, value: float) -> RandomDelay:
+    def with_mean(self, value: float) -> Self:
         """Return the delays scaled to another mean, the standard deviation in proportion."""
         if self.mean == 0:
             raise InputError(f"{self!r}: cannot be scaled; use Delay(time), or a mean above 0")

@@ -4,8 +4,6 @@ A class of its own gives `Distribution.density`; everything else has a default b
 class that knows better overrides for speed and accuracy. `register` gives it the name that rig files use.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -69,7 +67,7 @@ class Distribution(Record):
         early, late = (float(self.hazard(x)) for x in (near, far))
         return 0.0 if late < 0.999 * early else -late
 
-    def positive(self) -> Distribution:
+    def positive(self) -> "Distribution":
         """Return the distribution conditioned on positive values."""
         above = float(self.survival(0.0))
         if above < 1e-6:

@@ -6,8 +6,6 @@ conditioned on positive values by `positive` when it is used for thresholds, and
 initial stretchings.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
@@ -121,7 +119,7 @@ class Gaussian(Distribution):
 
     leftmost = -math.inf
 
-    def positive(self) -> Gaussian:
+    def positive(self) -> Self:
         return replace(self, lower=max(self.lower, 0.0))
 
     @property
@@ -210,7 +208,7 @@ class Uniform(_Histogram):
     def _bins(self) -> tuple[Array, Array]:
         return np.array([self.low, self.high]), np.ones(1)
 
-    def with_std(self, value: float) -> Uniform:
+    def with_std(self, value: float) -> "Uniform":
         """Return the distribution stretched about its mean to another standard deviation."""
         return Uniform(*self._stretched(value))
 
@@ -416,9 +414,9 @@ class Empirical(_Histogram):
     def _bins(self) -> tuple[Array, Array]:
         return np.array(self.edges), np.array(self.weights)
 
-    def with_std(self, value: float) -> Empirical:
+    def with_std(self, value: float) -> Self:
         """Return the distribution stretched about its mean to another standard deviation."""
-        return Empirical(self._stretched(value), self.weights)
+        return replace(self, edges=self._stretched(value))
 
 
 @register("steady state")

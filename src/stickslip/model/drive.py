@@ -8,11 +8,9 @@ Drives are values: comparable, printable, joined by `Drive.then`.
 450.0
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from typing import Annotated
+from typing import Annotated, Self
 
 from stickslip.errors import InputError, instance, number
 from stickslip.model.records import Number, Part, Record, rescaled
@@ -79,16 +77,16 @@ class Drive:
         *_, total = accumulate(piece.duration for piece in self.pieces)  # in order, as a run adds them up
         return total
 
-    def then(self, other: Drive) -> Drive:
+    def then(self, other: "Drive") -> "Drive":
         """Return this drive followed by another."""
         instance("Drive.then", other, Drive, "a drive, made with constant() or ramp()")
         return Drive(self.pieces + other.pieces)
 
-    def until(self, condition: Condition) -> Drive:
+    def until(self, condition: Condition) -> "Drive":
         """Return the drive with its last piece ended early, at the first sample where the condition holds."""
         return Drive((*self.pieces[:-1], replace(self.pieces[-1], until=condition)))
 
-    def faster(self, factor: float) -> Drive:
+    def faster(self, factor: float) -> Self:
         """Return the same path at velocities that are larger by a factor, in as much less time."""
         return rescaled(self, lambda unit: {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0))
 

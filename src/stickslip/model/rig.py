@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import xarray as xr
 
@@ -170,7 +170,7 @@ class Rig(Answer):
         instance("Rig.method", self.method, tuple(METHODS.values()), "Contacts(...) or MasterEquation(...)")
 
     @property
-    def natural(self) -> Rig:
+    def natural(self) -> Self:
         """The same rig in natural units, as every solver takes it."""
         return self if self.scales is None else replace(self, scales=None)
 
@@ -205,7 +205,7 @@ class Rig(Answer):
             verb = not name.startswith("_") and name in dir(sys.modules["stickslip"])
             raise AttributeError(f"Rig has no {name!r}" + (f"; write stickslip.{name}(rig)" if verb else ""))
 
-    def replace(self, **changes: Any) -> Rig:
+    def replace(self, **changes: Any) -> "Rig":
         """Return the rig with some of its parts or parameters changed.
 
         Parameters

@@ -1,10 +1,8 @@
 """Least squares in logarithms, from several starts, and numbers that carry the error of a fit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy import optimize
@@ -19,7 +17,7 @@ class Estimate(float):
 
     error: float
 
-    def __new__(cls, value: float, error: float = 0.0) -> Estimate:
+    def __new__(cls, value: float, error: float = 0.0) -> Self:
         """Take a value and its standard error."""
         one = super().__new__(cls, value)
         one.error = float(error)

@@ -1,11 +1,9 @@
 """Is it rate and state? What a, b, D an interface has, how well they describe it, and what they get wrong."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 
@@ -68,7 +66,7 @@ class RateAndStateFit(Answer):
     reason: str  #: what fails, or what was tested
     scales: Scales | None = None  #: of the rig in whose units, N and m, the numbers are; None in natural units
 
-    def in_units(self, of: Rig | Scales) -> RateAndStateFit:
+    def in_units(self, of: Rig | Scales) -> Self:
         """Return parameters found in natural units in those of a rig: forces of all its contacts, in N."""
         scales = of.scales if isinstance(of, Rig) else of
         if scales is None or self.scales is not None:

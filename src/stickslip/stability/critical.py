@@ -4,13 +4,11 @@
 the smallest disturbance, not where stick-slip, once started, decays.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +93,7 @@ class Crossings(Answer):
     def __getitem__(self, index: int) -> Crossing:
         return self.found[index]
 
-    def in_units(self, rig: Rig) -> Crossings:
+    def in_units(self, rig: Rig) -> Self:
         """Return crossings found in natural units in those of a rig."""
         if rig.scales is None:
             return self
