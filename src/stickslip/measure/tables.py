@@ -279,7 +279,7 @@ def _cells(lines: _Lines, start: int, columns: set[int], mark: str, comma: bool,
     )
 
 
-def _numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
+def _numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
     """The numbers of a column, NaN where a cell holds none, or one in another unit than usual."""
     if cells.dtype.kind not in "fiu":  # of some parts pandas makes numbers
         known = {cell: read_cell(cell, comma) for cell in cells.unique() if isinstance(cell, str)}
