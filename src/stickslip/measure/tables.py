@@ -4,8 +4,6 @@ How a table is laid out is found once, from its head and a sample of its rows; i
 Errors do not name the file.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

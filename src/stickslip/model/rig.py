@@ -1,7 +1,5 @@
 """The rig: an interface, the slider on it, and what pulls, with the units that its numbers are in."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace

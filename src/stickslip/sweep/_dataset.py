@@ -1,7 +1,5 @@
 """A function at every combination of the values of some axes, and what became of it as one labelled Dataset."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
@@ -149,36 +147,6 @@ def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
         return dataset_of(table)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Status:
-    """How far the sweep of a store is.
-
-    Attributes
-    ----------
-    summary : Summary
-    writer : str or None
-        The process that is at it; None if none is.
-    """
-
-    summary: Summary
-    writer: str | None
-
-    def __str__(self) -> str:
-        at_it = f"{self.writer} is at it" if self.writer else "nobody is at it: start it again to go on"
-        return f"{self.summary}; {at_it}" if self.summary.missing else str(self.summary)
-
-
-def status_of(store: str | PathLike[str]) -> Status:
-    """Say how far the sweep of a store is, also while it runs."""
-    path = Path(store)
-    with closing(Table(path)) as table:
-        keys = _keys_of(table)
-        known = [table.has_failed(key) for key in keys if key in table.rows]
-        total = table.head["total"] if "search" in table.head and "cases" not in table.head else len(keys)
-    found = Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known))
-    return Status(summary=found, writer=writer_of(path))
-
-
 # ---------------------------------------------------------------- what became of the cases
 
 
@@ -210,6 +178,36 @@ class Summary:
         if self.missing:
             line += f", {self.missing} not run yet"
         return line
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status:
+    """How far the sweep of a store is.
+
+    Attributes
+    ----------
+    summary : Summary
+    writer : str or None
+        The process that is at it; None if none is.
+    """
+
+    summary: Summary
+    writer: str | None
+
+    def __str__(self) -> str:
+        at_it = f"{self.writer} is at it" if self.writer else "nobody is at it: start it again to go on"
+        return f"{self.summary}; {at_it}" if self.summary.missing else str(self.summary)
+
+
+def status_of(store: str | PathLike[str]) -> Status:
+    """Say how far the sweep of a store is, also while it runs."""
+    path = Path(store)
+    with closing(Table(path)) as table:
+        keys = _keys_of(table)
+        known = [table.has_failed(key) for key in keys if key in table.rows]
+        total = table.head["total"] if "search" in table.head and "cases" not in table.head else len(keys)
+    found = Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known))
+    return Status(summary=found, writer=writer_of(path))
 
 
 def summary(dataset: xr.Dataset) -> Summary:
