@@ -120,11 +120,11 @@ def _si(key: Any) -> str:
 
 def _kind(key: Any) -> str:
     """What may stand in place of a key's value, in words."""
+    others = ["a table, see below" if other == "table" else _code(other) for other in key.also if other != "list"]
     if key.unit:
-        words = [f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *map(_code, key.words)]
-        return " or ".join([*words, "a table, see below"] if "table" in key.also else words)
+        return " or ".join([f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *others])
     if key.choices:
-        return " or ".join([*map(_code, key.choices), *(["a table, see below"] if "table" in key.also else [])])
+        return " or ".join([*map(_code, key.choices), *others])
     if key.is_table:
         return "list of tables, see below" if isinstance(key.example, list) else "a table, see below"
     kinds = {str: "text", int: "whole number", list: "list of numbers", tuple: "list of numbers"}

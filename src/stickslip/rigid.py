@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.kernels import renewal
 from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
@@ -19,8 +20,6 @@ from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
 from stickslip.model.newborn import stretching_nodes
 from stickslip.simulation import labelled, pull_rigidly
-
-Array = NDArray[np.float64]
 
 
 def rigid_slide(

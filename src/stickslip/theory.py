@@ -6,11 +6,12 @@ Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit; leng
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import solve_banded
 from scipy.optimize import brentq
 from scipy.special import exprel
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.kernels.langevin import Langevin
 from stickslip.kernels.langevin_steady import pull_newborns
@@ -19,8 +20,6 @@ from stickslip.model.newborn import mean_life
 from stickslip.sliding import kinetic_friction
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.law import at_each
-
-Array = NDArray[np.float64]
 
 _CELLS = 160
 """Cells of thresholds on their standard deviation: forces to 1e-3 where most are next to 0."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.measure.periods import rises
@@ -15,8 +15,6 @@ from stickslip.measure.verdict import TINY
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.rig import Rig
 from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
-
-Array = NDArray[np.float64]
 
 METHOD = MasterEquation(rtol=1e-4)
 """The largest error that keeps the settled numbers; see `stickslip.cycles`."""

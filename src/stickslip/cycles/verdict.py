@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.answers import Answer
+from stickslip.arrays import Array
 from stickslip.cycles.ride import METHOD, Look, Ride, check_rig
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.slips import SLIP_VELOCITY
@@ -16,8 +16,6 @@ from stickslip.model import Delay, FromRest, MasterEquation, Start
 from stickslip.model.rig import Rig
 from stickslip.sliding import kinetic_friction
 from stickslip.stability import count_unstable
-
-Array = NDArray[np.float64]
 
 PATIENCE = 60  # looks after which what has not settled is undecided, unless its trend tells
 

@@ -14,13 +14,10 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
+from stickslip.arrays import Array
 from stickslip.model import ElasticBody
-
-Array = NDArray[np.float64]
-
 
 # Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a chain without damping jumps.
 _T = np.linspace(-4.6, 4.6, 401)

@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
 from stickslip.answers import Answer
+from stickslip.arrays import Array
 from stickslip.elastic.precursors import elastic_body
 from stickslip.elastic.threshold_front import rising
 from stickslip.errors import InputError, whole
@@ -26,8 +26,6 @@ from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.model.body import coupling_matrix
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import rightmost_root
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

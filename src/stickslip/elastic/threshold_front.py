@@ -13,13 +13,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import odeint
 from scipy.optimize import brentq
 
+from stickslip.arrays import Array
 from stickslip.model.distributions import Distribution
-
-Array = NDArray[np.float64]
 
 
 class Medium(NamedTuple):

@@ -10,11 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import measure
+from stickslip.arrays import Array as Array
 from stickslip.measure import ramps
 from stickslip.plot.style import envelope
 from stickslip.words import prefixed
 
-Array = NDArray[np.float64]
 Plain = dict[str, Any]
 Watch = Callable[[float], None]
 """Called with the fraction of the work that is done; it raises where nobody waits for the rest."""

@@ -10,26 +10,15 @@ from pathlib import Path
 
 from stickslip.errors import InputError, instance
 
-_KINDS = {
-    stat.S_IFDIR: "a directory",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFIFO: "a named pipe",
-    stat.S_IFSOCK: "a socket",
-}
+_KINDS = {"d": "a directory", "c": "a device", "b": "a device", "p": "a named pipe", "s": "a socket"}
+"""What a file is that is not regular, by the first letter of `stat.filemode`."""
 
 
 def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
     """Return how many bytes a regular file has, at most `largest`; `kind` names it in errors: ``"rig file"``."""
-    instance("path", path, (str, os.PathLike), "the name of a file")
-    try:
-        found = os.stat(path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
-        raise _failed(path, "read", error) from None
-    if not stat.S_ISREG(found.st_mode):
-        raise InputError(f"{path}: is {_KINDS[stat.S_IFMT(found.st_mode)]}, not a {kind}")
+    found = _regular(path, "read", kind)
+    if found is None:
+        raise InputError(f"{path}: no such file")
     if found.st_size > largest:
         most = f"{largest / 1e6:g} MB"
         raise InputError(f"{path}: has {found.st_size / 1e6:.3g} MB, more than a {kind} may have ({most})")
@@ -46,32 +35,35 @@ def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
         raise _failed(path, "read", error) from None
 
 
-def _failed(path: str | os.PathLike[str], done: str, error: OSError | ValueError, remedy: str = "") -> InputError:
-    return InputError(f"{path}: cannot be {done} ({getattr(error, 'strerror', None) or error}){remedy}")
+def _regular(path: str | os.PathLike[str], done: str, kind: str) -> os.stat_result | None:
+    """What the system says of a regular file, links followed; None if there is none."""
+    instance("path", path, (str, os.PathLike), "the name of a file")
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise _failed(path, done, error) from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path}: is {_KINDS[stat.filemode(found.st_mode)[0]]}, not a {kind}")
+    return found
+
+
+def _failed(path: str | os.PathLike[str], done: str, error: OSError | ValueError) -> InputError:
+    why = getattr(error, "strerror", None) or error
+    return InputError(f"{path}: cannot be {done} ({why})" + ("; nothing was lost" if done == "written" else ""))
 
 
 def target(path: str | os.PathLike[str]) -> Path:
     """Return where a file is to be written: a free name, or a regular file that may be replaced; links are followed."""
-    instance("path", path, (str, os.PathLike), "the name of a file")
-    try:
-        place = Path(os.path.realpath(path))
-        found = place.stat()
-    except FileNotFoundError:
-        if not place.parent.is_dir():
-            raise InputError(f"{path}: there is no directory {place.parent}; make it first") from None
-        found = None
-    except (OSError, ValueError) as error:
-        raise _failed(path, "written", error, "; nothing was lost, choose another place") from None
-    kind = stat.S_IFREG if found is None else stat.S_IFMT(found.st_mode)
-    if kind == stat.S_IFDIR:
-        raise InputError(f"{path}: is a directory; give the name of a file")
-    if kind != stat.S_IFREG:
-        raise InputError(f"{path}: is {_KINDS[kind]}; only a file is replaced, choose another name")
+    found, place = _regular(path, "written", "file"), Path(os.path.realpath(path))
+    if not place.parent.is_dir():
+        raise InputError(f"{path}: there is no directory {place.parent}; make it first")
     # The system lets root write anywhere: what its owner may not write is meant to stay.
-    if found is not None and not (found.st_mode & stat.S_IWUSR and os.access(place, os.W_OK)):
-        raise InputError(f"{path}: is read-only; choose another name, or make it writable first")
-    if not os.access(place.parent, os.W_OK | os.X_OK):
-        raise InputError(f"{path}: cannot be written ({place.parent} is read-only); choose another place")
+    own = found is None or (found.st_mode & stat.S_IWUSR and os.access(place, os.W_OK))
+    if not (own and os.access(place.parent, os.W_OK | os.X_OK)):
+        closed = place.parent if own else place
+        raise InputError(f"{path}: {closed} is read-only; choose another place, or make it writable first")
     return place
 
 
@@ -91,5 +83,5 @@ def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
-        raise _failed(path, "written", error, "; nothing was lost, choose another place") from None
+        raise _failed(path, "written", error) from None
     return Path(path)

@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Collection, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from stickslip.errors import InputError, extreme, shown
 from stickslip.model.quantities import read_quantity, unit_size
@@ -33,8 +33,7 @@ class Key:
     si: str = ""  # SI unit of a quantity that no scale of the rig measures, in files of natural units, too
     sign: Sign = ""
     choices: Collection[str] = ()  # all that may be written, if that is known
-    words: Collection[str] = ()  # what may stand there in place of a number
-    also: Collection[str] = ()  # besides: "table", "list"
+    also: Collection[str] = ()  # what else may stand there: "table", "list", a word in place of a number
     default: Any = None
     required: bool = False
     measure: str = ""  # how to measure a property of the bench that has a default
@@ -47,7 +46,7 @@ class Key:
     def is_left(self, value: object) -> bool:
         """Whether a value is read elsewhere: a table, or a word in place of a number."""
         kind = "table" if isinstance(value, Mapping) else "list" if isinstance(value, list) else ""
-        return self.is_table or value in self.words or kind in self.also
+        return self.is_table or kind in self.also or value in self.also
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
         """Return the value: a quantity in SI units, or in natural ones if the file is in those.
@@ -109,16 +108,14 @@ def natural_unit_of(example: str) -> str:
     return next((unit for unit, size in sizes if size and measured and size[1] == measured[1]), "")
 
 
-class Either(NamedTuple):
-    """Keys of a table that exclude each other: one way is taken, with all of its keys."""
+class Either:
+    """Keys of a table that exclude each other: of one way, parted by blanks, all are given, and none of another.
 
-    ways: tuple[tuple[str, ...], ...]
-    needed: bool = False  # where none is given, the first way is asked for
+    Where no way is taken, and one is `needed`, the first is asked for.
+    """
 
-
-def either(*ways: str, needed: bool = False) -> Either:
-    """The rule that keys of one way, parted by blanks, exclude those of another."""
-    return Either(tuple(tuple(way.split()) for way in ways), needed)
+    def __init__(self, *ways: str, needed: bool = False) -> None:
+        self.ways, self.needed = [way.split() for way in ways], needed
 
 
 def listed(names: Any) -> str:

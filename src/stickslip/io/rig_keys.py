@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError
-from stickslip.io.keys import Either, Key, either, natural_unit_of
+from stickslip.io.keys import Either, Key, natural_unit_of
 from stickslip.model import Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -38,20 +38,20 @@ SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacem
 
 
 RULES: Mapping[str, tuple[Either, ...]] = {
-    "slider": (either("damping_ratio", "damping", needed=True),),
+    "slider": (Either("damping_ratio", "damping", needed=True),),
     **{
-        body: tuple(either(m, direct, needed=direct != "leaf") for direct, m in material.items())
+        body: tuple(Either(m, direct, needed=direct != "leaf") for direct, m in material.items())
         for body, material in MATERIAL.items()
     },
     "interface": (
-        either("contact_strength", "normal_load mu_s mu_k", needed=True),
-        either("thresholds", "mu_s mu_k", needed=True),
-        either("delay", "v_half"),
-        either("newborn", "mu_s mu_k"),  # coefficients are read as of unstretched newborns, and of equal contacts
-        either("areas", "mu_s mu_k"),
-        either("areas", "v_half"),
+        Either("contact_strength", "normal_load mu_s mu_k", needed=True),
+        Either("thresholds", "mu_s mu_k", needed=True),
+        Either("delay", "v_half"),
+        Either("newborn", "mu_s mu_k"),  # coefficients are read as of unstretched newborns, and of equal contacts
+        Either("areas", "mu_s mu_k"),
+        Either("areas", "v_half"),
     ),
-    "drive": (either("velocity", "pieces", needed=True), either("distance", "duration", "pieces")),
+    "drive": (Either("velocity", "pieces", needed=True), Either("distance", "duration", "pieces")),
 }
 
 # ----------------------------------------------------------------------------------------------------- tables of a file

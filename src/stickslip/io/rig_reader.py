@@ -11,7 +11,7 @@ from typing import Any
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
-from stickslip.io.keys import Either, Key, either, toml
+from stickslip.io.keys import Either, Key, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
 from stickslip.io.tables import NotedError, Tables, at
 from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
@@ -64,10 +64,10 @@ class _Reader:
     def rig(self) -> Rig:
         """The rig that the file describes."""
         file = self.file
-        one_body = either("slider", *BODIES)
+        one_body = Either("slider", *BODIES)
         top = file.table(self.document, {**{name: Key({}) for name in BODIES}, **rig_keys.TOP}, rules=(one_body,))
-        tables = [self._table(name, top.get(name, {})) for name in (self.body, "interface", "drive", "simulation")]
-        slider, interface, drive, simulation = tables
+        names = (self.body, "interface", "drive", "simulation")
+        slider, interface, drive, simulation = (self._table(name, top.get(name, {})) for name in names)
         self._check_body(slider)
         # What cannot be read is noted, and the rest is looked through.
         self.length = interface.get("breaking_displacement", 1.0)
@@ -152,7 +152,7 @@ class _Reader:
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
         of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
-        rules = (Either((tuple(of_others), fields), needed=True),) if fields else ()
+        rules = (Either(" ".join(of_others), " ".join(fields), needed=True),) if fields else ()
         values = self.file.whole(written, keys_of(kind), place, rules)
         for name, value in values.items():
             values[name] = self._record(value, f"{place}.{name}") if isinstance(value, Mapping) else value

@@ -49,8 +49,8 @@ def at(place: str, names: Mapping[str, str] | None = None) -> Iterator[None]:
         raise error.at(f"{place}.{key}" if key else place) from None
 
 
-_MOST = 40
-"""Mistakes after which a file is read no further, and none is told at its key: a form has no more."""
+_MOST_WORDS = 40
+"""Unknown keys for which the nearest known one is looked for, which takes its time."""
 
 
 class Tables:
@@ -88,14 +88,12 @@ class Tables:
         self, content: object, keys: Mapping[str, Key], place: str = "", rules: Iterable[Either] = ()
     ) -> dict[str, Any]:
         """Values of a table, quantities in SI units or natural ones; tables in it as they stand."""
-        if len(self.mistakes) > _MOST:
-            raise NotedError("")
         if not isinstance(content, Mapping):
             self.note(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
             return {}
         path = f"{place}." if place else ""
         for i, name in enumerate(str(name) for name in content if name not in keys):
-            word = f"; {unknown(name, keys)}" if i < _MOST else ""  # a word takes its time
+            word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
             self.wrong(path + name[:60], f"unknown key{word}")
         found: dict[str, Any] = {}
         of_rules = {name for rule in rules for way in rule.ways for name in way}
@@ -150,8 +148,7 @@ class Tables:
             examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
             lines.append(f"missing, here with example values: {examples}")
         key = self.mistakes[0].place if len(self.mistakes) == 1 else ""
-        each = tuple(self.mistakes) if len(self.mistakes) <= _MOST else ()
-        return InputError(f"{place}: {together(lines)}", key, each)
+        return InputError(f"{place}: {together(lines)}", key, tuple(self.mistakes))
 
 
 def unknown(name: str, known: Iterable[str]) -> str:

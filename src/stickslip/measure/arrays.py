@@ -8,11 +8,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array as Array
 from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
 from stickslip.io.datasets import read_provenance
 from stickslip.words import engineering
-
-Array = NDArray[np.float64]
 
 FEWEST_READINGS = 16
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from stickslip.errors import InputError, instance
@@ -222,17 +223,14 @@ def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Ar
 
     Returned with the edges of the times and of the places: block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
     """
-    values, largest = np.asarray(field.values, dtype=float), field.name == "velocity"
-    values = np.abs(values) if largest else values
-    edges = [
-        np.unique(np.linspace(0, size, min(pieces, size) + 1).astype(int))
-        for size, pieces in zip(values.shape, most, strict=True)
-    ]
-    for axis, starts in enumerate(edges):
-        if largest:
-            values = np.maximum.reduceat(values, starts[:-1], axis=axis)
+    values, edges = np.asarray(field.values, dtype=float), list[NDArray[np.intp]]()
+    for axis, pieces in enumerate(most):
+        edges.append(np.unique(np.linspace(0, values.shape[axis], pieces + 1).astype(int)))
+        if field.name == "velocity":
+            values = np.maximum.reduceat(np.abs(values), edges[axis][:-1], axis=axis)
         else:
-            values = np.add.reduceat(values, starts[:-1], axis=axis) / np.expand_dims(np.diff(starts), 1 - axis)
+            count = np.expand_dims(np.diff(edges[axis]), 1 - axis)
+            values = np.add.reduceat(values, edges[axis][:-1], axis=axis) / count
     time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
     return values, np.append(time, time[-1])[edges[0]], np.append(block, block[-1] + 1)[edges[1]] - 0.5
 
@@ -246,8 +244,7 @@ def in_words(run: xr.Dataset) -> list[str]:
     rig, unit, last, said = rig_of(run), str(run["time"].attrs.get("units", "")), run.sizes["block"] - 1, []
     body = rig.natural.slider
     for row in rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []:
-        natural = row["front_speed"] / rig.unit("1/time")
-        if np.isfinite(natural):
+        if np.isfinite(natural := row["front_speed"] / rig.unit("1/time")):
             stop = "arrested there" if 0 < row["last_block"] < last else "the end"
             speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
             if body.spacing is not None:
@@ -276,22 +273,19 @@ def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
     return chosen
 
 
-def is_of_a_chain(run: xr.Dataset) -> bool:
-    """Whether a Dataset is a run of a chain, or of one row of a sheet."""
-    across = run.coords.get("across")
-    return (
-        {"broken", "velocity"} <= set(run) and "block" in run.dims and (across is None or across.max() == across.min())
-    )
+def is_of_a_chain(run: xr.Dataset, name: str = "velocity") -> bool:
+    """Whether a Dataset has a variable of each block of a chain, or of one row of a sheet, at two times or more."""
+    across = run.coords.get("across", np.zeros(1))
+    along = name in run and set(run[name].dims) == {"time", "block"}
+    return along and run.sizes["time"] > 1 and bool(across.min() == across.max())
 
 
 def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
     """Take a variable of each block along time, or complain; the message begins with `who`."""
-    if name not in run or set(run[name].dims) != {"time", "block"}:
-        raise InputError(f"{who}: this Dataset has no {name} of each block; give a run of a Chain")
-    if run.sizes["time"] < 2:
-        raise InputError(f"{who}: the run holds fewer than two samples; select a longer time")
-    across = run.coords.get("across")
-    if across is not None and np.unique(across).size > 1:
-        raise InputError(f"{who}: a Sheet has many rows; select one: run.isel(block=run.across == 0)")
+    if not is_of_a_chain(run, name):
+        raise InputError(
+            f"{who}: this Dataset has no {name} of each block at two times or more; give a run of a Chain, or one row "
+            "of that of a Sheet: run.isel(block=run.across == 0)"
+        )
     check_numbers(who, run[name])
     return run[name].transpose("time", "block")

@@ -72,48 +72,43 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         there are too few samples in a window.
     """
     trace = Trace.of(run)
-    if trace.drive is None:
-        raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
-    if np.any(trace.drive < 0):
-        raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
+    if trace.drive is None or np.any(trace.drive < 0):
+        raise InputError("transitions: needs a run with a drive_velocity, in which the drive never turns back")
     rig = None  # not every run says what it was made of
     with suppress(InputError):
         rig = rig_of(run)
-    if rig is None and unit_named(force_unit := str(run["spring_force"].attrs.get("units", ""))):
-        raise InputError(f"transitions: spring_force is in {force_unit}: the run does not say what f_s and x_s are")
+    if rig is None and unit_named(trace.force_unit):
+        raise InputError(
+            f"transitions: spring_force is in {trace.force_unit}: the run does not say what f_s and x_s are"
+        )
     usual = _LEVEL * (rig.unit("f_s") if rig else 1.0)
     level = usual if level is None else number("level", level, above=0, hint="in the unit of spring_force")
+    top = _turning_time(trace.t, trace.drive)
     seen = _oscillation(run, trace, rig, level)
     height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", "begin", "middle", "end"))
-    top = _turning_time(trace.t, trace.drive)
     on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
     starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
     # What the start leaves behind only decays, and within some tens of windows.
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
     transient = middle[min([*grown[:1], _LONGEST_TRANSIENT * _PARTS, middle.size - 1])]
-    counted = (stops > min([*starts[:1], transient])) | (trace.t[0] >= top)
+    stops = stops[(stops > min([*starts[:1], transient])) | (trace.t[0] >= top)]
     notes = ["the force oscillates above the level from the start"] if on[0] else []
-    velocities = {}
     for (way, _, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
-        here = starts[(starts > first) & (starts <= last)]
-        there = stops[(stops > first) & (stops <= last) & counted]
+        here, there = (times[(times > first) & (times <= last)] for times in (starts, stops))
+        unseen = []
         for name, what, at in ((onset, "sets in", here[:1]), (ending, "ends", there[-1:])):
-            value = trace.sign * float(np.interp(at[0], trace.t, trace.drive)) if at.size else np.nan
-            velocities[name] = (f"stick-slip {what} on the way {way}", value)
-        missing = [name.replace("_down", "'") for name in (onset, ending) if np.isnan(velocities[name][1])]
-        inside = on[(middle > first) & (middle <= last)]
-        if missing:
-            seen_in = f"{np.count_nonzero(inside)} of {inside.size} windows on the way {way}"
-            notes.append(f"{' and '.join(missing)} not seen: stick-slip in {seen_in}")
+            velocity = trace.sign * np.interp(at, trace.t, trace.drive).sum() if at.size else np.nan
+            unit = seen["drive_velocity"].attrs["units"]
+            seen[name] = labelled(f"stick-slip {what} on the way {way}", (), velocity, unit)
+            unseen += [] if at.size else [name.replace("_down", "'")]
+        if unseen:
+            inside = on[(middle > first) & (middle <= last)]
+            count = f"{np.count_nonzero(inside)} of {inside.size} windows"
+            notes.append(f"{' and '.join(unseen)} not seen: stick-slip in {count} on the way {way}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
-    unit = seen["drive_velocity"].attrs["units"]
-    return (
-        seen.assign({name: labelled(text, (), value, unit) for name, (text, value) in velocities.items()})
-        .merge(_both_ways(seen, top), combine_attrs="override")
-        .assign_attrs(level=level, notes="; ".join(notes))
-    )
+    return seen.assign(_both_ways(seen, top)).assign_attrs(level=level, notes="; ".join(notes))
 
 
 def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float) -> xr.Dataset:
@@ -142,37 +137,33 @@ def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float) -
     )
     begin = begin[: high.size]
     place, times = ([np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)] for of in (travel, trace.t))
-    velocity = trace.sign * np.interp(times[1], trace.t, trace.drive)
     units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
     columns = {
         "peak_to_peak": ("peak to peak of the spring force", high - low, "spring_force"),
-        "drive_velocity": ("velocity of the drive", velocity, "drive_velocity"),
+        "drive_velocity": ("velocity of the drive", trace.sign * np.interp(times[1], trace.t, trace.drive), None),
         "begin": ("time at which the window begins", times[0], "time"),
         "middle": ("time at the middle of the window", times[1], "time"),
         "end": ("time at which the window ends", times[2], "time"),
+        "travel": ("travel of the drive", place[1], "displacement"),
     }
-    return xr.Dataset(
-        {name: labelled(text, "travel", values, units[of]) for name, (text, values, of) in columns.items()},
-        {"travel": labelled("travel of the drive", "travel", place[1], units.get("displacement", ""))},
-        {"window": float(np.max(place[2] - place[0]))},
-    )
+    found = {
+        name: labelled(text, "travel", values, units.get(of or name, ""))
+        for name, (text, values, of) in columns.items()
+    }
+    return xr.Dataset(found, attrs={"window": float(np.max(place[2] - place[0]))})
 
 
 def _turning_time(t: Array, drive: Array) -> float:
     """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
-    if np.ptp(drive) <= CONSTANT_DRIVE * float(drive.max()):
+    top = float(drive.max())
+    loops = len(turning_points(np.pad(drive, 1), 1e-3 * top)[0])
+    if loops > 1 or np.ptp(drive) <= CONSTANT_DRIVE * top:
+        seen = f"speeds up and slows down {loops} times" if loops > 1 else "keeps its velocity"
         raise UndecidedError(
-            f"transitions: the drive keeps its velocity ({drive[-1]:.4g}); ramp it, or ask for the regime"
+            f"transitions: the drive {seen}; ramp it, or select one loop: run.sel(time=slice(from, to))"
         )
-    margin = 1e-3 * float(drive.max())
-    peaks, _ = turning_points(np.pad(drive, 1), margin)
-    if len(peaks) > 1:
-        raise UndecidedError(
-            f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
-            "run.sel(time=slice(from, to))"
-        )
-    fastest = np.flatnonzero(drive >= drive.max() - margin)
-    return float(t[fastest[0]] if fastest[0] == 0 else t[fastest[-1]])
+    fastest = t[drive >= (1.0 - 1e-3) * top]
+    return float(fastest[0] if fastest[0] == t[0] else fastest[-1])
 
 
 def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:

@@ -5,9 +5,10 @@ import re
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from stickslip.errors import InputError, shortened, shown
@@ -138,50 +139,40 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
 
 def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
-    force, times = values["force"], values["time"]
-    rows = np.flatnonzero(np.isfinite(times) & np.isfinite(force))
-    spiky = spikes(force)
-    kept = np.flatnonzero(np.isfinite(times[rows[0] : rows[-1] + 1])) + rows[0]
-    missing = ~np.isfinite(force) | spiky
-    force[spiky] = np.nan
-    t = times[kept]
-
-    def along_time(name: str, text: str, sign: float = 1.0) -> Any:
-        part = values[name][kept]
-        known = np.isfinite(part)
-        return labelled(
-            text, "time", sign * (part if known.all() else np.interp(t, t[known], part[known])), units[name]
-        )
-
+    rows = pd.DataFrame(values)
+    known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
+    spiky = spikes(values["force"])
+    rows.loc[spiky, "force"] = np.nan
     if spiky.any():
         notes.append(f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
+    rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
+    missing = rows["force"].isna()
+    rows = rows.interpolate("index", limit_direction="both")
+    rows["force"] *= -1.0 if flip else 1.0
     for name, usual in (("force", "N"), ("time", "s")):
         if not units[name]:
             units[name] = usual
             notes.append(f"the file names no unit of the {name}: {usual} assumed")
     coefficient = units["force"] == "1"
-    what = "coefficient of friction" if coefficient else "force"
-    found = {
-        "spring_force": along_time("force", what, -1.0 if flip else 1.0),
-        "filled": labelled("row was unreadable, or a spike; force interpolated", "time", missing[kept], "1"),
+    texts = {
+        "force": ("spring_force", "coefficient of friction" if coefficient else "force"),
+        "displacement": ("measured_displacement", "displacement, as measured"),
+        "load": ("load", "normal load"),
+        "mu": ("mu", "coefficient of friction"),
+        "filled": ("filled", "row was unreadable, or a spike; force interpolated"),
     }
-    if "displacement" in values:
-        found["measured_displacement"] = along_time("displacement", "displacement, as measured")
-    if "load" in values:
-        units["load"] = units["load"] or units["force"]
-        found["load"] = along_time("load", "normal load")
-        pull, load = found["spring_force"][1], found["load"][1]
+    units["load"] = units["load"] or units["force"]
+    if "load" in rows and not coefficient:
         size = 1.0 if units["force"] == units["load"] else ratio(units["force"], units["load"])
-        if size and not coefficient:
-            mu = np.divide(size * pull, load, out=np.full(t.size, np.nan), where=load != 0)
-            found["mu"] = labelled("coefficient of friction", "time", mu, "1")
-        elif not coefficient:
+        if size:
+            rows["mu"] = size * rows["force"] / rows["load"].replace(0.0, np.nan)
+        else:
             notes.append(f"no coefficient of friction: the force is in {units['force']}, the load in {units['load']}")
-    return xr.Dataset(
-        found,
-        coords={"time": along_time("time", "time")},
-        attrs={"rows": force.size, "flipped": int(flip), "note": "; ".join(notes)},
-    )
+    rows["filled"] = missing
+    found = {texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1")) for key in rows}
+    time = labelled("time", "time", rows.index, units["time"])
+    attrs = {"rows": values["force"].size, "flipped": int(flip), "note": "; ".join(notes)}
+    return xr.Dataset(found, {"time": time}, attrs)
 
 
 def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | None) -> dict[str, int]:

@@ -65,13 +65,13 @@ class Table(NamedTuple):
 
 def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = None) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
-    for start, (kind, package, reader) in _NO_TEXT.items():
+    for start, reader in _NO_TEXT.items():
         if raw.startswith(start):
             try:
                 return reader(raw)
             except Exception as error:  # they let errors of zip, XML, struct and their own through
-                remedy = f"`pip install {package}` to read it, or export it as text"
-                raise InputError(f"is no {kind} that can be read ({error}); {remedy}") from None
+                remedy = "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, or export it as text"
+                raise InputError(f"cannot be read ({error}); {remedy}") from None
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
@@ -79,24 +79,22 @@ def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = N
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
-    """Number and unit of a cell; no number, and no unit, where it holds none that is finite."""
+    """Number and unit of a cell; no number, and no unit, where it holds none that is finite, or words behind it."""
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
     match = _NUMBER.fullmatch(cell.translate(_COMMAS) if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
-    value = float(match[1].translate(_FORTRAN)) if match else math.nan
-    return (value, (match[2] or "").strip()) if match and math.isfinite(value) else (None, "")
+    value, unit = (float(match[1].translate(_FORTRAN)), (match[2] or "").strip()) if match else (math.inf, "")
+    known = not unit or any(unit_named(word) or unit_size(word) for word in unit.split())
+    return (value, unit) if known and math.isfinite(value) else (None, "")
 
 
-def _is_number(cell: str, comma: bool = False) -> bool | None:
-    """Whether a cell holds a number, alone or before a unit; None where it says that it has none."""
-    if cell.strip().lower() in _NO_VALUE:
-        return None
-    value, unit = read_cell(cell, comma)
-    return value is not None and (not unit or any(unit_named(word) or unit_size(word) for word in unit.split()))
+def _numbers_among(cells: Iterable[str], comma: bool = False) -> list[bool]:
+    """Which cells hold numbers, of those that do not say that they have none."""
+    return [read_cell(cell, comma)[0] is not None for cell in cells if cell.strip().lower() not in _NO_VALUE]
 
 
-def _share(cells: Iterable[str], comma: bool = False) -> float:
-    """Which part of cells hold numbers, of those that do not say that they have none."""
-    told = [is_number for cell in cells if (is_number := _is_number(cell, comma)) is not None]
+def _share(cells: Iterable[str], comma: bool) -> float:
+    """Which part of them that is."""
+    told = _numbers_among(cells, comma)
     return sum(told) / max(len(told), 1)
 
 
@@ -113,21 +111,6 @@ def _holds(line: str) -> bool:
     return bool(text) and not text.startswith(_COMMENTS)
 
 
-class _Lines:
-    """The lines of a text, counted from 0, which are never all held as Python's strings."""
-
-    def __init__(self, raw: bytes) -> None:
-        self.raw = raw if raw.endswith(b"\n") or not raw else raw + b"\n"
-        self.begins = np.append(0, np.flatnonzero(np.frombuffer(self.raw, dtype=np.uint8) == 10) + 1)
-
-    def __len__(self) -> int:
-        return self.begins.size - 1
-
-    def __getitem__(self, i: int) -> str:
-        line = slice(int(self.begins[i]), min(int(self.begins[i + 1]) - 1, int(self.begins[i]) + _LONGEST_LINE))
-        return self.raw[line].decode(errors="replace")
-
-
 # ------------------------------------------------------------------------------------------------------------- text
 
 
@@ -137,11 +120,10 @@ def _as_utf8(raw: bytes) -> bytes:
         raw = raw.decode("utf-16", errors="replace").encode()
     raw = raw.removeprefix(b"\xef\xbb\xbf").rstrip(b"\x1a")  # the end of a file of DOS
     try:
-        raw.isascii() or raw.decode()
+        raw.decode()
     except UnicodeDecodeError:
         raw = raw.decode("latin-1").encode()  # units such as µ, written by older instruments
-    if b"\r" in raw:
-        raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n").removesuffix(b"\n") + b"\n"
     if len(raw.translate(None, _CONTROLS)) < len(raw):
         raise InputError(
             "is a binary file, as NetCDF, HDF5 and .xls are: open a run with load(), save a table as text or .xlsx"
@@ -151,13 +133,19 @@ def _as_utf8(raw: bytes) -> bytes:
 
 def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     """Find the rows of numbers in a text, and their headings."""
-    lines = _Lines(raw)
-    head = [(i, line) for i in range(min(len(lines), _HEAD)) if (line := lines[i]).strip()]
+    octets = np.frombuffer(raw, dtype=np.uint8)
+    begins = np.append(0, np.flatnonzero(octets == ord("\n")) + 1)
+    count = begins.size - 1
+
+    def line_of(i: int) -> str:
+        return raw[begins[i] : min(begins[i + 1] - 1, begins[i] + _LONGEST_LINE)].decode(errors="replace")
+
+    head = [(i, line) for i in range(min(count, _HEAD)) if (line := line_of(i)).strip()]
     ends = [k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")]
     labview, head = (head[: ends[-1]], head[ends[-1] + 1 :]) if ends else ([], head)
-    begin = (2 * head[0][0] + len(lines)) // 3 if head else 0  # text may stand above
-    places = np.linspace(begin, len(lines), _SAMPLE if head else 0, endpoint=False)
-    sample = [line for i in np.unique(places.astype(int)).tolist() if _holds(line := lines[i])]
+    begin = (2 * head[0][0] + count) // 3 if head else 0  # text may stand above
+    places = np.linspace(begin, count, _SAMPLE if head else 0, endpoint=False)
+    sample = [line for i in np.unique(places.astype(int)).tolist() if _holds(line := line_of(i))]
     if not sample:
         raise InputError("is empty, or holds blanks and comments only; it should hold a column of forces")
     mark, comma = _layout(sample, delimiter, decimal)
@@ -176,7 +164,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
             f"{head[-1][0] + 1}; it should hold a column of forces, without more text above it"
         )
     above = (_as_wide(line.lstrip().lstrip("#%/! "), mark, width) for i, line in head if i < start)
-    named = [row for row in above if False in map(_is_number, row)]
+    named = [row for row in above if not all(_numbers_among(row))]
     if mark == "," and not (comma or named or delimiter or decimal or "." in "".join(sample)):
         raise InputError(
             f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns, or fewer with decimal "
@@ -192,21 +180,17 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         headings[i] = headings[i]._replace(unit=unit or headings[i].unit)
 
     def read(asked: Iterable[int]) -> Columns:
-        cells = _cells(lines, start, {*asked, width}, mark, comma, quoted='"' in "".join(sample))
-        surplus = [
-            text for text in cells[width].cat.categories if unit_named(str(text)) or _is_number(str(text), comma)
-        ]
-        values = {i: _numbers(cells.pop(i), units[i], comma) for i in dict.fromkeys(asked)}
-        for numbers in values.values():
-            numbers[cells[width].isin(surplus)] = math.nan
-        keep = np.logical_or.reduce([np.isfinite(numbers) for numbers in values.values()])
-        keep &= ~np.isin(np.frombuffer(lines.raw, dtype=np.uint8)[lines.begins[start:-1]], list(b"#%/!"))
-        keep[[row for row in np.flatnonzero(~keep).tolist() if _holds(lines[start + row])]] = True
-        if not keep.all():
-            values = {i: numbers[keep] for i, numbers in values.items()}
-        return values, np.flatnonzero(keep) + start + 1
+        columns, rows = [*dict.fromkeys(asked)], memoryview(raw)[begins[start] :]
+        cells = _cells(rows, count - start, [*columns, width], mark, comma, quoted='"' in "".join(sample))
+        told = {text: read_cell(str(text), comma)[0] is not None for text in cells[width].cat.categories}
+        surplus = cells[width].isin([text for text in told if told[text] or unit_named(str(text))])
+        values = {i: np.where(surplus, math.nan, _numbers(cells.pop(i), units[i], comma)) for i in columns}
+        keep = np.any([np.isfinite(numbers) for numbers in values.values()], axis=0)
+        keep &= ~np.isin(octets[begins[start:-1]], list(b"#%/!"))
+        keep[[row for row in np.flatnonzero(~keep).tolist() if _holds(line_of(start + row))]] = True
+        return {i: numbers[keep] for i, numbers in values.items()}, np.flatnonzero(keep) + start + 1
 
-    return Table(with_coefficients(headings), numeric, read, lambda number: lines[number - 1].strip(), step)
+    return Table(with_coefficients(headings), numeric, read, lambda number: line_of(number - 1).strip(), step)
 
 
 def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> tuple[str, bool]:
@@ -248,12 +232,12 @@ def _labview(head: list[str], headings: list[Heading], numeric: list[int], mark:
 # ---------------------------------------------------------------------------------------------------------- columns
 
 
-def _cells(lines: _Lines, start: int, columns: set[int], mark: str, comma: bool, *, quoted: bool) -> pd.DataFrame:
-    """The cells of columns from a line on, a row to a line; the last of them takes what is too much in a row."""
-    rows: Any = memoryview(lines.raw)[lines.begins[start] :]
+def _cells(rows: Any, count: int, columns: list[int], mark: str, comma: bool, *, quoted: bool) -> pd.DataFrame:
+    """The cells of columns, a row to each of so many lines; the last column takes what is too much in a row."""
     if mark == _BEFORE_NUMBERS:
         rows, mark = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows), "\t"
-    full, count = mark.join("0" * (max(columns) + 1)) + "\n", len(lines) - start  # a row that has them all
+    width = columns[-1]
+    full = mark.join("0" * (width + 1)) + "\n"  # a row that has them all
     with warnings.catch_warnings(), suppress(pd.errors.ParserError):
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are told of later
         cells = pd.read_csv(
@@ -261,9 +245,9 @@ def _cells(lines: _Lines, start: int, columns: set[int], mark: str, comma: bool,
             sep=r"\s+" if mark == _BLANKS else mark,
             decimal="," if comma else ".",
             header=None,
-            names=range(max(columns) + 1),
+            names=range(width + 1),
             usecols=sorted(columns),
-            dtype={max(columns): "category"},
+            dtype={width: "category"},
             skip_blank_lines=False,
             skipinitialspace=True,
             quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
@@ -271,10 +255,7 @@ def _cells(lines: _Lines, start: int, columns: set[int], mark: str, comma: bool,
         )[1:]
         if len(cells) == count:
             return cells
-    raise InputError(
-        f"{count} lines from line {start + 1} on are not as many rows of {max(columns)} columns: a quotation mark is "
-        "not closed, or a row is cut off"
-    )
+    raise InputError(f"{count} lines are not as many rows: a quotation mark is not closed, or a row is cut off")
 
 
 def _numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
@@ -283,9 +264,7 @@ def _numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
         known = {cell: read_cell(cell, comma) for cell in cells.unique() if isinstance(cell, str)}
         of_texts = {cell: value if unit in ("", usual) else math.nan for cell, (value, unit) in known.items()}
         cells = cells.map(lambda cell: of_texts.get(cell, cell))
-    numbers: Array = cells.to_numpy(dtype=float, copy=True)
-    numbers[np.isinf(numbers)] = math.nan
-    return numbers
+    return np.asarray(cells.astype(float).replace([np.inf, -np.inf], np.nan))
 
 
 # ------------------------------------------------------------------------------------------- files that are no text
@@ -307,22 +286,21 @@ def _of_tdms(raw: bytes) -> Table:
     channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
     channels = [one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)]
     length = mode(len(one) for one in channels)
-    found = [one for one in channels if len(one) == length]
-    units = [str(one.properties.get("unit_string") or one.properties.get("NI_UnitDescription", "")) for one in found]
-    told = [Heading.read(one.name) for one in found]
-    headings = [Heading(name, unit or own) for (name, own), unit in zip(told, units, strict=True)]
-    steps = {float(step) for one in found if (step := one.properties.get("wf_increment"))}
+    headings, columns, steps = [], list[Array](), set[float]()
+    for one in (one for one in channels if len(one) == length):
+        told, properties = Heading.read(one.name), one.properties
+        unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or told.unit)
+        headings.append(Heading(told.name, unit))
+        columns.append(np.array(one[:], dtype=float))
+        steps |= {float(properties.get("wf_increment") or 0.0)} - {0.0}
     return Table(
         headings=with_coefficients(headings),
-        numeric=list(range(len(found))),
-        read=lambda columns: ({i: np.array(found[i][:], dtype=float) for i in columns}, np.arange(1, length + 1)),
+        numeric=list(range(len(columns))),
+        read=lambda asked: ({i: columns[i] for i in asked}, np.arange(1, length + 1)),
         line="sample {}".format,
         step=steps.pop() if len(steps) == 1 else None,
     )
 
 
-_NO_TEXT: dict[bytes, tuple[str, str, Callable[[bytes], Table]]] = {
-    b"TDSm": ("TDMS file", "npTDMS", _of_tdms),
-    b"PK\x03\x04": ("spreadsheet", "openpyxl", _of_spreadsheet),
-}
-"""Files that are no text by how they begin: what they are, the package that reads them, and how."""
+_NO_TEXT: dict[bytes, Callable[[bytes], Table]] = {b"TDSm": _of_tdms, b"PK\x03\x04": _of_spreadsheet}
+"""Files that are no text, by how they begin, and how they are read."""

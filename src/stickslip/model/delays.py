@@ -6,16 +6,15 @@ from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
+from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, Record
 from stickslip.model.registry import registry
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Parts = tuple[tuple[Array, Array], list[tuple[float, Distribution]]]
 
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(96)

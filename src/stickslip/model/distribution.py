@@ -8,15 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
 from stickslip.model.quadrature import inverse_survival_of, partial_moment_of, transforms_of
 from stickslip.model.records import Record
 from stickslip.model.registry import registry
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 NEGLIGIBLE = 1e-16
 """Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""

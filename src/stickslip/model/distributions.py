@@ -12,9 +12,10 @@ from itertools import pairwise
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
+from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError, number, numbers, whole
 from stickslip.model.distribution import DISTRIBUTIONS as DISTRIBUTIONS
 from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
@@ -23,9 +24,6 @@ from stickslip.model.distribution import excess as excess
 from stickslip.model.distribution import register as register
 from stickslip.model.quadrature import transforms_on_a_path
 from stickslip.model.records import Number, Part
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 LARGEST_STRETCHING = 1e12
 """In ``x_s``: beyond any distribution of contacts."""

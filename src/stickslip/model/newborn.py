@@ -6,15 +6,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.model.distribution import Positive
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.interface import Interface
 from stickslip.model.quadrature import nodes_between
-
-Array = NDArray[np.float64]
 
 
 def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer: int = 1) -> tuple[Array, Array]:

@@ -7,16 +7,14 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import elementwise
 
+from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
 
 if TYPE_CHECKING:
     from stickslip.model.distribution import Distribution
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def hashable(record: object) -> Any:

@@ -8,12 +8,11 @@ import matplotlib.figure
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from stickslip import plot
+from stickslip.arrays import Array as Array
 from stickslip.plot.style import panel as panel
 
-Array = NDArray[np.float64]
 Picture = matplotlib.figure.Figure
 Progress = Callable[[float], None]
 

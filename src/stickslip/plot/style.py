@@ -17,14 +17,12 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, printable
 from stickslip.io import files
 from stickslip.measure.arrays import check_numbers
 from stickslip.words import prefixed
-
-Array = NDArray[np.float64]
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, YELLOW = "#0072B2", "#D55E00", "#CC79A7", "#F0E442"

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.kernels import lifetimes as kernel
 from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
 from stickslip.kernels.lifetimes import INTEGRAL, NODE, Lifetimes, relax, rule
@@ -19,8 +19,6 @@ from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Inter
 from stickslip.model.activation import Activation
 from stickslip.model.distribution import Distribution
 from stickslip.model.quadrature import hashable
-
-Array = NDArray[np.float64]
 
 
 def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:

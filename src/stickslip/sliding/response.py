@@ -9,15 +9,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array as Array
+from stickslip.arrays import ComplexArray as ComplexArray
 from stickslip.errors import InputError
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 SCAN_LIMIT = 1 << 21
 """Largest number of frequencies in a scan."""

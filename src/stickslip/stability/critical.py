@@ -11,9 +11,9 @@ from itertools import groupby, pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.answers import Answer
+from stickslip.arrays import Array
 from stickslip.errors import UndecidedError, instance, number
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
@@ -21,8 +21,6 @@ from stickslip.sliding import respond
 from stickslip.sliding.response import ComplexArray
 from stickslip.stability.impedances import impedance
 from stickslip.stability.neutral import Neutral, neutral_frequencies
-
-Array = NDArray[np.float64]
 
 _DEPTH = 6
 """How often points about a hidden pair of crossings are set eight times as close."""

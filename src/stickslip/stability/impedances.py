@@ -6,18 +6,15 @@ contact.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
 from stickslip.model import ElasticBody, Slider
 from stickslip.model.records import Number, Record
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 
 @runtime_checkable

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, UndecidedError, instance, numbers, sequence, shown
 from stickslip.io import datasets as store
 from stickslip.model.parameters import PARAMETERS, STIFFNESS, VELOCITY, Parameter, parameter_named
@@ -19,7 +20,6 @@ from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import rightmost_root
 from stickslip.stability.neutral import Neutral
 
-Array = NDArray[np.float64]
 Window = tuple[Ends, Ends]
 
 LINES = 65

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, UndecidedError, shown
 from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
@@ -23,8 +24,6 @@ from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
 from stickslip.simulation.work import Course, Part, oscillation, sampling
-
-Array = NDArray[np.float64]
 
 COLUMNS = (
     "displacement",
