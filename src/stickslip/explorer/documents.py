@@ -52,9 +52,6 @@ _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 """Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""
 
 
-# ------------------------------------------------------------------------------------------------------------------- in
-
-
 def from_json(content: str | bytes) -> object:
     """Read what a page sends: JSON of bounded size with finite numbers and texts that can be written."""
     if len(content) > LARGEST_REQUEST:
@@ -198,9 +195,6 @@ def complaints(error: Exception) -> list[dict[str, str]]:
     ]
 
 
-# -------------------------------------------------------------------------------------------------------------- changed
-
-
 def turned(document: Document, values: Mapping[str, Any]) -> Document:
     """Return a document with some parameters varied, in the basic units of its own system (N/m, m/s, kg; natural)."""
     rig = rig_of(document)
@@ -252,9 +246,6 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
     if (heat := document["interface"].get("temperature")) and document.get("units") == made.get("units"):
         made["interface"]["temperature"] = heat  # a rig keeps no kelvins
     return made
-
-
-# -------------------------------------------------------------------------------------------------------------- presets
 
 
 @lru_cache(maxsize=1)

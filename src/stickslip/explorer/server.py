@@ -200,9 +200,6 @@ class _Guard:
         return f"/{rest}" if matches and slash else None
 
 
-# ------------------------------------------------------------------------------------------------------------- sessions
-
-
 class _Lane:
     """Questions of one kind from one window: the newest wins."""
 

@@ -40,9 +40,6 @@ _TIMED = 20  # draws, to say how long a table takes
 _DAMPING = 0.15
 
 
-# ------------------------------------------------------------------------------------------------------------ the trace
-
-
 def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Analyse a measured trace, as it was sent."""
     watch(0.0)
@@ -83,9 +80,6 @@ def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
     run = fitting.synthetic_trace()
     rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)]
     yield {"text": "\n".join(["time [s],force [N]", *rows, ""])}
-
-
-# ---------------------------------------------------------------------------------------------- a rig of a few readings
 
 
 def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -198,9 +192,6 @@ def line(x: Array, y: Array) -> Plain:
     """A line, thinned out to a screen's width."""
     x, y = envelope(x, y, 2_400)
     return {"x": packed(x), "y": packed(y)}
-
-
-# ------------------------------------------------------------------------------------------------------------ intervals
 
 
 @lru_cache(maxsize=1)

@@ -146,9 +146,6 @@ def start() -> None:
         ensure_running()
 
 
-# -------------------------------------------------------------------------------------------------------- in the worker
-
-
 class _StoppedError(Exception):
     """Nobody waits for this work any more."""
 

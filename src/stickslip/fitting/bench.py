@@ -144,9 +144,6 @@ def refusal(name: str, known: Known) -> InputError:
     )
 
 
-# ------------------------------------------------------------------------------ friction at several speeds, after holds
-
-
 class Told(NamedTuple):
     """What readings besides the trace tell: a number with its error, in words, and draws of what follows of it."""
 

@@ -227,9 +227,6 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
     return f"{value:.{digits}g} {'' if unit == '1' else unit}".rstrip()
 
 
-# ------------------------------------------------------------------------------------------------ what is refused a fit
-
-
 def check(events: Events) -> tuple[str, ...]:
     """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
     for fault in _faults(events):

@@ -20,13 +20,12 @@ from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, sampled, simulate
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
 from stickslip.fitting.tables import DRAWS, SLIPS, Observation, table
 from stickslip.measure.arrays import Array
+from stickslip.model.rig import Rig
 from stickslip.progress import reporting
 from stickslip.words import engineering
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from stickslip.model.rig import Rig
 
 POSTERIOR = 300
 MOST_SLIPS = int(SLIPS / 1.25)

@@ -186,9 +186,6 @@ def _written(path: str, value: float, digits: int) -> Any:
     return engineering(value, unit, digits) if unit else float(f"{value:.{digits}g}")
 
 
-# ----------------------------------------------------------------------------------------------- of a few readings
-
-
 def quick_fit(
     *,
     static_friction: object,
@@ -293,9 +290,6 @@ def quick_fit(
         "drive.velocity": v,
     }
     return _at(document, values, "quick fit")
-
-
-# -------------------------------------------------------------------------------------- a verdict with its uncertainty
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

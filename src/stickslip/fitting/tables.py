@@ -142,9 +142,6 @@ def _read(path: Path, prior: Prior, slips: int) -> Table | None:
     return block if block.peaks.shape == (_BLOCK, slips) else None
 
 
-# -------------------------------------------------------------------------------------------------- as a bench sees it
-
-
 class Observation(NamedTuple):
     """How many slips of a trace were seen, and how it was sampled and picked, in units of its mean peak."""
 

@@ -25,8 +25,6 @@ from stickslip.model.methods import METHODS
 from stickslip.model.records import Number, choices_of, declared
 from stickslip.model.units import si_unit
 
-# ----------------------------------------------------------------------------------------- keys that exclude each other
-
 MATERIAL: Mapping[str, Mapping[str, str]] = {
     "chain": {"coupling": "youngs_modulus", "leaf": "shear_modulus", "mass": "density"},
     "sheet": {"coupling": "youngs_modulus", "shear": "shear_modulus", "mass": "density"},
@@ -54,7 +52,6 @@ RULES: Mapping[str, tuple[Either, ...]] = {
     "drive": (Either("velocity", "pieces", needed=True), Either("distance", "duration", "pieces")),
 }
 
-# ----------------------------------------------------------------------------------------------------- tables of a file
 
 _EXAMPLES = tomllib.loads(Path(__file__).with_name("every_key.toml").read_text("utf-8"))
 _WITHIN: Mapping[str, Mapping[str, Any]] = _EXAMPLES.pop("within")
@@ -120,8 +117,6 @@ def tables() -> dict[str, Mapping[str, Key]]:
     """The tables of a file by their names, with bodies of the user's own."""
     return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
-
-# ---------------------------------- records that a table names: distributions, delays, ageing, temperature; and methods
 
 KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
     **dict.fromkeys(("thresholds", "initial", "newborn"), ("distribution", DISTRIBUTIONS)),

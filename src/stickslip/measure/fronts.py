@@ -215,9 +215,6 @@ def _half_times(time: Array, X: Array) -> Array:
     return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
 
 
-# ------------------------------------------------------------------------------------- on a screen, and in words
-
-
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
     """Means of a variable of each block over at most so many times and places; of a velocity, its largest size.
 

@@ -1,9 +1,6 @@
 """Where stick-slip starts and ends while the velocity of the drive changes."""
 
-from __future__ import annotations
-
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,11 +13,9 @@ from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace
 from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.model import Slider
+from stickslip.model.rig import Rig
 from stickslip.simulation import labelled, rig_of
 from stickslip.words import engineering
-
-if TYPE_CHECKING:
-    from stickslip.model.rig import Rig
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles

@@ -75,9 +75,6 @@ def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = N
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
-# -------------------------------------------------------------------------------------------------- cells and lines
-
-
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     """Number and unit of a cell; no number, and no unit, where it holds none that is finite, or words behind it."""
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
@@ -109,9 +106,6 @@ def _holds(line: str) -> bool:
     """Whether a line is neither blank nor a comment."""
     text = line.lstrip()
     return bool(text) and not text.startswith(_COMMENTS)
-
-
-# ------------------------------------------------------------------------------------------------------------- text
 
 
 def _as_utf8(raw: bytes) -> bytes:
@@ -205,9 +199,6 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> tu
     return max(ways, key=lambda way: _share((c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]))
 
 
-# --------------------------------------------------------------------------------------------------------- headings
-
-
 def _as_wide(line: str, mark: str, width: int) -> list[str]:
     """The cells of a line above the table, one to a column; none if they are too few."""
     if mark not in (_BLANKS, _BEFORE_NUMBERS):
@@ -227,9 +218,6 @@ def _labview(head: list[str], headings: list[Heading], numeric: list[int], mark:
     for i, unit in zip(forces, told.get("Y_Unit_Label", []), strict=False):
         headings[i] = Heading(headings[i].name, headings[i].unit or unit.strip())
     return read_cell("".join(told.get("Delta_X", [])[:1]), comma)[0] or None
-
-
-# ---------------------------------------------------------------------------------------------------------- columns
 
 
 def _cells(rows: Any, count: int, columns: list[int], mark: str, comma: bool, *, quoted: bool) -> pd.DataFrame:
@@ -265,9 +253,6 @@ def _numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
         of_texts = {cell: value if unit in ("", usual) else math.nan for cell, (value, unit) in known.items()}
         cells = cells.map(lambda cell: of_texts.get(cell, cell))
     return np.asarray(cells.astype(float).replace([np.inf, -np.inf], np.nan))
-
-
-# ------------------------------------------------------------------------------------------- files that are no text
 
 
 def _of_spreadsheet(raw: bytes) -> Table:

@@ -35,9 +35,6 @@ def nodes_between(left: Array, right: Array) -> tuple[Array, Array]:
     return left[:, None] + half * (1 + _NODE), half * _WEIGHT
 
 
-# ---------------------------------------------------------------- a density and nothing else
-
-
 class Table(NamedTuple):
     """A density on panels on each of which Gauss-Legendre quadrature is exact to rounding."""
 
@@ -186,9 +183,6 @@ def _fine_nodes(distribution: Distribution, power: float, least: float) -> tuple
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     x, weight = nodes_between(np.repeat(left, count) + number * step, np.repeat(left, count) + (number + 1) * step)
     return x.ravel(), (weight * _density(distribution, x) / table.total).ravel()
-
-
-# ---------------------------------------------------------------- transforms of densities in closed form
 
 
 def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

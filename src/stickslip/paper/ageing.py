@@ -16,8 +16,6 @@ from stickslip.paper.figure import Claim, Figure, at_most, between, near, weighe
 from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, portions, shade, table
 from stickslip.paper.ramps import LEVEL, V1_SCALED, V2_SCALED, ramped
 
-# ---------------------------------------------------------------- figure 8
-
 # Relaxed contacts have short stretchings, and thresholds of the stationary distribution.
 _STARTS: dict[str, Start] = {"relaxed": ss.FromRest(), "smooth": ss.FromSliding()}
 _METHODS: dict[str, Method] = {"contacts": ss.Contacts(FIG8.contacts, seed=8), "kinetic equation": ss.MasterEquation()}
@@ -158,8 +156,6 @@ def _drawing_8(picture: Picture, data: xr.Dataset) -> None:
     title = "(d) oscillation of the force"
     panel(ax, title, data["rate"], data["amplitude"], "upper right", xlim=(0.5, None), ylim=(0.0, 1.6))
 
-
-# ---------------------------------------------------------------- figure 11
 
 _CONVERGED = {0.1: 3.309, 0.3: 2.260, 0.5: 0.9205, 0.8: 0.1122}
 """Velocities, and the slopes there, converged in the grid of gaps, of ages and of the way."""

@@ -18,8 +18,6 @@ from stickslip.paper.cases import FIG4, FIG6, PERIOD, slider
 from stickslip.paper.figure import Claim, Figure, Measured, at_least, at_most, between, near, weighed
 from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, portions, power, second_axis, table
 
-# ---------------------------------------------------------------- figure 4
-
 STIFFNESSES = (5.0, 2.0)
 _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
 _DELAYS = (0.0, 0.085, 0.09, 0.1, 0.105, 0.2, 0.3)
@@ -180,8 +178,6 @@ def _drawing_4(picture: Picture, data: xr.Dataset) -> None:
         ax.label_outer()
     lower.supylabel(plot.label(data["spring_force"]), fontsize=9)
 
-
-# ---------------------------------------------------------------- figure 6
 
 _MASS = FIG6.slider.mass
 _FITTED = 1e-3 * (1 + 1e-9)  # largest M v^2 in the fit, and what rounding adds

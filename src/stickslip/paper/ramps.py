@@ -91,8 +91,6 @@ def draw_around(ax: Axes, run: xr.Dataset, name: str, before: float, after: floa
     ax.margins(x=0)
 
 
-# ---------------------------------------------------------------- figure 7
-
 _SLOW, _FAST = 0.1, 3.0  # of the ramp of (a)
 _TOP = 8.0  # of (b): far enough for stick-slip to end
 _EACH_WAY = 400.0
@@ -255,8 +253,6 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
 
 
-# ---------------------------------------------------------------- figure 9
-
 _LEVEL = 0.4
 """Peak to peak of the spring force that counts as stick-slip, in f_s."""
 _ENDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down": (0.03, 0.09)}
@@ -311,9 +307,6 @@ def _drawing_9(picture: Picture, data: xr.Dataset) -> None:
     draw_oscillation(oscillation, data, "(d) hysteresis")
     oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
     oscillation.legend()
-
-
-# ---------------------------------------------------------------- figure 10
 
 
 def _data_10(progress: Progress, quick: bool) -> xr.Dataset:

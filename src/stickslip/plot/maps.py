@@ -44,9 +44,6 @@ EDGE: Any = {"edgecolor": style.GREY, "linewidth": 0.5}
 """The line about a patch in a legend."""
 
 
-# ---------------------------------------------------------------- sweeps
-
-
 @house_style()
 def sweep_picture(data: xr.Dataset) -> Figure:
     """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force along one; starts side by side.
@@ -176,9 +173,6 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     return legend_below(figure)
 
 
-# ---------------------------------------------------------------- the stability map
-
-
 @house_style()
 def chart(found: xr.Dataset) -> Figure:
     """Draw a stability map: growth rate as shading, the boundary with its frequency, and the rig's own point.
@@ -239,9 +233,6 @@ def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]
         if all(np.any(np.abs(places[i] - other) > (0.15, 0.06)) for other in written):
             written.append(places[i])
             yield i
-
-
-# ---------------------------------------------------------------- axes and legends
 
 
 def _cell_edges(axis: xr.DataArray) -> Array:

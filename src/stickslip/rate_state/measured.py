@@ -179,9 +179,6 @@ def _fitted(
     return record, fit.covariance * inflation**2
 
 
-# --------------------------------------------------------------------------------------------------- as rate and state
-
-
 def fit_rate_and_state(
     data: xr.Dataset | Step,
     *,
@@ -283,9 +280,6 @@ def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> S
     found, covariance = _fitted(StepFit, step, given, ranges, starts, trend=trend, tried=tried)
     apart = math.sqrt(max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0))
     return replace(found, a_minus_b=Estimate(found.a - found.b, apart))
-
-
-# --------------------------------------------------------------------------------------------------------- as contacts
 
 
 def fit_contacts(

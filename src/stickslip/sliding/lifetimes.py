@@ -89,9 +89,6 @@ def growth_of(ageing: AgeingModel | None) -> Growth:
     return FIXED
 
 
-# ---------------------------------------------------------------- panels
-
-
 def panel_edges(
     distribution: Distribution,
     start: float,
@@ -134,9 +131,6 @@ def _radau(edges: Array) -> tuple[Array, Array, Array]:
     width = np.diff(edges)
     inside = np.minimum(NODE, 1.0 - 1e-12)  # a density may jump at the end of a panel
     return width, (edges[:-1, None] + width[:, None] * inside).ravel(), (width[:, None] * INTEGRAL[-1]).ravel()
-
-
-# ---------------------------------------------------------------- all thresholds in one variable
 
 
 _FOLLOWED = 60.0

@@ -160,9 +160,6 @@ def response(interface: Interface) -> UnagedResponse:
     return UnagedResponse(distribution=thresholds, delay=delay, sliding_force=sliding_force)
 
 
-# ---------------------------------------------------------------- what a distribution contributes
-
-
 @lru_cache(maxsize=32)
 def axis_table(distribution: Distribution, step: float, count: int) -> tuple[Array, ComplexArray, ComplexArray]:
     """Wave numbers at `count` equal steps and below the first one, and `transforms` there on the imaginary axis."""

@@ -93,9 +93,6 @@ def _value(response: Response, body: Impedance, velocity: float, s: ComplexArray
         return np.asarray((body(s) * denominator + numerator) / s**response.origin)
 
 
-# ---------------------------------------------------------------- starts
-
-
 def _first_starts(response: Response, body: Impedance, velocity: float, neutral: Neutral | None = None) -> ComplexArray:
     """Modes of the rig alone, neutral ones, and where ``Z + kappa`` changes sign on the real axis."""
     own, (cycle, _, _, _, limit) = natural_frequencies(body), response.scales(velocity)
@@ -138,9 +135,6 @@ def _starts_from_line(response: Response, body: Impedance, velocity: float, line
     return np.asarray((line + 1j * omega + step)[dip])
 
 
-# ---------------------------------------------------------------- Newton's method
-
-
 def _polished(response: Response, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
     """Distinct roots that Newton's method reaches, right of the limit; one of each pair, rightmost first."""
     cycle, pace, _, _, limit = response.scales(velocity)
@@ -180,9 +174,6 @@ def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
         if not any(abs(root - other) < 1e-8 * (abs(root) + 1 / cycle) for other in distinct):
             distinct.append(root)
     return np.array(distinct, dtype=complex)
-
-
-# ---------------------------------------------------------------- the argument principle
 
 
 def is_rightmost(response: Response, body: Impedance, velocity: float, roots: ComplexArray, growing: int) -> bool:

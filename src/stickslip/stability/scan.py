@@ -54,9 +54,6 @@ def features(body: Impedance, omega: Array) -> Array:
     return np.setdiff1d(added, omega)
 
 
-# ---------------------------------------------------------------- how far to scan
-
-
 def doubtful_below(response: Response, body: Impedance, velocity: float, softest: float | None) -> float:
     """Frequency above which the disc that holds kappa, whatever the delay, rules out neutral modes; 0 for all.
 

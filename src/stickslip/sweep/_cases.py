@@ -29,9 +29,6 @@ ERROR, STATUS = "error", "status"
 DIED = "WorkerDied: the worker process ended while it ran this case (killed, out of memory, or a crash)"
 
 
-# ---------------------------------------------------------------- what a case is
-
-
 def case_key(values: Mapping[str, AxisValue]) -> str:
     """A case: the values of its axes as JSON, names in order."""
     return json.dumps(values, sort_keys=True)
@@ -129,9 +126,6 @@ def check_name(place: str, name: object) -> None:
     """Refuse a name that no variable of a Dataset can have, or that is taken."""
     if not isinstance(name, str) or "/" in name or name in (ERROR, STATUS):
         raise InputError(f"{place}: {name!r} is taken, or cannot be a name; use another text, without '/'")
-
-
-# ---------------------------------------------------------------- in a worker
 
 
 @dataclass(frozen=True, kw_only=True)

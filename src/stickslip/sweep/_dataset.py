@@ -147,9 +147,6 @@ def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
         return dataset_of(table)
 
 
-# ---------------------------------------------------------------- what became of the cases
-
-
 @dataclass(frozen=True, kw_only=True)
 class Failure:
     """A case that raised: the values of its axes, and its error."""
@@ -234,9 +231,6 @@ def _status(dataset: xr.Dataset) -> xr.DataArray:
     return dataset[STATUS]
 
 
-# ---------------------------------------------------------------- axes
-
-
 def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> Iterator[dict[str, AxisValue]]:
     """All combinations of the values of some axes, the last one fastest."""
     return (dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values()))
@@ -253,9 +247,6 @@ def axis_values(name: str, given: object) -> list[AxisValue]:
             "kind, which one axis holds without loss (no NaN); for replicas add an axis of their own, such as seed"
         )
     return found
-
-
-# ---------------------------------------------------------------- Datasets
 
 
 def _keys_of(table: Table) -> list[str]:

@@ -130,9 +130,6 @@ class Options:
         whole("max_cases", self.max_cases, at_least=1)
 
 
-# ---------------------------------------------------------------- where cases run
-
-
 class Threads(ThreadPoolExecutor):
     """Run cases in threads of this process: best for compiled kernels, which release the GIL.
 
@@ -204,9 +201,6 @@ def _sent(job: Job, executor: Executor) -> Job | bytes:
             f"function = {name_of(job.function)}: cannot be sent to another process ({error}); define it at the top of "
             "a module (no lambda, no function inside a function), or use Threads(n)"
         ) from None
-
-
-# ---------------------------------------------------------------- one start of a sweep
 
 
 class Runner:

@@ -138,9 +138,6 @@ def writer_of(path: Path) -> str | None:
     return None
 
 
-# ---------------------------------------------------------------- parts
-
-
 def _is_there(path: Path) -> bool:
     """Whether there is a file at a path, or nothing; a file without a page is one whose making was cut short."""
     if path.exists() and not path.is_file():

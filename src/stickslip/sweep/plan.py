@@ -226,8 +226,6 @@ def plan_of(result: xr.Dataset) -> Plan:
     return found
 
 
-# ---------------------------------------------------------------- files
-
 _SIMULATED = ("method", "contacts", "rtol", "seed", "start")
 """Keys of ``[run]`` that stand under ``[simulation]`` in a rig file."""
 _LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
@@ -278,9 +276,6 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
     except InputError as error:
         words = re.sub(r"\bsimulation\.(\w+)", lambda key: f"run.{key[1]}" if key[1] in run else key[0], str(error))
         raise InputError(words) from None
-
-
-# ---------------------------------------------------------------- axes
 
 
 def _axis(name: str, given: Any, read: Callable[..., float], most: int) -> tuple[Any, ...] | Span:
@@ -334,9 +329,6 @@ def _check_keys(content: object, known: Iterable[str], place: str) -> None:
     tables.table(content, dict.fromkeys(known, Key({})), place)
     if tables.mistakes:
         raise InputError(together(map(str, tables.mistakes)))
-
-
-# ---------------------------------------------------------------- what can be planned
 
 
 def _plan(

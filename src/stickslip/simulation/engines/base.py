@@ -203,8 +203,6 @@ class Engine(Protocol):
         return copy.deepcopy(self)
 
 
-# ---------------- The register
-
 E = TypeVar("E", bound=type)
 
 
@@ -281,9 +279,6 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
                 who, leave = (f"a {body}", leave) if elastic else (name, f"no solver takes it; {leave}")
             return InputError(f"Interface.{said(first)}: not available with {who}; {use(parts) or leave}")
     return InputError(f"{name}: is only for contacts that age, or at a temperature; use MasterEquation")
-
-
-# ---------------- What engines share
 
 
 def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:

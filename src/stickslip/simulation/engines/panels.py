@@ -162,9 +162,6 @@ def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     )
 
 
-# ---------------- Tables
-
-
 def _tolerance(rtol: float) -> float:
     return _SAFETY[0] * float((rtol / 1e-4) ** _SAFETY[1])
 
