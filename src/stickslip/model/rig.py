@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
-import xarray as xr
-
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.body import ElasticBody
@@ -17,6 +15,9 @@ from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_value
 from stickslip.model.records import Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Ends = tuple[float | str, float | str]
 """Both ends of a range of a parameter: numbers in the rig's own unit, or texts with a unit."""
@@ -270,7 +271,7 @@ class Rig(Answer):
         lines.append(f"{'method':<48}{self.method}")
         return "\n".join(lines)
 
-    def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
+    def in_its_units(self, result: "xr.Dataset") -> "xr.Dataset":
         """Return a result in natural units in the rig's own."""
         return result if self.scales is None else in_si(result, self.scales)
 

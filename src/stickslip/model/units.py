@@ -2,13 +2,14 @@
 
 import re
 from dataclasses import dataclass
-from typing import Annotated
-
-import xarray as xr
+from typing import TYPE_CHECKING, Annotated
 
 from stickslip.errors import InputError, shown
 from stickslip.model.records import Number, Record
 from stickslip.words import engineering as engineering  # others take it from here
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +95,7 @@ def si_unit(name: str) -> str:
     return UNITS[natural_unit(name)]
 
 
-def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
+def in_si(data: "xr.Dataset", scales: Scales) -> "xr.Dataset":
     """Return a result in SI units: each variable scaled by its ``units``, and labelled anew.
 
     Forces, energies and stiffnesses, per contact in natural units, become those of the whole interface. The

@@ -1,20 +1,21 @@
 """``stickslip rsf``: whether a rig is rate-and-state-like, and fits of measured steps."""
 
-from __future__ import annotations
-
 import json as jsonlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from stickslip.errors import InputError, shown
+from stickslip.io import rig_files
+from stickslip.measure import read_trace
 from stickslip.model.quantities import read_number, read_quantity, read_value
-from stickslip.rate_state.exports import Program
-
-if TYPE_CHECKING:
-    from stickslip.rate_state.measured import StepFit
+from stickslip.rate_state.experiments import healing, velocity_step_in
+from stickslip.rate_state.exports import Program, export_rate_and_state
+from stickslip.rate_state.measured import StepFit, fit_rate_and_state
+from stickslip.rate_state.verdict import rate_and_state
+from stickslip.simulation.steps_and_holds import slide_hold_slide
 
 
 @Parameter(name="*")
@@ -66,8 +67,6 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
     data
         A rig file in TOML, the name of an example, or a measured trace.
     """
-    from stickslip.io import rig_files
-
     named = not data.exists() and data.name in rig_files.example_names()
     if given.step_at is None and (data.suffix == ".toml" or named):
         told, words = _judged(data, given)
@@ -81,11 +80,7 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
 
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     """The verdict on a rig, plain and in words; an export is of words alone."""
-    from stickslip import rate_state
-    from stickslip.io.rig_files import read_rig
-    from stickslip.simulation.steps_and_holds import slide_hold_slide
-
-    rig = read_rig(path)
+    rig = rig_files.read_rig(path)
     for option, value, needed in (
         ("--plot", given.plot, "holds"),
         ("--area", given.area, "export"),
@@ -100,13 +95,13 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         raise InputError(f"--load {given.load}: {path} is in natural units; a load needs a rig file in SI units")
     speed = rig.velocity if given.velocity is None else _of("--velocity", given.velocity, "m/s", "1 um/s")
     ratio = _of("--step", given.step)
-    fit = rate_state.rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law)
+    fit = rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law)
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
     scaled = fit.in_units(rig)
     if given.export and rig.scales:
         how: dict[str, Any] = {"load": given.load, "area": given.area, "path": given.output}
-        text = rate_state.export_rate_and_state(scaled, given.export, scales=rig.scales, **how)
+        text = export_rate_and_state(scaled, given.export, scales=rig.scales, **how)
         return {}, text if given.output is None else f"{given.export}: {given.output}\n"
     told, words = scaled.to_dict(), f"{scaled}\n"
     if given.load:
@@ -118,21 +113,18 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     if given.holds is not None:
         times = [_of("--holds", one.strip(), "s" if rig.scales else "", "10 s") for one in given.holds.split(",")]
         run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
-        healed = rate_state.healing(run, float(scaled.b))
+        healed = healing(run, float(scaled.b))
         told["holds"] = healed.to_dict()
         words += f"\n{healed}\n"
         if given.plot is not None:
-            from stickslip import plot as drawing
+            from stickslip import plot
 
-            drawing.save(drawing.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
+            plot.save(plot.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
     return told, words
 
 
 def _fitted(path: Path, given: Options) -> StepFit:
     """The fit of a measured step, in the units of the trace."""
-    from stickslip.measure import read_trace
-    from stickslip.rate_state import fit_rate_and_state, velocity_step_in
-
     if given.step_at is None or given.from_ is None or given.to is None:
         raise InputError(f"{path}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
     trace, span, spring = read_trace(path), None, None
@@ -155,9 +147,9 @@ def _fitted(path: Path, given: Options) -> StepFit:
         spring = _of("--stiffness", given.stiffness, unit, f"0.006 {unit}")
     fit = fit_rate_and_state(replace(step, length_unit=length), law=given.law, stiffness=spring, trend=given.trend)
     if given.plot is not None:
-        from stickslip import plot as drawing
+        from stickslip import plot
 
-        drawing.save(drawing.velocity_step(step, [fit], length=length), given.plot)
+        plot.save(plot.velocity_step(step, [fit], length=length), given.plot)
     return fit
 
 
