@@ -12,14 +12,9 @@ A figure is three functions: data, claims and drawing, joined in a `Figure`. Set
 
 from stickslip.errors import InputError
 from stickslip.paper import ageing, delay, instability, ramps
-from stickslip.paper.figure import Claim as Claim
-from stickslip.paper.figure import Figure as Figure
-from stickslip.paper.figure import Format as Format
-from stickslip.paper.figure import Measured as Measured
-from stickslip.paper.figure import Reproduction as Reproduction
-from stickslip.paper.figure import Verdict as Verdict
-from stickslip.paper.figure import places as places
-from stickslip.paper.figure import reproduce as reproduce
+from stickslip.paper.figure import Claim, Figure, Format, Measured, Reproduction, Verdict, places, reproduce
+
+__all__ = ["Claim", "Figure", "Format", "Measured", "Reproduction", "Verdict", "places", "reproduce"]
 
 _FIGURES = [figure for room in (instability, delay, ageing, ramps) for figure in room.FIGURES]
 FIGURES = {figure.name: figure for figure in sorted(_FIGURES, key=lambda figure: int(figure.name[3:]))}

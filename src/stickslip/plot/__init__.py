@@ -24,46 +24,45 @@ from matplotlib.figure import Figure
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError
-from stickslip.plot.elastic import elastic_overview as elastic_overview
-from stickslip.plot.elastic import front_curve as front_curve
-from stickslip.plot.elastic import fronts as fronts
-from stickslip.plot.elastic import precursor_lengths as precursor_lengths
-from stickslip.plot.elastic import precursors as precursors
-from stickslip.plot.elastic import slip_profiles as slip_profiles
-from stickslip.plot.elastic import spacetime as spacetime
-from stickslip.plot.fits import fitted as fitted
-from stickslip.plot.fits import peaks_after_holds as peaks_after_holds
-from stickslip.plot.fits import slips as slips
-from stickslip.plot.fits import velocity_step as velocity_step
-from stickslip.plot.maps import chart as chart
-from stickslip.plot.maps import sweep_picture as sweep_picture
-from stickslip.plot.prediction import prediction as prediction
-from stickslip.plot.prediction import waves as waves
-from stickslip.plot.runs import attached as attached
-from stickslip.plot.runs import energy as energy
-from stickslip.plot.runs import force_trace as force_trace
-from stickslip.plot.runs import overview as overview
-from stickslip.plot.runs import phase_portrait as phase_portrait
-from stickslip.plot.runs import side_by_side as side_by_side
-from stickslip.plot.runs import velocity as velocity
-from stickslip.plot.style import BLACK as BLACK
-from stickslip.plot.style import BLUE as BLUE
-from stickslip.plot.style import COLUMN as COLUMN
-from stickslip.plot.style import GREEN as GREEN
-from stickslip.plot.style import GREY as GREY
-from stickslip.plot.style import ORANGE as ORANGE
-from stickslip.plot.style import PAGE as PAGE
-from stickslip.plot.style import PALETTE as PALETTE
-from stickslip.plot.style import SKY as SKY
-from stickslip.plot.style import VERMILLION as VERMILLION
-from stickslip.plot.style import dress as dress
-from stickslip.plot.style import house_style as house_style
-from stickslip.plot.style import label as label
-from stickslip.plot.style import legend_above as legend_above
-from stickslip.plot.style import letter as letter
-from stickslip.plot.style import new_figure as new_figure
-from stickslip.plot.style import save as save
-from stickslip.plot.style import unit_text as unit_text
+from stickslip.plot.elastic import (
+    elastic_overview,
+    front_curve,
+    fronts,
+    precursor_lengths,
+    precursors,
+    slip_profiles,
+    spacetime,
+)
+from stickslip.plot.fits import fitted, peaks_after_holds, slips, velocity_step
+from stickslip.plot.maps import chart, sweep_picture
+from stickslip.plot.prediction import prediction, waves
+from stickslip.plot.runs import attached, energy, force_trace, overview, phase_portrait, side_by_side, velocity
+from stickslip.plot.style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE,
+    PALETTE,
+    SKY,
+    VERMILLION,
+    dress,
+    house_style,
+    label,
+    legend_above,
+    letter,
+    new_figure,
+    save,
+    unit_text,
+)
+
+__all__ = ["BLACK", "BLUE", "COLUMN", "GREEN", "GREY", "ORANGE", "PAGE", "PALETTE", "SKY", "VERMILLION", "attached"]
+__all__ += ["chart", "dress", "elastic_overview", "energy", "fitted", "force_trace", "front_curve", "fronts"]
+__all__ += ["house_style", "label", "legend_above", "letter", "new_figure", "overview", "peaks_after_holds"]
+__all__ += ["phase_portrait", "precursor_lengths", "precursors", "prediction", "save", "side_by_side", "slip_profiles"]
+__all__ += ["slips", "spacetime", "sweep_picture", "unit_text", "velocity", "velocity_step", "waves"]
 
 
 class _Plot(ModuleType):

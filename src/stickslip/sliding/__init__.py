@@ -4,10 +4,9 @@
 carries the stability of smooth sliding, and rate and state.
 """
 
-from stickslip.sliding.door import respond as respond
-from stickslip.sliding.door import sliding_of as sliding_of
-from stickslip.sliding.law import TurningVelocity as TurningVelocity
-from stickslip.sliding.law import friction_slope as friction_slope
-from stickslip.sliding.law import kinetic_friction as kinetic_friction
-from stickslip.sliding.law import turning_velocities as turning_velocities
-from stickslip.sliding.response import Response as Response
+from stickslip.sliding.door import respond, sliding_of
+from stickslip.sliding.law import TurningVelocity, friction_slope, kinetic_friction, turning_velocities
+from stickslip.sliding.response import Response
+
+__all__ = ["Response", "TurningVelocity", "friction_slope", "kinetic_friction", "respond", "sliding_of"]
+__all__ += ["turning_velocities"]
