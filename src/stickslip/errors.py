@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-LONGEST_MESSAGE = 380
-"""Characters of a message, whatever the user gave: a line of 400 on the terminal."""
+LONGEST_MESSAGE = 380  # characters of a message, whatever the user gave: a line of 400 on the terminal
 
 SMALLEST, LARGEST = 1e-30, 1e30
 """Sizes that a number may have, in any unit: its powers and ratios then stay within what a double can hold."""
@@ -66,8 +65,7 @@ class InputError(ValueError):
         return InputError(f"{place}: {message}", place)
 
 
-_MOST_TOLD = 320
-"""Characters of mistakes after which the others are only counted."""
+_MOST_TOLD = 320  # characters of mistakes after which the others are only counted
 
 
 def together(mistakes: Iterable[str]) -> str:
@@ -82,8 +80,7 @@ class UndecidedError(RuntimeError):
     """The question has no answer on the evidence at hand; the message gives the evidence."""
 
 
-LONGEST_SHOWN = 60
-"""Characters of a value that a message shows."""
+LONGEST_SHOWN = 60  # characters of a value that a message shows
 
 
 def shortened(text: str) -> str:

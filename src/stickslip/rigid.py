@@ -191,8 +191,7 @@ def _points(interface: Interface, distance: float) -> int:
     return 16 * points if kinked else points
 
 
-_MOST_WORK = 2e7
-"""Nodes of the start times positions: some ten seconds."""
+_MOST_WORK = 2e7  # nodes of the start times positions: some ten seconds
 
 
 def _solved(interface: Interface, distance: float, velocity: float, points: int) -> Callable[[Array], renewal.Response]:

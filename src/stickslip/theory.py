@@ -21,8 +21,7 @@ from stickslip.sliding import kinetic_friction
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.law import at_each
 
-_CELLS = 160
-"""Cells of thresholds on their standard deviation: forces to 1e-3 where most are next to 0."""
+_CELLS = 160  # cells of thresholds on their standard deviation: forces to 1e-3 where most are next to 0
 
 
 def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array:

@@ -25,8 +25,7 @@ _WRITTEN = {0: "", **{power: symbol for symbol, (_, power) in PREFIXES.items() i
 _PREFIXED = re.compile(rf"({'|'.join(PREFIXES)}|)(N|m|s|g|J|Pa|Hz|V|A)([/*].*)?")
 _LARGEST = {"s": 0, "g": 3}
 """Largest power of ten of the units that people give no larger prefix: 5000 s, 5000 kg."""
-_POSITIONAL = 7
-"""Digits before the decimal point up to which a number is written without an exponent."""
+_POSITIONAL = 7  # digits before the decimal point up to which a number is written without an exponent
 
 
 def number(value: float, digits: int = 4) -> str:

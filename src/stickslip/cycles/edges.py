@@ -17,8 +17,7 @@ from stickslip.model.rig import Ends, Rig
 
 EdgeKind = Literal["decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"]
 
-TOLERANCE = 3e-3
-"""Relative width of a bracket: runs nearer to a fold linger where the cycle has just ceased to exist."""
+TOLERANCE = 3e-3  # relative width of a bracket: runs nearer to a fold linger where the cycle has just ceased to exist
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

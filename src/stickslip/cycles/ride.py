@@ -16,8 +16,7 @@ from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.rig import Rig
 from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
 
-METHOD = MasterEquation(rtol=1e-4)
-"""The largest error that keeps the settled numbers; see `stickslip.cycles`."""
+METHOD = MasterEquation(rtol=1e-4)  # the largest error that keeps the settled numbers; see `stickslip.cycles`
 MOST_TURNS = 1e11  # of a free oscillation in one cycle, in radian, above which times are not known to a part of one
 MOST_SAMPLES = 100_000  # in a cycle: beside the steps of a slider that rings they cost little
 LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude

@@ -14,8 +14,7 @@ from stickslip.errors import InputError, number
 from stickslip.model import ElasticBody, Interface, Rig
 from stickslip.model.records import Number, rescaled
 
-SLOWEST = 0.01
-"""Speed, in units of that of sound, below which no front in a lattice is looked for."""
+SLOWEST = 0.01  # speed, in units of that of sound, below which no front in a lattice is looked for
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

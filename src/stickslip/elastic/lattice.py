@@ -24,8 +24,7 @@ _T = np.linspace(-4.6, 4.6, 401)
 _NODES = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_T)))
 _WEIGHTS = (_T[1] - _T[0]) * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
 
-SMOOTH = 2000.0
-"""Frequency beyond which the phase is averaged over the waves of the lattice; its error is 1/SMOOTH^2."""
+SMOOTH = 2000.0  # frequency beyond which the phase is averaged over the waves of the lattice; its error is 1/SMOOTH^2
 
 
 @lru_cache(maxsize=4096)

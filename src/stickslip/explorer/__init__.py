@@ -19,8 +19,7 @@ from stickslip.errors import InputError, whole
 NEEDS = ("plotly", "starlette", "uvicorn", "websockets")
 """Packages that the extra brings."""
 
-PORT = 8317
-"""Port taken by default; if it is in use, any free one."""
+PORT = 8317  # port taken by default; if it is in use, any free one
 
 
 EXPOSED = """\

@@ -28,25 +28,19 @@ from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
-LONGEST = 4.0
-"""Seconds of a run, as estimated before it starts; it is cut short to that."""
-SHORTEST = 0.02
-"""Of a drive, that a run shows at least; one that would have to be shorter is refused."""
+LONGEST = 4.0  # seconds of a run, as estimated before it starts; it is cut short to that
+SHORTEST = 0.02  # of a drive, that a run shows at least; one that would have to be shorter is refused
 MOST = {"contacts": 1_000_000, "samples": 200_000, "pieces": 1_000, "bins": 1_000, "blocks": 400}
 """What a run, its drive, a distribution of thresholds and a bar may have, so that the page stays live."""
-DIGITS = 5
-"""Significant digits of the numbers that the page shows."""
-DECADES = 15
-"""Powers of ten of a number of the model, in natural units."""
+DIGITS = 5  # significant digits of the numbers that the page shows
+DECADES = 15  # powers of ten of a number of the model, in natural units
 NARROWEST, WIDEST = 2e-3, 5.0
 """Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by
 the narrowest distribution and goes as far as the widest."""
 
-LARGEST_REQUEST = 1_000_000
-"""Bytes of a message from the page, and of a document."""
+LARGEST_REQUEST = 1_000_000  # bytes of a message from the page, and of a document
 
-NAMES = tuple(parameter.name for parameter in PARAMETERS)
-"""Parameters of the theory of stability: the axes of the map."""
+NAMES = tuple(parameter.name for parameter in PARAMETERS)  # parameters of the theory of stability: the axes of the map
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 """Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""

@@ -22,20 +22,15 @@ from stickslip.progress import Progress
 from stickslip.simulation import simulate
 from stickslip.simulation.engines import Beginning, Engine, Individuals, Leg, engine_of
 
-FRAMES = 1_200
-"""40 s, at 30 a second."""
-SHOWN = 40
-"""Contacts in the drawing; the run may have any number of them."""
-CYCLES = 5.0
-"""Cycles of loading that the frames span."""
-STEP = 1e-3
-"""Of the stretchings as they are sent."""
+FRAMES = 1_200  # 40 s, at 30 a second
+SHOWN = 40  # contacts in the drawing; the run may have any number of them
+CYCLES = 5.0  # cycles of loading that the frames span
+STEP = 1e-3  # of the stretchings as they are sent
 ATTACHED, RENEWED = 1, 2
 """Flags of a contact in a frame: it holds now; it broke and attached again since the frame before."""
 _MOVING = 0.7  # part of the frames that is spread over the way of the slider, the rest over the time
 _SAMPLES = 20_000
-_CONTACTS = 2_000
-"""Contacts that are drawn for a rig whose solver has none."""
+_CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
 
 
 @runtime_checkable

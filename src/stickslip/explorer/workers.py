@@ -26,10 +26,8 @@ from stickslip.explorer.plain import Plain
 
 Reply = Callable[[Any], object]
 
-GRACE = 1.0
-"""Seconds that a worker has to stop by itself before it is killed."""
-MEMORY = 3_000_000_000
-"""Bytes that a worker may take."""
+GRACE = 1.0  # seconds that a worker has to stop by itself before it is killed
+MEMORY = 3_000_000_000  # bytes that a worker may take
 
 REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg.LinAlgError)
 """What a question may end in without a fault of ours: the numbers of a document can be as far apart as they like."""

@@ -25,8 +25,7 @@ _UNITS = {
     "mass": ("kg", "75.6 g"),
     "load": ("N", "20 N"),
 }
-_USUAL_ERROR = 0.02
-"""Relative error of a value that is given without one."""
+_USUAL_ERROR = 0.02  # relative error of a value that is given without one
 Known = Mapping[str, tuple[float, float]]
 """Values of a bench that were measured otherwise, with their standard errors, in SI units."""
 Pairs = tuple[tuple[object, object], ...]

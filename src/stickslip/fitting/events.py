@@ -28,8 +28,7 @@ FEWEST, LARGEST_DROP = 30, 0.10
 PLATEAU, LOST = 2.0, 0.1
 """The count of slips may change by a tenth while the smallest drop is doubled."""
 _FINER = 2.0**0.25
-RESOLVED = 5.0
-"""Samples of a slip from which on it is resolved."""
+RESOLVED = 5.0  # samples of a slip from which on it is resolved
 _FEWEST_SAMPLES, _LONGEST_GAP, _LARGEST_NOISE = 20.0, 4, 0.03
 _LEAST_SAWTOOTH, _CLEAR_SAWTOOTH = 1.5, 4.0
 _MOST_DRIFT, _STEP, _LOAD_CHANGE, _DIFFERENT = 0.2, 2.0, 0.05, 3.0

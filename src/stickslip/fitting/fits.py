@@ -28,15 +28,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POSTERIOR = 300
-MOST_SLIPS = int(SLIPS / 1.25)
-"""Slips fitted, at most: a fifth of those in the table may be too small to be seen."""
+MOST_SLIPS = int(SLIPS / 1.25)  # slips fitted, at most: a fifth of those in the table may be too small to be seen
 _TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {key: row[:2] for key, row in bench.QUANTITIES.items()}
 _IDENTIFIED, _WEAK = 0.5, 0.7
-_WIDE = 10.0
-"""An interval whose ends differ by more than this, a factor of three either way, identifies no size."""
+_WIDE = 10.0  # an interval whose ends differ by more than this, a factor of three either way, identifies no size
 _AT_BOUND, _NEAR = 0.1, 0.02
-LOW = 0.02
-"""p-values below this are told of."""
+LOW = 0.02  # p-values below this are told of
 
 
 @dataclass(frozen=True, kw_only=True)

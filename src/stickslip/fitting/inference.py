@@ -23,8 +23,7 @@ EDGE, BEYOND = 95.0, 99.9
 """Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
 _NEIGHBOUR, _COMPARED = 10, 1000
 _SMALL = 1e-4
-_LITTLE = 1e-3
-"""Of the largest weight, which is 1 of a likelihood: draws with less do not count."""
+_LITTLE = 1e-3  # of the largest weight, which is 1 of a likelihood: draws with less do not count
 
 
 class Sample(NamedTuple):

@@ -15,17 +15,13 @@ from stickslip.errors import InputError, number, sequence, whole
 from stickslip.measure.arrays import Array
 from stickslip.model.records import Number, Record
 
-VERSION = 2
-"""Of what `simulate` makes of parameters and a seed: a table made by another version is not used."""
+VERSION = 2  # of what `simulate` makes of parameters and a seed: a table made by another version is not used
 
-FLOOR = 0.01
-"""Drops below this part of the peak are no slips of their own, in traces and in simulations."""
+FLOOR = 0.01  # drops below this part of the peak are no slips of their own, in traces and in simulations
 
-_PER_SLIP = 3
-"""Contacts broken per slip wanted, over the number of contacts, after which a simulation is given up."""
+_PER_SLIP = 3  # contacts broken per slip wanted, over the number of contacts, after which a simulation is given up
 
-_SAMPLES_OF_A_SLIP = 0.4
-"""That a made-up slip takes."""
+_SAMPLES_OF_A_SLIP = 0.4  # that a made-up slip takes
 
 
 class Unknown(NamedTuple):

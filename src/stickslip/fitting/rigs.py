@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.fits import Fit
 
 DRAWS_KEPT = 100
-_LIGHTEST = 0.01
-"""Where slips are not resolved, the mass lies anywhere between this part of its bound and the bound."""
+_LIGHTEST = 0.01  # where slips are not resolved, the mass lies anywhere between this part of its bound and the bound
 _TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
 """Draws run, at most; slips of a run, after those in which it settles; standard errors in half a 90 % interval."""
 _SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0)

@@ -28,8 +28,7 @@ from stickslip.model.distribution import Positive
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
 
-LARGEST_RUN = 8_000_000_000
-"""Bytes that a run may have, as a file and in memory."""
+LARGEST_RUN = 8_000_000_000  # bytes that a run may have, as a file and in memory
 
 Plain = Any
 """What JSON can hold: None, bool, int, float, str, list, dict."""

@@ -14,10 +14,8 @@ from stickslip.model.units import UNITS, si_unit
 
 Sign = Literal["above 0", "at least 0", ""]
 
-LONGEST_TEXT = 2_000
-"""Characters of a text."""
-DECADES = 15
-"""Powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions."""
+LONGEST_TEXT = 2_000  # characters of a text
+DECADES = 15  # powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions
 
 
 @dataclass(frozen=True)

@@ -125,8 +125,7 @@ KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
     "temperature": ("kind", ACTIVATIONS),
 }
 """Of keys of `interface` whose value is a table: the word in it that names a record, and the records by name."""
-_BOLTZMANN = 1.380649e-23
-"""In J/K."""
+_BOLTZMANN = 1.380649e-23  # in J/K
 
 
 def _histogram(length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:

@@ -11,8 +11,7 @@ from stickslip.errors import InputError, shortened, shown, together
 from stickslip.io import files
 from stickslip.io.keys import Either, Key, listed, toml
 
-LARGEST_FILE = 1_000_000
-"""Bytes beyond which a file is no description of anything."""
+LARGEST_FILE = 1_000_000  # bytes beyond which a file is no description of anything
 
 
 def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
@@ -49,8 +48,7 @@ def at(place: str, names: Mapping[str, str] | None = None) -> Iterator[None]:
         raise error.at(f"{place}.{key}" if key else place) from None
 
 
-_MOST_WORDS = 40
-"""Unknown keys for which the nearest known one is looked for, which takes its time."""
+_MOST_WORDS = 40  # unknown keys for which the nearest known one is looked for, which takes its time
 
 
 class Tables:

@@ -17,8 +17,7 @@ F = TypeVar("F", bound=Callable[..., object])
 _numba: Any = numba  # its stubs know neither all of its settings nor all options
 _folders: Any = AppDirs  # nor this
 
-_KEPT = 3
-"""Folders of machine code that stay: a switch between two branches, and back, compiles nothing anew."""
+_KEPT = 3  # folders of machine code that stay: a switch between two branches, and back, compiles nothing anew
 
 
 def _place() -> Path | None:

@@ -17,11 +17,9 @@ from .leapfrog import Motion, Network, begin_step, element, end_step, slide
 from .records import Counts, Floats
 from .survival import Table, value_at, values_at
 
-FIRST = 1e-3
-"""The first break of infinitely many contacts is that of this fraction."""
+FIRST = 1e-3  # the first break of infinitely many contacts is that of this fraction
 
-EXTINCT = 1e-12
-"""A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
+EXTINCT = 1e-12  # a cohort of which a smaller fraction survives is dropped; its rest counts as broken
 
 
 class Case(NamedTuple):

@@ -20,10 +20,8 @@ from ._jit import bare, inlined
 from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, largest_rate, rate, steepness, threshold_at
 from .records import Floats
 
-CHANCE = 0.2
-"""Proposals that a contact may expect on its way through a box."""
-_MET = 1.0 - 1e-9
-"""Part of its threshold at which a contact breaks: boxes come nearer to a growing one without end."""
+CHANCE = 0.2  # proposals that a contact may expect on its way through a box
+_MET = 1.0 - 1e-9  # part of its threshold at which a contact breaks: boxes come nearer to a growing one without end
 YOUTH = 0.01
 """Times of growth for which a threshold that grows from 0 is taken on trust, and after which it is tried again."""
 

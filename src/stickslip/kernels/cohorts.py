@@ -82,8 +82,7 @@ def _inside(cohorts: Floats, row: int, g: int, u: float) -> float:
     return total
 
 
-_EVER = -1.0
-"""In place of a knot: the largest stretching so far."""
+_EVER = -1.0  # in place of a knot: the largest stretching so far
 
 
 @inlined

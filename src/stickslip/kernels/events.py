@@ -44,10 +44,8 @@ CONTACT = np.dtype([*ENTRY.descr, ("birth", float), ("threshold", float)])
 # the end of its box, below 0 if it breaks then; its place in the queue ahead.
 BOX = np.dtype([("since", float), ("reach", float), ("most", float), ("place", np.int64)])
 
-_NEED = 4
-"""Variates that an event may need, at most."""
-_TRIES = 64
-"""Thresholds from which a newborn without strength may choose."""
+_NEED = 4  # variates that an event may need, at most
+_TRIES = 64  # thresholds from which a newborn without strength may choose
 
 
 # ---------------- The state

@@ -27,10 +27,8 @@ from .records import Floats, Record
 from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .survival import value_at, values_at
 
-_GONE = 1e-13
-"""Fraction of contacts so small that none of them is left."""
-_COARSE = 0.02
-"""Largest error of merging two cohorts, in units of the tolerance."""
+_GONE = 1e-13  # fraction of contacts so small that none of them is left
+_COARSE = 0.02  # largest error of merging two cohorts, in units of the tolerance
 
 
 @inlined

@@ -27,8 +27,7 @@ class Hazard(NamedTuple):
     kramers: float
 
 
-NONE = Hazard(BELL, 0.0, 1.0, 1.0, 0.0)
-"""No temperature: it is never tried."""
+NONE = Hazard(BELL, 0.0, 1.0, 1.0, 0.0)  # no temperature: it is never tried
 
 
 @inlined
@@ -91,8 +90,7 @@ class Growth(NamedTuple):
     second: float
 
 
-FIXED = Growth(LOGARITHMIC, 0.0, 1.0)
-"""Thresholds that do not grow."""
+FIXED = Growth(LOGARITHMIC, 0.0, 1.0)  # thresholds that do not grow
 
 
 @jit

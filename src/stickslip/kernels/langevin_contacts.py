@@ -25,10 +25,8 @@ SLEEP = (2.0 / 3.0 / 4.0) ** 2
 # Largest step of a free oscillation of the slider, in radians.
 _ANGLE = 0.7
 
-FINE = 0.5
-"""Change of the logarithm of the rate in a step of a contact near breaking, and its standard deviation."""
-_SELDOM = 1e-6
-"""Breaks that may be expected in a step that is not as fine."""
+FINE = 0.5  # change of the logarithm of the rate in a step of a contact near breaking, and its standard deviation
+_SELDOM = 1e-6  # breaks that may be expected in a step that is not as fine
 
 
 class Contacts(NamedTuple):

@@ -11,8 +11,7 @@ from .rules import gauss
 
 _GAUSS, _WEIGHT = gauss(8)
 
-RATIO = 0.2
-"""How much finer the cells are than the standard deviation over the length in which the rate grows by e."""
+RATIO = 0.2  # how much finer the cells are than the standard deviation over the length in which the rate grows by e
 
 
 @jit

@@ -23,19 +23,16 @@ from .langevin import Life, longest_age
 from .records import Floats
 from .rules import gauss, lobatto
 
-P = 10
-"""Order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of the panel before."""
+P = 10  # order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of the panel before
 
 
 NODE = lobatto(P)
 _BARYCENTRIC = np.array([1.0 / np.prod(node - np.delete(NODE, j)) for j, node in enumerate(NODE)])
 _GAUSS, _WEIGHT = gauss(12)
 _HEIGHT = 1.0 / math.sqrt(2.0 * math.pi)
-_FORGOTTEN = 36.0
-"""Lag after which free thresholds have forgotten where they were."""
+_FORGOTTEN = 36.0  # lag after which free thresholds have forgotten where they were
 _NOBODY = 1e-14
-_WIDEST = 2.5
-"""Longest panel, in times that the level takes to cross the free thresholds' standard deviation."""
+_WIDEST = 2.5  # longest panel, in times that the level takes to cross the free thresholds' standard deviation
 
 
 @jit

@@ -15,14 +15,11 @@ from .records import Complexes, Floats, Mask
 from .rules import dot, integrals, radau, solve
 
 NODES = 8
-FOLDS = 1.75
-"""Powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost."""
-QUIET = 24.0
-"""Breaks up to where panels begin to follow the rate: ``exp(-QUIET)``."""
+FOLDS = 1.75  # powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost
+QUIET = 24.0  # breaks up to where panels begin to follow the rate: ``exp(-QUIET)``
 
 NODE = radau(NODES)
-INTEGRAL = integrals(NODE)
-"""Stiffly accurate collocation: a fast decay within a panel is damped, not resolved."""
+INTEGRAL = integrals(NODE)  # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
 
 
 class Lifetimes(NamedTuple):

@@ -131,23 +131,16 @@ class Work(NamedTuple):
     fluctuation: Record  # record of FLUCTUATION
 
 
-FIRST = P + 1
-"""Row of the nodes behind the last."""
-WAITING = 3 + P + Q
-"""First of the columns of panels that count contacts."""
+FIRST = P + 1  # row of the nodes behind the last
+WAITING = 3 + P + Q  # first of the columns of panels that count contacts
 
-SPARE = 16
-"""Cohorts for which there must be room before a step."""
-NOT_CONVERGED = math.inf
-"""Error of a step that Newton's method did not solve."""
+SPARE = 16  # cohorts for which there must be room before a step
+NOT_CONVERGED = math.inf  # error of a step that Newton's method did not solve
 SHORTER = 0.9 * 100.0 ** (-1 / P)
 """Length of the next attempt after such a step, as a fraction of it: that after an error of 100 tolerances."""
-MOST_SWEEPS = 12
-"""Sweeps of Newton's method before a step is cut."""
-NEGLIGIBLE = 1e-2
-"""Mass, in tolerances, that need not be resolved."""
-EVENT = 0.1
-"""Error, in tolerances, of a kink that no step need end at."""
+MOST_SWEEPS = 12  # sweeps of Newton's method before a step is cut
+NEGLIGIBLE = 1e-2  # mass, in tolerances, that need not be resolved
+EVENT = 0.1  # error, in tolerances, of a kink that no step need end at
 
 
 def initial_state(

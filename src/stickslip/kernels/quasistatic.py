@@ -20,8 +20,7 @@ from .records import Floats
 from .tournament import smallest, winner
 
 LET_GO, DRIVEN = range(2)
-_ON_THE_EDGE = 1e-10
-"""An element this near to its sliding force slides, if it is pulled that way."""
+_ON_THE_EDGE = 1e-10  # an element this near to its sliding force slides, if it is pulled that way
 
 
 @inlined

@@ -22,8 +22,7 @@ _STAGE = np.array(
 )
 _ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
-_FASTEST = 60.0
-"""Logarithm of the velocity over the first one beyond which the slider has run away."""
+_FASTEST = 60.0  # logarithm of the velocity over the first one beyond which the slider has run away
 
 
 @jit

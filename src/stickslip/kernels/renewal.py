@@ -23,8 +23,7 @@ import numpy as np
 
 from .records import Floats, Mask
 
-NOTHING = 1e-18
-"""Survival below which a distribution is taken to have ended."""
+NOTHING = 1e-18  # survival below which a distribution is taken to have ended
 
 Density = Callable[[Floats], Floats]
 Excess = Callable[[Floats, int], Floats]
@@ -187,8 +186,7 @@ def solve_once(contacts: Contacts, first: Floats, distance: float) -> Floats:
     return np.stack([broken, travelled, *rows[1:]])
 
 
-WRAPPED = 1e-13
-"""What wraps around is damped by this; rounding errors grow by its fourth root, at most."""
+WRAPPED = 1e-13  # what wraps around is damped by this; rounding errors grow by its fourth root, at most
 
 
 def _antiderivatives(contacts: Contacts, path: Floats, end: float) -> Floats:

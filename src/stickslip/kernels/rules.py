@@ -11,10 +11,8 @@ from .records import Complexes, Floats
 
 Numbers = Floats | Complexes
 
-P = 5
-"""Nodes of a step behind its start; its order is ``P + 1``."""
-Q = 4
-"""Nodes that stand for what attaches in a step; they integrate polynomials up to order ``2 Q - 1``."""
+P = 5  # nodes of a step behind its start; its order is ``P + 1``
+Q = 4  # nodes that stand for what attaches in a step; they integrate polynomials up to order ``2 Q - 1``
 
 
 def _powers(nodes: Floats) -> Floats:
@@ -59,20 +57,15 @@ def lobatto(order: int) -> Floats:
     return np.asarray(0.5 * (1.0 + np.concatenate([[-1.0], np.sort(inner.real), [1.0]])))
 
 
-NODE = np.append(0.0, radau(P))
-"""Start and nodes of a step, as fractions of it, shape (P + 1,)."""
+NODE = np.append(0.0, radau(P))  # start and nodes of a step, as fractions of it, shape (P + 1,)
 COLLOCATION = integrals(NODE[1:])
 """Integrals up to each node from the values at the nodes, the start left out: the scheme Radau IIA."""
-INTEGRAL = integrals(NODE)
-"""The same from the values at the start and the nodes."""
-MONOMIAL = _powers(NODE)
-"""Coefficients of the polynomial through start and nodes."""
-SLOPES = np.ascontiguousarray(_slopes(NODE, NODE))
-"""Slopes at start and nodes."""
+INTEGRAL = integrals(NODE)  # the same from the values at the start and the nodes
+MONOMIAL = _powers(NODE)  # coefficients of the polynomial through start and nodes
+SLOPES = np.ascontiguousarray(_slopes(NODE, NODE))  # slopes at start and nodes
 GAUSS, WEIGHT = gauss(Q)
 """Nodes and weights of Gauss, shape (Q,)."""
-GAUSS_MONOMIAL = _powers(GAUSS)
-"""Coefficients of the polynomial through the nodes of Gauss."""
+GAUSS_MONOMIAL = _powers(GAUSS)  # coefficients of the polynomial through the nodes of Gauss
 PART = np.stack([_values(NODE, u * GAUSS) for u in NODE[1:]])
 """Values at the nodes of Gauss between the start and each node, shape (P, Q, P + 1)."""
 INCREASE = np.stack([_slopes(NODE, u * GAUSS) * (u * WEIGHT)[:, None] for u in NODE[1:]])

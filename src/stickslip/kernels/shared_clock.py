@@ -24,12 +24,9 @@ from .hazard import BELL, LOGARITHMIC
 from .records import Floats, Record, blank, record
 from .tournament import enter, play, smallest, tournaments, winner
 
-_LAG = 30.0
-"""Widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again."""
-_SPAN = 0.25, 1e3
-"""Widths from the slider to an edge of the window, at least and about at most."""
-_NEVER = 1e-15
-"""Breaks, of all contacts until the window is laid anew, that do not come."""
+_LAG = 30.0  # widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again
+_SPAN = 0.25, 1e3  # widths from the slider to an edge of the window, at least and about at most
+_NEVER = 1e-15  # breaks, of all contacts until the window is laid anew, that do not come
 
 
 _DIAL = record("edge reading pace top safe first due", counts="kept")

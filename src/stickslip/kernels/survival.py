@@ -126,5 +126,4 @@ def widest(table: Table, tolerance: float, most: float, order: int) -> float:
         width *= 0.9
 
 
-EMPTY = Table(np.zeros((1, 2, DEGREE + 3)), np.full(1, np.inf), 1.0, 0.0, 0.0, np.empty(0))
-"""The table of nothing."""
+EMPTY = Table(np.zeros((1, 2, DEGREE + 3)), np.full(1, np.inf), 1.0, 0.0, 0.0, np.empty(0))  # the table of nothing

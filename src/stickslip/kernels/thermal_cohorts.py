@@ -44,14 +44,10 @@ SINCE, TRIAL_ALIVE, TRIAL_REACH = range(4, 7)
 """Rows of the cohorts behind those of the store: when they attached, and what a step under trial leaves."""
 ROWS = 7
 
-EXTINCT = 1e-13
-"""A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
-UNTRIED = 1e-10
-"""A contact whose integrated rate is smaller is as good as whole, and with it all of larger strengths."""
-_PIECE = 0.5
-"""Largest logarithm of the growth of an age in a panel of its quadrature."""
-_STEADY = 0.1
-"""Largest growth of an age in a step in which exponents change all but evenly."""
+EXTINCT = 1e-13  # a cohort of which a smaller fraction survives is dropped; its rest counts as broken
+UNTRIED = 1e-10  # a contact whose integrated rate is smaller is as good as whole, and with it all of larger strengths
+_PIECE = 0.5  # largest logarithm of the growth of an age in a panel of its quadrature
+_STEADY = 0.1  # largest growth of an age in a step in which exponents change all but evenly
 
 _NODE, _WEIGHT = gauss(3)
 

@@ -25,8 +25,7 @@ from stickslip.model.distribution import register as register
 from stickslip.model.quadrature import transforms_on_a_path
 from stickslip.model.records import Number, Part
 
-LARGEST_STRETCHING = 1e12
-"""In ``x_s``: beyond any distribution of contacts."""
+LARGEST_STRETCHING = 1e12  # in ``x_s``: beyond any distribution of contacts
 
 
 # The twentieth power of the largest stretching is still a number.

@@ -13,8 +13,7 @@ from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, Part, Record
 
-_SIZES = 1e-3, 1e3
-"""In ``x_s``, between which the median of the thresholds must lie."""
+_SIZES = 1e-3, 1e3  # in ``x_s``, between which the median of the thresholds must lie
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -121,8 +121,7 @@ class Renewal(Record):
     points: Annotated[int, Number(at_least=8, at_most=10_000_000)] = 4096
 
 
-DRAWN = (Contacts, Population, QuasiStatic)
-"""The methods with a number of contacts and a seed."""
+DRAWN = (Contacts, Population, QuasiStatic)  # the methods with a number of contacts and a seed
 
 Method = Contacts | MasterEquation | Population | QuasiStatic
 

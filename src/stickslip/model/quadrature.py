@@ -138,10 +138,8 @@ def inverse_survival_of(distribution: Distribution, probability: ArrayLike) -> A
     return np.asarray(elementwise.find_root(lacking, (low, high), args=(wanted, low, high, top, bottom)).x)
 
 
-_TURN = 8.0
-"""Phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding."""
-_NODES = 1 << 20
-"""Most nodes of a transform."""
+_TURN = 8.0  # phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding
+_NODES = 1 << 20  # most nodes of a transform
 
 
 def transforms_of(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

@@ -14,8 +14,7 @@ from functools import lru_cache
 from stickslip.errors import InputError, number, shown
 from stickslip.words import PREFIXES
 
-LONGEST_QUANTITY = 64
-"""Characters of a quantity; longer texts are refused unread."""
+LONGEST_QUANTITY = 64  # characters of a quantity; longer texts are refused unread
 
 _BLANKS = "[ \u00a0\u202f]*"  # typesetting puts the narrow ones between a number and its unit
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?"
@@ -60,8 +59,7 @@ _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("psi", "", _POUND * _STANDARD_GRAVITY / (_FOOT / 12) ** 2, _PRESSURE),
 )
 """Units: symbols, names, which have a plural, sizes in SI units, and the exponents of these."""
-_PREFIXED = 10
-"""How many of them, the first ones, take a prefix."""
+_PREFIXED = 10  # how many of them, the first ones, take a prefix
 _UNCLEAR = {
     **dict.fromkeys(("ton", "tons"), "differs between countries; write 't' for 1000 kg"),
     **dict.fromkeys(("pound", "pounds"), "is a mass or a force; write 'lb' or 'lbf'"),

@@ -73,10 +73,8 @@ _UNITS: dict[str, tuple[float, float, float, str, str]] = {
 }
 """Natural units, as records declare them and results carry them: powers of force, length and time, the SI unit, and
 the quantity."""
-UNITS = {unit: si for unit, (*_, si, _) in _UNITS.items()}
-"""SI unit of each natural unit."""
-QUANTITIES = {quantity: unit for unit, (*_, quantity) in _UNITS.items() if quantity}
-"""Natural unit of each quantity."""
+UNITS = {unit: si for unit, (*_, si, _) in _UNITS.items()}  # SI unit of each natural unit
+QUANTITIES = {quantity: unit for unit, (*_, quantity) in _UNITS.items() if quantity}  # natural unit of each quantity
 
 
 def natural_unit(name: object) -> str:

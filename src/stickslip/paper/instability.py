@@ -193,8 +193,7 @@ STIFF = 5.0
 """Stiffness of a spring that follows the fall of the force, as in Fig. 4."""
 
 _WAY = 2.0
-_ONSET = 0.01
-"""Fraction of contacts that have broken where, to the eye, the force leaves the straight line."""
+_ONSET = 0.01  # fraction of contacts that have broken where, to the eye, the force leaves the straight line
 
 
 def first_instability(interface: ss.Interface, stiffness: float) -> tuple[float, float]:
@@ -325,8 +324,7 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
 
 # ---------------------------------------------------------------- figure 3
 
-_PRINTED = 3.59
-"""``K*/N`` as the paper prints it, for standard deviations .1 of thresholds and .01 at the start."""
+_PRINTED = 3.59  # ``K*/N`` as the paper prints it, for standard deviations .1 of thresholds and .01 at the start
 _PAPER = {"initial_std": 0.01, "threshold_std": 0.1}
 
 # Where stick-slip is looked for: threshold standard deviation, delay, start, how long, and whether it is found.

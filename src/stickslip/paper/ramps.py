@@ -24,8 +24,7 @@ LEVEL = 0.6
 V1_SCALED, V2_SCALED = (0.34, 0.50), (1.05, 1.25)
 """Bands of v1 and v2 over ``beta^2``."""
 _FOUND = ("v1", "v2", "v2_down", "v1_down", "up", "down")
-_STRONG = 0.8
-"""Spring force, in f_s, that stands as high as the largest velocity."""
+_STRONG = 0.8  # spring force, in f_s, that stands as high as the largest velocity
 
 
 def ramped(
@@ -253,8 +252,7 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
 
 
-_LEVEL = 0.4
-"""Peak to peak of the spring force that counts as stick-slip, in f_s."""
+_LEVEL = 0.4  # peak to peak of the spring force that counts as stick-slip, in f_s
 _ENDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down": (0.03, 0.09)}
 # Up through v1 and v2, and down through both; slowly where the transitions are.
 _UP = ss.ramp(0.3, 1.3, 400.0).then(ss.ramp(1.3, 4.0, 150.0))

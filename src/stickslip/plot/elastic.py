@@ -24,12 +24,9 @@ from stickslip.simulation import rig_of
 What = Literal["attached", "velocity", "force"]
 
 _MOST_ROWS = 1200
-_APART = 0.02
-"""Of the time of a run: how close together two numbers may stand."""
-_FEWEST = 3
-"""Blocks of the smallest event that is drawn."""
-_DECADES = 4.0
-"""Of slip velocity in a picture, below the largest."""
+_APART = 0.02  # of the time of a run: how close together two numbers may stand
+_FEWEST = 3  # blocks of the smallest event that is drawn
+_DECADES = 4.0  # of slip velocity in a picture, below the largest
 
 
 @house_style()

@@ -31,8 +31,7 @@ REGIMES: dict[str, tuple[str, str, str]] = {
 """Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
-_ENTRY = 1.6
-"""Inches of an entry of a legend."""
+_ENTRY = 1.6  # inches of an entry of a legend
 _LINE: Any = {"color": style.BLACK, "linewidth": 1.6, "path_effects": _HALO, "zorder": 1.9}
 _LINE["label"] = "linear boundary, computed"
 _FOLD: Any = {"color": style.VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "path_effects": _HALO}

@@ -30,8 +30,7 @@ GREY = "#7F7F7F"
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 """Colours of Okabe and Ito, which colour-blind readers can tell apart; yellow is too pale for a line."""
 
-DASHED = (0, (4, 2))
-"""The dashes of a line that is compared with."""
+DASHED = (0, (4, 2))  # the dashes of a line that is compared with
 
 COLUMN, PAGE = 3.5, 7.0
 """Widths of a printed column and page, in inches."""

@@ -12,8 +12,7 @@ from stickslip.model import Barrier, Delay, Interface, Langevin, MasterEquation,
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
 
-_FINEST = 2e-3
-"""Step of the wave numbers, at least: a grid of ten thousand."""
+_FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
 
 
 def small_step(

@@ -24,8 +24,7 @@ from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of
 from stickslip.simulation.work import Work, course_of
 
-_NUMBERS = 2e6
-"""Samples of an elastic slider, times its blocks, if nothing is said."""
+_NUMBERS = 2e6  # samples of an elastic slider, times its blocks, if nothing is said
 
 
 def simulate(

@@ -17,8 +17,7 @@ from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.follow import follow
 from stickslip.simulation.result import labelled
 
-_APPROACH = 0.05
-"""Part of the distance that is slid at the velocity before a step, and recorded."""
+_APPROACH = 0.05  # part of the distance that is slid at the velocity before a step, and recorded
 
 
 def velocity_step(

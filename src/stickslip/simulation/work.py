@@ -22,17 +22,12 @@ from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.progress import in_time
 
-LONGEST = 3600.0
-"""Seconds that a run may take without being asked for."""
-ANNOUNCED = 60.0
-"""Seconds above which a run is announced."""
-LARGEST = 4e9
-"""Bytes that it may take."""
+LONGEST = 3600.0  # seconds that a run may take without being asked for
+ANNOUNCED = 60.0  # seconds above which a run is announced
+LARGEST = 4e9  # bytes that it may take
 
-_RADIAN = 6e-7
-"""Seconds a radian of the slider's oscillation takes."""
-_SAMPLE = 4e-7, 200.0
-"""Seconds and bytes a sample takes."""
+_RADIAN = 6e-7  # seconds a radian of the slider's oscillation takes
+_SAMPLE = 4e-7, 200.0  # seconds and bytes a sample takes
 _SAMPLES_PER_RADIAN, _FEWEST_SAMPLES, _MOST_SAMPLES = 10.0, 2e3, 5e4
 """Samples of a run whose output does not say."""
 

@@ -34,8 +34,7 @@ from stickslip.sliding.response import (
 
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
-_RESOLVED = 1e-12, 1e6
-"""Speeds over ``rate**2`` between which the stationary kinetic equation is resolved."""
+_RESOLVED = 1e-12, 1e6  # speeds over ``rate**2`` between which the stationary kinetic equation is resolved
 _LOWEST, _HIGHEST = 0.01, 1e6
 """Phases of a life down to which the table goes, and up to which; below, kappa is in proportion to the frequency."""
 

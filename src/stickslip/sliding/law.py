@@ -14,8 +14,7 @@ from stickslip.model import Interface
 from stickslip.sliding.door import sliding_of
 from stickslip.sliding.response import Array
 
-_PER_DECADE = 16
-"""Velocities at which the slope is computed; two turning points nearer than that may be missed."""
+_PER_DECADE = 16  # velocities at which the slope is computed; two turning points nearer than that may be missed
 
 
 def at_each(law: Callable[[Array], Array], speed: Array) -> float | Array:

@@ -133,8 +133,7 @@ def _radau(edges: Array) -> tuple[Array, Array, Array]:
     return width, (edges[:-1, None] + width[:, None] * inside).ravel(), (width[:, None] * INTEGRAL[-1]).ravel()
 
 
-_FOLLOWED = 60.0
-"""Slope of ageing over the activation width up to which the fall of the rate after birth is followed."""
+_FOLLOWED = 60.0  # slope of ageing over the activation width up to which the fall of the rate after birth is followed
 
 
 def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Lifetimes:

@@ -18,10 +18,8 @@ from stickslip.arrays import Array as Array
 from stickslip.arrays import ComplexArray as ComplexArray
 from stickslip.errors import InputError
 
-SCAN_LIMIT = 1 << 21
-"""Largest number of frequencies in a scan."""
-STEP = 0.2
-"""Phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3."""
+SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
+STEP = 0.2  # phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3
 
 
 class MeanLifetimes(NamedTuple):

@@ -40,8 +40,7 @@ from stickslip.sliding.response import (
     Scales,
 )
 
-_MOST_STEPS = 6_000
-"""Steps of a line of frequencies before the delay alone sets them."""
+_MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
 
 @dataclass(frozen=True, kw_only=True)

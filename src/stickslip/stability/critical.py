@@ -22,8 +22,7 @@ from stickslip.sliding.response import ComplexArray
 from stickslip.stability.impedances import impedance
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 
-_DEPTH = 6
-"""How often points about a hidden pair of crossings are set eight times as close."""
+_DEPTH = 6  # how often points about a hidden pair of crossings are set eight times as close
 _EIGHTHS = np.arange(1, 8) / 8
 
 

@@ -22,10 +22,8 @@ from stickslip.stability.neutral import Neutral
 
 Window = tuple[Ends, Ends]
 
-LINES = 65
-"""Lines across the window in each direction, where a line costs next to nothing."""
-FEW_LINES = 33
-"""The same where each point on a line has a response of its own."""
+LINES = 65  # lines across the window in each direction, where a line costs next to nothing
+FEW_LINES = 33  # the same where each point on a line has a response of its own
 
 
 def boundary(

@@ -16,10 +16,8 @@ from stickslip.stability.impedances import Impedance, Modes, natural_frequencies
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import doubtful_below, merged
 
-_MOST_FREQUENCIES = 1 << 15
-"""On a line left of the axis, to count the roots on its right."""
-_ABOUT = np.array([0.0, 1.0, -1.0])
-"""Points about a root from which Newton's method takes the value and its slope."""
+_MOST_FREQUENCIES = 1 << 15  # on a line left of the axis, to count the roots on its right
+_ABOUT = np.array([0.0, 1.0, -1.0])  # points about a root from which Newton's method takes the value and its slope
 
 
 def count(response: Response, body: Impedance, velocity: float) -> int:

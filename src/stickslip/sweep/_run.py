@@ -30,14 +30,12 @@ from stickslip.sweep._cases import (
 )
 from stickslip.sweep._table import EVERY, Table
 
-SECONDS = 0.5
-"""Longest that a batch takes, unless one case does: long beside the cost of handing it out."""
+SECONDS = 0.5  # longest that a batch takes, unless one case does: long beside the cost of handing it out
 _MANY = 256  # workers supposed behind an executor that does not say how many it has
 
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
-CYCLES = 30.0
-"""Cycles of loading that a run lasts at least."""
+CYCLES = 30.0  # cycles of loading that a run lasts at least
 
 
 @dataclass(frozen=True, kw_only=True)

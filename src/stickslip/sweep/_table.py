@@ -23,10 +23,8 @@ from typing import Any
 from stickslip.errors import InputError, instance
 
 FORMAT = 0x53545332  # "STS2"
-EVERY = 1.0
-"""Seconds between commits: what a kill can cost, together with the batches in flight."""
-PATIENCE = 60.0
-"""Seconds that a commit waits for those who read."""
+EVERY = 1.0  # seconds between commits: what a kill can cost, together with the batches in flight
+PATIENCE = 60.0  # seconds that a commit waits for those who read
 
 _HEAD = ""
 

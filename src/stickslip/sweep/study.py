@@ -10,8 +10,7 @@ from stickslip.model import FromRest, FromSliding, Method, Rig, Slider, Start, c
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import simulate
 
-KINDS: tuple[str, ...] = get_args(Kind)
-"""What a regime can be; its place here is its code in the results."""
+KINDS: tuple[str, ...] = get_args(Kind)  # what a regime can be; its place here is its code in the results
 FROM_REST, FROM_SLIDING = "from rest", "sliding"
 """How a run can start: at rest with relaxed contacts, or in steady smooth sliding."""
 PERTURBATION = 0.02

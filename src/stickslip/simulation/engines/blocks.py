@@ -32,25 +32,18 @@ from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine,
 from stickslip.simulation.engines.beginnings import first_contacts, survival_of
 from stickslip.simulation.work import Course, Part, breaking
 
-ANGLE = 0.05
-"""Longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4."""
-_DASHPOT = 0.2
-"""Longest step against the fastest decay in the dashpots."""
+ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
+_DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
 _POOL = 256
 """Random numbers drawn at once for a block. The same seed gives another run with another length."""
-_MOST_HISTORY = 2e8
-"""Steps of a block in the longest delay: 1.6 GB."""
+_MOST_HISTORY = 2e8  # steps of a block in the longest delay: 1.6 GB
 _STEP, _STEP_OF_COHORT, _BREAK, _BALANCE = 1.5e-8, 3e-9, 2.4e-7, 4e-8
 """Seconds a step of a block takes where nothing breaks, and of each of its cohorts; a break; and a block at each break
 in balance."""
-_CONTACT = 64.0
-"""Bytes of a contact."""
-_COHORTS = 400
-"""Cohorts of a block, about."""
-_SAMPLE = 2e-8, 120.0
-"""Seconds and bytes a sample of a block takes."""
-_BUDGET = 2_000_000
-"""Events, or eight steps of a block each, in an advance: some 50 to 200 ms."""
+_CONTACT = 64.0  # bytes of a contact
+_COHORTS = 400  # cohorts of a block, about
+_SAMPLE = 2e-8, 120.0  # seconds and bytes a sample of a block takes
+_BUDGET = 2_000_000  # events, or eight steps of a block each, in an advance: some 50 to 200 ms
 
 
 def balanced(beginning: Beginning, *, always: bool = False) -> tuple[Array, Array, Array]:

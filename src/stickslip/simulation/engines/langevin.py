@@ -32,16 +32,12 @@ from stickslip.simulation.work import Course, Part, breaking, oscillation, sampl
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
-_STEP = 0.02
-"""Largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements."""
+_STEP = 0.02  # largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements
 _AGE, _BREAK, _HOT_BREAK = 2e-7, 2.6e-6, 5e-6
 """Seconds a contact takes in a time of ageing, whether it breaks or not, and a break, at a temperature more."""
-_CONTACT = 150.0
-"""Bytes of a contact."""
-_POOL = 65_536
-"""Delays drawn for contacts to choose from; one will do if all are the same."""
-_AGED = 9.6e-3
-"""Seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order."""
+_CONTACT = 150.0  # bytes of a contact
+_POOL = 65_536  # delays drawn for contacts to choose from; one will do if all are the same
+_AGED = 9.6e-3  # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order
 _BUDGET, _HOT_BUDGET = 500_000, 25_000
 """Steps of a contact in an advance; with temperature each is a step of many."""
 

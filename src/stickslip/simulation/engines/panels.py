@@ -27,18 +27,14 @@ from stickslip.simulation.work import Course, Part, oscillation, sampling
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
-_AT_KNOTS = 0.3
-"""Part of the tolerance of a step that is left where the survival has knots."""
-_BROKEN = 0.02
-"""Fraction of all contacts that may break in a step where they are counted, for an error of 1e-4."""
+_AT_KNOTS = 0.3  # part of the tolerance of a step that is left where the survival has knots
+_BROKEN = 0.02  # fraction of all contacts that may break in a step where they are counted, for an error of 1e-4
 _GRAIN = 0.15
 """Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
-_PANELS = 1e-4, 1.5e-5
-"""Seconds over a mean threshold, and over a radian in which the slider rings after a slip."""
+_PANELS = 1e-4, 1.5e-5  # seconds over a mean threshold, and over a radian in which the slider rings after a slip
 _OF_RANDOM_DELAYS, _OF_CORNERS = 5.0, 3.0
 """So many times that with random delays, and with a distribution of thresholds that has corners."""
-_FINE = 2.5e-3
-"""Distance of the stretchings shown, in ``x_s``."""
+_FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
 @solves(MasterEquation)

@@ -20,12 +20,9 @@ from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
 from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
 
-_NODES = 240
-"""Nodes of thresholds, at most, where one number does not do."""
-_BROKEN = 0.006
-"""Largest fraction of the contacts that breaks in a step."""
-_COHORT = 2e-6, 1e-5
-"""Seconds a cohort takes in a step: where one number says what is left of it, and at nodes."""
+_NODES = 240  # nodes of thresholds, at most, where one number does not do
+_BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
+_COHORT = 2e-6, 1e-5  # seconds a cohort takes in a step: where one number says what is left of it, and at nodes
 
 
 @solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
