@@ -51,6 +51,8 @@ def bench(interface, stiffness=1.0, velocity=1.0):
 THERMAL = contacts()
 AGEING = contacts(ageing=0.02)
 LOG_NORMAL = contacts(thresholds=ss.LogNormal(mean=1.0, std=math.sqrt(math.e - 1.0)))
+# Fast contacts break little above the strength of newborns, F = f_0/2 + rate f_0 (<f_end> - f_0)/(2 v).
+FAST = contacts(0.2, width=None, ageing=ss.ExponentialGrowth(rate=1.0, newborn=0.5))
 fitted = lru_cache(ss.rate_and_state)
 
 
@@ -67,6 +69,7 @@ fitted = lru_cache(ss.rate_and_state)
         (LOG_NORMAL, 0.01, (1.4254, 5e-4), None),
         (LOG_NORMAL, 1.0, (1.4017, 5e-4), (-0.0050, 1e-4)),
         (contacts(thresholds=ss.Exponential(mean=1.0)), 1.0, (0.99984, 2e-5), (0.0, 2e-5)),
+        (FAST, 100.0, (0.25 + 0.125 / 100.0, 1e-5), (-0.125 / 100.0, 2e-5)),
     ],
 )
 def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope):

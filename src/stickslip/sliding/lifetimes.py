@@ -8,6 +8,7 @@ interface and a speed; `stickslip.sliding.activated` reads them.
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -171,40 +172,34 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
 
 def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Array:
     """Ends of panels for all contacts at once, up to where the strongest have broken."""
-    high, A = distribution.support[1], hazard.scale
-    end = kernel.reach(growth, high, v)
-    thermal = hazard.attempts > 0
+    (low, high), A = distribution.support, hazard.scale
+    newborn = 0.0, _shortest(distribution, hazard, growth, v)
+    if hazard.attempts == 0:  # at a high speed all break within a small part of the panels that suit their strengths
+        strengths = panel_edges(distribution, max(low, 0.0), high, [newborn], math.inf).tolist()
+        met = sorted({0.0, *(kernel.reach(growth, strength, v) for strength in strengths)})
+        cut = [np.linspace(a, b, math.ceil((b - a) / longest), endpoint=False) for a, b in pairwise(met)]
+        return np.append(np.concatenate(cut), met[-1])
 
     def follow(x: float) -> float:
         """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
-        if not thermal:
-            return math.inf
         factor, addend, _, more = map(float, kernel.rule(growth, np.array([x / v]))[:, 0])
         strength = (x - addend) / factor
         if strength > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
             return math.inf
         return 2.5 * A / max(abs(1.0 - more / v), 0.4)
 
-    places = [(0.0, _shortest(distribution, hazard, growth, v))]
-    if thermal and distribution.knots:
+    end, places = kernel.reach(growth, high, v), [newborn]
+    if distribution.knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, longest, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
         places += [(float(np.interp(knot, reached, x)), A) for knot in distribution.knots if knot < reached[-1]]
-    met = [kernel.reach(growth, knot, v) for knot in distribution.knots if knot > 0 or _from_strength(growth)]
-    places += [(place, A if thermal else 1.0) for place in met]
+    places += [(kernel.reach(growth, knot, v), A) for knot in distribution.knots if knot > 0 or growth.first > 0.0]
     edges = panel_edges(distribution, 0.0, end, places, longest, follow)
-    if not thermal:
-        return edges
     # All have broken long before the strongest meet their thresholds.
     width, x, _ = _radau(edges)
     broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], high + 4.0 * A)
     return edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
-
-
-def _from_strength(growth: Growth) -> bool:
-    """Whether thresholds grow, and from the strength on."""
-    return growth.kind == LOGARITHMIC and growth.first > 0.0
 
 
 def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> float:
@@ -215,7 +210,7 @@ def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: flo
         if float(distribution.density(1e-9)) * hazard.scale > 1e-4:  # weak contacts break at the rate of attempts
             lengths.append(max(v / hazard.attempts, 1e-9))
     if growth.first > 0.0:
-        lengths.append(max(v * growth.second if _from_strength(growth) else v / growth.first, 1e-6))
+        lengths.append(max(v * growth.second if growth.kind == LOGARITHMIC else v / growth.first, 1e-6))
     return min(lengths)
 
 
