@@ -3,16 +3,14 @@
 The force comes from the stationary kinetic equation of Eqs. (13)-(17), the dynamic stiffness from the linearised one,
 see `stickslip.kernels.langevin_response`; it has no closed form. In units of ``rate**2`` it depends on the reduced
 speed ``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone. What a life contributes takes some ten milliseconds for each
-reduced speed, and then some ten microseconds for each point: many points on the imaginary axis are read from a table
-for that speed. Delays enter in closed form.
+reduced speed, and then some ten microseconds for each point. Delays enter in closed form.
 """
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError, instance
 from stickslip.kernels import langevin_steady
@@ -35,8 +33,6 @@ from stickslip.sliding.response import (
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
 _RESOLVED = 1e-12, 1e6  # speeds over ``rate**2`` between which the stationary kinetic equation is resolved
-_LOWEST, _HIGHEST = 0.01, 1e6
-"""Phases of a life down to which the table goes, and up to which; below, kappa is in proportion to the frequency."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +42,6 @@ class AgedResponse(Response):
     constants: Constants
     delay: DelayModel
 
-    # Of the table; about sharp resonances at low speed it is some times less. Counts come from it, crossings do not.
     accuracy: ClassVar[float] = 1e-3
 
     def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
@@ -54,7 +49,9 @@ class AgedResponse(Response):
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         p = s / self._square
-        return self._joined(p, *_life(self._reduced(velocity), *self._shape, p))
+        (life, work, less, lost), rest = _life(self._reduced(velocity), *self._shape, p)
+        missing, away = np.asarray(self.delay.absence(s)), self.delay.moment(1) * self._square
+        return Perturbed(rest - life, work, -less, -lost).kappa(p, missing, rest, away, force=0.0)
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
@@ -89,22 +86,11 @@ class AgedResponse(Response):
         return u
 
     def _on_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        """Kappa on the imaginary axis, from the table."""
-        u, w = self._reduced(velocity), np.asarray(s.imag / self._square, dtype=float)
-        unit = u + u * u
-        top = _top(u, self._shape[0])
-        size = np.clip(np.abs(w), _LOWEST * unit, top)
-        parts, rest = _at(u, *self._shape)
-        kappa = self._joined(1j * size, parts(np.log(size / unit)), rest)
-        slow, fast = np.abs(w) / size, top / np.maximum(np.abs(w), top)
-        kappa = np.where(slow < 1, slow * slow * kappa.real + 1j * slow * kappa.imag, kappa)
-        kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.constants.newborn == 0 else 1.0)
-        return np.asarray(np.where(w < 0, np.conj(kappa), kappa))
-
-    def _joined(self, p: ComplexArray, parts: ComplexArray, rest: float) -> ComplexArray:
-        life, work, less, lost = parts
-        missing, away = np.asarray(self.delay.absence(p * self._square)), self.delay.moment(1) * self._square
-        return Perturbed(rest - life, work, -less, -lost).kappa(p, missing, rest, away, force=0.0)
+        """Kappa on the imaginary axis, by its power law where it nears 1."""
+        top = self._square * _top(self._reduced(velocity), self._shape[0])
+        excess = np.maximum(np.abs(s) / top, 1.0)
+        kappa = self.kappa(velocity, s / excess)
+        return np.asarray(1.0 - (1.0 - kappa) / excess ** (0.5 if self.constants.newborn == 0 else 1.0))
 
 
 def force(interface: Interface, velocity: Array) -> Array:
@@ -149,28 +135,12 @@ def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[Comp
 
 
 def _top(u: float, delta: float) -> float:
-    """Frequency, in units of ``rate**2``, up to which the table goes; above it kappa nears 1 as a power of it.
+    """Frequency, in units of ``rate**2``, above which kappa nears 1 as a power of it.
 
     Contacts driven into their boundary forget at the rate ``((u - 1)/delta)**2``, and only faster perturbations find
     springs.
     """
     return max(100.0, 100.0 * (max(u - 1.0, 0.0) / delta) ** 2)
-
-
-@lru_cache(maxsize=256)
-def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float]:
-    """Transforms of a life over the logarithm of its phase, and its mean length."""
-    phases = _phases(delta)
-    parts, rest = _life(u, delta, newborn, 1j * (u + u * u) * phases)
-    return CubicSpline(np.log(phases), parts, axis=1), rest
-
-
-@lru_cache(maxsize=64)
-def _phases(delta: float) -> Array:
-    """Phases of a life in the table: lifetimes are in step for as many turns as their scatter allows."""
-    turning = np.arange(0.3, max(30.0, min(3.0 / delta, 100.0)), 0.3)
-    low, high = np.geomspace(_LOWEST, 0.3, 14, endpoint=False), np.geomspace(turning[-1], _HIGHEST, 70)[1:]
-    return np.concatenate([low, turning, high])
 
 
 def ageing_constants(interface: Interface) -> Constants:
