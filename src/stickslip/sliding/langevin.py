@@ -20,15 +20,7 @@ from stickslip.kernels.langevin_response import Excursions, excursions, life_tra
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.sliding.lifetimes import hazard_of
-from stickslip.sliding.response import (
-    Array,
-    ComplexArray,
-    Parts,
-    Perturbed,
-    Response,
-    Scales,
-    speed_by_speed,
-)
+from stickslip.sliding.response import Array, ComplexArray, Perturbed, Response, Scales
 
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
@@ -44,21 +36,31 @@ class AgedResponse(Response):
 
     accuracy: ClassVar[float] = 1e-3
 
-    def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
-        return speed_by_speed(self._on_axis, velocity, 1j * omega)
-
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        p = s / self._square
-        (life, work, less, lost), rest = _life(self._reduced(velocity), *self._shape, p)
-        missing, away = np.asarray(self.delay.absence(s)), self.delay.moment(1) * self._square
-        return Perturbed(rest - life, work, -less, -lost).kappa(p, missing, rest, away, force=0.0)
+        u, p = self._reduced(velocity), s / self._square
+        top = 1j * self._highest(u)
+        fast = np.abs(p) > abs(top)
+        points = np.append(np.where(fast, top, p), top)
+        (life, work, less, lost), rest = _life(u, *self._shape, points)
+        missing, away = np.asarray(self.delay.absence(points * self._square)), self.delay.moment(1) * self._square
+        found = Perturbed(rest - life, work, -less, -lost).kappa(points, missing, rest, away, force=0.0)
+        # A fast perturbation finds the attached contacts as springs, but for those next to their thresholds, which
+        # diffuse: kappa falls short by C/sqrt(p) + D/p, with real C and D.
+        attached = rest / (rest + away)
+        short = attached - found[-1]
+        first, second = short.real * np.sqrt(2.0 * abs(top)), -(short.real + short.imag) * abs(top)
+        return np.where(fast, attached - first / np.sqrt(p) - second / p, found[:-1])
+
+    def _highest(self, u: float) -> float:
+        """Frequency, in units of ``rate**2``, up to which the panels of a life resolve a perturbation."""
+        return 25.0 / float(_known(u, *self._shape).edges[1])
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
         u = self._reduced(velocity)
         longest = 1.0 / (u + u * u) + self.delay.longest * self._square
         fine = np.arange(1.0, 4000.0) * 0.2 / longest
-        highest = _top(u, self._shape[0])
+        highest = self._highest(u)
         w = np.union1d(np.geomspace(1e-4 / longest, highest, 240), fine[fine < highest])
         return np.asarray(w * self._square)
 
@@ -84,13 +86,6 @@ class AgedResponse(Response):
                 f"contacts is computed from {_SLOWEST:g} to {_FASTEST:g} times it"
             )
         return u
-
-    def _on_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        """Kappa on the imaginary axis, by its power law where it nears 1."""
-        top = self._square * _top(self._reduced(velocity), self._shape[0])
-        excess = np.maximum(np.abs(s) / top, 1.0)
-        kappa = self.kappa(velocity, s / excess)
-        return np.asarray(1.0 - (1.0 - kappa) / excess ** (0.5 if self.constants.newborn == 0 else 1.0))
 
 
 def force(interface: Interface, velocity: Array) -> Array:
@@ -132,15 +127,6 @@ def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[Comp
     if newborn == 0:  # lifetimes from the boundary are known up to a factor
         parts /= parts[0, -1].real
     return parts[:, :-1].reshape(4, *p.shape), float(parts[0, -1].real)
-
-
-def _top(u: float, delta: float) -> float:
-    """Frequency, in units of ``rate**2``, above which kappa nears 1 as a power of it.
-
-    Contacts driven into their boundary forget at the rate ``((u - 1)/delta)**2``, and only faster perturbations find
-    springs.
-    """
-    return max(100.0, 100.0 * (max(u - 1.0, 0.0) / delta) ** 2)
 
 
 def ageing_constants(interface: Interface) -> Constants:
