@@ -7,7 +7,6 @@ the modes of `stickslip.stability`.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
@@ -60,8 +59,7 @@ class Scales(NamedTuple):
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `kappa` or `parts`, `frequencies`, `scales` and its `accuracy`; if `kappa` is
-    slow, a table on the axis as `axis_parts`.
+    A model of contacts gives `kappa` or `parts`, `frequencies`, `scales` and its `accuracy`.
     """
 
     accuracy: ClassVar[float]
@@ -92,12 +90,13 @@ class Response(ABC):
         raise NotImplementedError
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Numerator and denominator of ``kappa(s)``; here ``kappa`` and 1."""
-        return speed_by_speed(self.kappa, velocity, s)
-
-    def axis_parts(self, velocity: float | Array, omega: Array) -> Parts:
-        """`parts` at ``s = i omega``."""
-        return self.parts(velocity, 1j * omega)
+        """Numerator and denominator of ``kappa(s)``, which is 0 at 0; here ``kappa`` and 1."""
+        speed, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        found = np.zeros(points.shape, dtype=complex)
+        for v in np.unique(speed):
+            here = (speed == v) & (points != 0)
+            found[here] = self.kappa(float(v), points[here])
+        return Parts(found, np.ones_like(found))
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray] | None:
         """Frequencies up to `top` and far beyond, and centres of discs through 0 that hold kappa whatever the delay."""
@@ -110,18 +109,16 @@ class Response(ABC):
         return whole_axis(self, velocity)
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
-        """``kappa(s)`` on the imaginary axis; `velocity` and `s` broadcast."""
-        return _ratio(self.axis_parts(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex).imag))
-
-    def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
-        """``kappa(s)`` as accurate as may be, off the axis as well; `velocity` and `s` broadcast.
+        """``kappa(s)``, at 0 as well; `velocity` and `s` broadcast.
 
         Raises `InputError` if `s` lies where the response does not exist.
         """
         points, speed = np.asarray(s, dtype=complex), np.asarray(velocity, dtype=float)
         furthest = float(np.min(points.real, initial=0.0))
         with np.errstate(over="ignore", invalid="ignore"):
-            kappa = _ratio(self.parts(speed, points))
+            numerator, denominator = self.parts(speed, points)
+            kappa = np.zeros(np.broadcast_shapes(numerator.shape, denominator.shape), dtype=complex)
+            np.divide(numerator, denominator, out=kappa, where=denominator != 0)
         known = not self.certain or furthest == 0 or furthest > self.scales(float(np.min(speed))).leftmost
         if not (known and np.all(np.isfinite(kappa))):
             raise InputError(
@@ -135,25 +132,7 @@ class Response(ABC):
 def whole_axis(response: Response, velocity: float) -> tuple[Array, Parts]:
     """Return `Response.sampled`, the same for all rigs."""
     omega = response.frequencies(velocity, math.inf)
-    return omega, response.axis_parts(velocity, omega)
-
-
-def _ratio(parts: Parts) -> ComplexArray:
-    numerator, denominator = parts
-    found = np.zeros(np.broadcast_shapes(numerator.shape, denominator.shape), dtype=complex)
-    return np.asarray(np.divide(numerator, denominator, out=found, where=denominator != 0))
-
-
-def speed_by_speed(
-    kappa: Callable[[float, ComplexArray], ComplexArray], velocity: float | Array, s: ComplexArray
-) -> Parts:
-    """Return the parts of a response that is known as one number, at one speed and many `s`; it is 0 at 0."""
-    speed, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
-    found = np.zeros(points.shape, dtype=complex)
-    for v in np.unique(speed):
-        here = (speed == v) & (points != 0)
-        found[here] = kappa(float(v), points[here])
-    return Parts(found, np.ones_like(found))
+    return omega, response.parts(velocity, 1j * omega)
 
 
 class Perturbed(NamedTuple):

@@ -378,10 +378,9 @@ class Line(NamedTuple):
         d = 1e-6 if response.certain else 1e-4  # where a difference of logarithms is least in error
         for _ in range(12):
             here, s = self.parameter.set(self.rig, math.exp(x)), np.array([1j * math.exp(y)])
-            exact = respond(here.interface).exact(here.velocity, s) + impedance(here.slider)(s)
             along = _total(here, s * np.exp([d, -d]))
             across = np.concatenate([_total(self.parameter.set(self.rig, math.exp(x + e)), s) for e in (d, -d)])
-            f, (fx, fy) = complex(exact[0]), (complex(a[0] - a[1]) / (2 * d) for a in (across, along))
+            f, (fx, fy) = complex(_total(here, s)[0]), (complex(a[0] - a[1]) / (2 * d) for a in (across, along))
             det = (fx.conjugate() * fy).imag
             if det == 0 or not math.isfinite(det):
                 return None

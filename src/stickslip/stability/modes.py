@@ -52,7 +52,7 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
         points = np.asarray(s, dtype=complex)
     except (TypeError, ValueError):
         raise InputError(f"s = {shown(s)}: must be a complex number, or an array of them (in 1/time)") from None
-    return respond(interface).exact(speed, points)
+    return respond(interface).stiffness(speed, points)
 
 
 def count_unstable(rig: Rig) -> int:

@@ -62,7 +62,7 @@ def neutral_frequencies(
             return z
 
         def lost(w: Array, bodies: Array, speed: Array) -> Array:
-            return loss(impedances(w, bodies), response.axis_parts(speed, w))
+            return loss(impedances(w, bodies), response.parts(speed, 1j * w))
 
         zeros = elementwise.find_root(lost, (left, right), args=(bodies, speed)).x
         omega = np.where(np.isnan(zeros), left, zeros)  # a bracket of which an end is 0 but for rounding
@@ -92,7 +92,7 @@ def _brackets(
             break
         # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
-        dip = loss(body(1j * fine), response.axis_parts(velocity, fine)) * side[:, None]
+        dip = loss(body(1j * fine), response.parts(velocity, 1j * fine)) * side[:, None]
         row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
         left = np.concatenate([left, fine[row, column]])
         right = np.concatenate([right, fine[row, column + 1]])
