@@ -54,7 +54,7 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
     return MeanLifetimes(way, work, longer, more, weight)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ActivatedResponse(Response):
     """The linear response of contacts with temperature or with thresholds that grow by a fixed rule."""
 
@@ -93,15 +93,12 @@ class ActivatedResponse(Response):
         """Wave number beyond which nothing is left of the memory of a life."""
         return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
 
-    @cached_property
-    def _reach(self) -> float:
-        """Largest stretching, but for one contact in a thousand."""
-        return float(self.interface.threshold_distribution.inverse_survival(np.array(1e-3)))
-
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
-        reach = self._reach + velocity * self.interface.delay.longest
-        top = max(12.0 / self._std, 60.0 / self.interface.threshold_distribution.moment(1))
+        thresholds = self.interface.threshold_distribution
+        # The largest stretching, but for one contact in a thousand.
+        reach = float(thresholds.inverse_survival(np.array(1e-3))) + velocity * self.interface.delay.longest
+        top = max(12.0 / self._std, 60.0 / thresholds.moment(1))
         step = max(STEP / reach, top / 8000.0)
         slow, fast = np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.geomspace(top, 1e3 * top, 90)
         return np.asarray(velocity * np.concatenate([slow, np.arange(step, top, step), fast]))
@@ -109,8 +106,3 @@ class ActivatedResponse(Response):
     def scales(self, velocity: float) -> Scales:
         cycle = float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
-
-
-def response(interface: Interface) -> ActivatedResponse:
-    """Return the linear response."""
-    return ActivatedResponse(interface=interface)

@@ -96,11 +96,11 @@ def _kind(interface: Interface) -> Sliding:
 
     if interface.areas is not None:
         laws, takes = _by_lifetimes(activated.mean_lives_of_areas), ("temperature", "areas", "sliding_force")
-        return Sliding(f"{who} of areas", takes, *laws, activated.response)
+        return Sliding(f"{who} of areas", takes, *laws, activated.ActivatedResponse)
     laws = _by_lifetimes(activated.mean_lives)
     if interface.temperature is None:
-        return Sliding(f"{who} of thresholds that grow", ("sliding_force",), *laws, activated.response)
-    return Sliding(f"{who} with temperature", ("temperature", "sliding_force"), *laws, activated.response)
+        return Sliding(f"{who} of thresholds that grow", ("sliding_force",), *laws, activated.ActivatedResponse)
+    return Sliding(f"{who} with temperature", ("temperature", "sliding_force"), *laws, activated.ActivatedResponse)
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
