@@ -26,30 +26,7 @@ _MANY = 100_000  # slopes that are enough
 
 Source = Literal["theory", "statistics", "convention"]
 
-TESTS: dict[str, tuple[str, float, Source]] = {
-    "drops": ("drops that stand out of the noise", 1, "statistics"),
-    "size": ("swing over the largest force", TINY, "convention"),
-    "cycles": ("cycles in the window", FEWEST_CYCLES, "convention"),
-    "resolved": ("samples in a drop", FEWEST_IN_A_DROP, "convention"),
-    "steady": ("logarithm of the change of the drops", STEADY, "statistics"),
-    "small": ("range of the second half over the largest force", SMALL, "convention"),
-    "pauses": ("longest pause over the usual time between drops", FEWEST_CYCLES, "statistics"),
-    "fast": ("largest slider velocity over the drive's", SLIP_VELOCITY, "theory"),
-    # A slider that is held the rest of the time slips at four times the drive on average; held, it loads the spring.
-    "phase": ("part of the time in drops", 0.25, "theory"),
-    "held": ("part of the time at the full loading rate", MOST, "convention"),
-    "contacts": ("scatter over the noise of the contacts", ERRORS, "theory"),
-    "normal": ("kurtosis of the force", NORMAL, "theory"),
-    "enough": ("cycles, to tell an oscillation from noise", ENOUGH, "statistics"),
-    "slight": ("three standard deviations over the mean", MOST, "convention"),
-    "strong": ("the same, of slips of single contacts", ERRORS * STEADY, "statistics"),
-    "line": ("swing of a spectral line over the largest force", TINY, "statistics"),
-    # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
-    "masks": ("scatter over the largest force", SMALL / math.sqrt(12.0), "convention"),
-    "drifts": ("range of a straight line over that of the force", MOST, "convention"),
-}
-"""What is asked, the limit, and its source, by short names; chance allows for more where an error is known."""
-_AT_MOST = {"steady", "small", "phase", "slight"}
+_AT_MOST = {"steady", "small", "phase", "slight"}  # tests passed at most at their limit; the others, at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,39 +83,46 @@ def gather(trace: Trace, found: Slips) -> Evidence:
     line, height = (math.nan, math.nan) if cycles else spectral_line(trace.t, force, CHANCE)
     fast = weighted_median(speeds(trace, found), typical)
     count = cycles.count if cycles else (fast_ones(trace, found) if fast >= SLIP_VELOCITY else found).size
-    values = {
-        "drops": found.size,
-        "size": swing / friction,
-        "cycles": count,
-        "resolved": weighted_median((found.trough - found.peak).astype(float), typical),
-        "steady": abs(math.log(trend)),
-        "small": float(np.ptp(force[force.size // 2 :])) / friction,
-        "pauses": longest,
-        "fast": fast,
-        "phase": found.slip_phase(trace),
-        "held": math.nan if trace.contacts else held(trace, found.noise),
-        "contacts": math.nan,
-        "normal": float(np.mean(rest**4)) / scatter**4 if scatter else math.nan,
-        "enough": count,
-        "slight": ERRORS * scatter / mean,
-        "strong": ERRORS * scatter / mean,
-        "line": height / friction,
-        "masks": scatter / friction,
-        "drifts": drift,
-    }
+    samples = weighted_median((found.trough - found.peak).astype(float), typical)
+    phase, rising = found.slip_phase(trace), math.nan if trace.contacts else held(trace, found.noise)
+    kurtosis = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
+    late = float(np.ptp(force[force.size // 2 :]))
+    of_contacts = math.nan
     if trace.contacts and found.size:
-        values["contacts"] = scatter * math.sqrt(trace.contacts) / min(NOISE_OF_CONTACTS * friction, mean)
-    limits = {"steady": STEADY + ERRORS * error, "pauses": chance}
+        of_contacts = scatter * math.sqrt(trace.contacts) / min(NOISE_OF_CONTACTS * friction, mean)
+    # What is asked, what was found, the limit (chance allows for more where an error is known), and its source.
+    rows: dict[str, tuple[str, float, float, Source]] = {
+        "drops": ("drops that stand out of the noise", found.size, 1, "statistics"),
+        "size": ("swing over the largest force", swing / friction, TINY, "convention"),
+        "cycles": ("cycles in the window", count, FEWEST_CYCLES, "convention"),
+        "resolved": ("samples in a drop", samples, FEWEST_IN_A_DROP, "convention"),
+        "steady": ("logarithm of the change of the drops", abs(math.log(trend)), STEADY + ERRORS * error, "statistics"),
+        "small": ("range of the second half over the largest force", late / friction, SMALL, "convention"),
+        "pauses": ("longest pause over the usual time between drops", longest, chance, "statistics"),
+        "fast": ("largest slider velocity over the drive's", fast, SLIP_VELOCITY, "theory"),
+        # A slider held the rest of the time slips at four times the drive on average; held, it loads the spring.
+        "phase": ("part of the time in drops", phase, 0.25, "theory"),
+        "held": ("part of the time at the full loading rate", rising, MOST, "convention"),
+        "contacts": ("scatter over the noise of the contacts", of_contacts, ERRORS, "theory"),
+        "normal": ("kurtosis of the force", kurtosis, NORMAL, "theory"),
+        "enough": ("cycles, to tell an oscillation from noise", count, ENOUGH, "statistics"),
+        "slight": ("three standard deviations over the mean", ERRORS * scatter / mean, MOST, "convention"),
+        "strong": ("the same, of slips of single contacts", ERRORS * scatter / mean, ERRORS * STEADY, "statistics"),
+        "line": ("swing of a spectral line over the largest force", height / friction, TINY, "statistics"),
+        # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
+        "masks": ("scatter over the largest force", scatter / friction, SMALL / math.sqrt(12.0), "convention"),
+        "drifts": ("range of a straight line over that of the force", drift, MOST, "convention"),
+    }
     tests = {
         key: Criterion(
             name=name,
-            statistic=values[key],
-            limit=(limit := limits.get(key, usual)),
+            statistic=value,
+            limit=limit,
             source=source,
-            passed=bool(values[key] <= limit if key in _AT_MOST else values[key] >= limit),
+            passed=bool(value <= limit if key in _AT_MOST else value >= limit),
         )
-        for key, (name, usual, source) in TESTS.items()
-        if not math.isnan(values[key])
+        for key, (name, value, limit, source) in rows.items()
+        if not math.isnan(value)
     }
     facts = {key for key, test in tests.items() if test.passed}
     # Where the velocity is not known, or not seen, the force tells: of a periodic one, the time in drops; of an
@@ -157,6 +141,7 @@ def gather(trace: Trace, found: Slips) -> Evidence:
         "noise": chance_only and ("normal" in facts or not cycles),
     }
     facts |= {name for name, holds in more.items() if holds}
+    values = {key: value for key, (_, value, _, _) in rows.items()}
     return Evidence(cycles, trend, line, values, tuple(tests.values()), facts)
 
 
