@@ -17,6 +17,7 @@ from pandas import json_normalize
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
+from stickslip.io.rig_keys import TABLES
 from stickslip.model import Contacts, Drive, ElasticBody, constant
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
@@ -182,8 +183,13 @@ def check_thresholds(rig: Rig) -> None:
 
 
 def complaints(error: Exception) -> list[dict[str, str]]:
-    """Return what is wrong, each with the key of the document that it is about (empty if there is none)."""
+    """Return what is wrong, each with the key of the document that it is about (empty if there is none).
+
+    More mistakes than a rig has keys stand beside no field: they are told in one line, which counts the rest.
+    """
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
+    if len(mistakes) > sum(map(len, TABLES.values())):
+        mistakes = (error,)
     return [
         {"key": getattr(mistake, "place", ""), "message": str(mistake).removeprefix("rig: ")} for mistake in mistakes
     ]
