@@ -1,6 +1,7 @@
 """Reading force traces: every table that instruments write, and what is refused in one line."""
 
 import datetime as dt
+import gzip
 import re
 import subprocess
 import sys
@@ -8,9 +9,11 @@ import time
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.measure import read_trace
+from stickslip.measure.readings import LARGEST_FILE
 
 FORCES = np.round(5.0 + np.abs(np.mod(np.arange(60) * 0.37, 3.0)), 2)
 
@@ -234,6 +237,19 @@ def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("stickslip.measure.readings.LARGEST_FILE", 100)
     with pytest.raises(InputError, match="MB"):
         read_trace(written(tmp_path, NUMBERS), step=1.0)
+
+
+def test_a_table_that_is_packed_is_read_as_the_one_that_is_not(tmp_path):
+    whole, packed = written(tmp_path, NUMBERS), tmp_path / "packed.csv.gz"
+    packed.write_bytes(gzip.compress(whole.read_bytes()))
+    xr.testing.assert_equal(read_trace(packed, step=1.0), read_trace(whole, step=1.0))
+    for damaged in (packed.read_bytes()[:-12], packed.read_bytes()[:12] + b"\xff" * 40):
+        packed.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"packed\.csv\.gz: cannot be read"):
+            read_trace(packed, step=1.0)
+    packed.write_bytes(gzip.compress(bytes(LARGEST_FILE + 1)))
+    with pytest.raises(InputError, match="unpacks to more than"):
+        read_trace(packed, step=1.0)
 
 
 def test_several_columns_are_told_by_their_names(tmp_path):

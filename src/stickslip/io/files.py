@@ -3,15 +3,18 @@
 A symbolic link is followed, for reading and for writing: the link stays, and the file that it leads to is replaced.
 """
 
+import gzip
 import os
 import secrets
 import stat
+import zlib
 from pathlib import Path
 
 from stickslip.errors import InputError, instance
 
 _KINDS = {"d": "a directory", "c": "a device", "b": "a device", "p": "a named pipe", "s": "a socket"}
 """What a file is that is not regular, by the first letter of `stat.filemode`."""
+_GZIP = b"\x1f\x8b"
 
 
 def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
@@ -26,13 +29,19 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
 
 
 def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
-    """Return the content of a file; arguments and errors are those of `size`."""
+    """Return the content of a file, unpacked if gzip packed it; arguments and errors are those of `size`."""
     if size(path, kind, largest=largest) == 0:  # the kernel's own files have no size, and some have no end
         return b""
     try:
-        return Path(path).read_bytes()
-    except OSError as error:
+        content = Path(path).read_bytes()
+        if content.startswith(_GZIP):
+            with gzip.open(path) as packed:
+                content = packed.read(largest + 1)
+    except (OSError, EOFError, zlib.error) as error:
         raise _failed(path, "read", error) from None
+    if len(content) > largest:
+        raise InputError(f"{path}: unpacks to more than a {kind} may have ({largest / 1e6:g} MB)")
+    return content
 
 
 def _regular(path: str | os.PathLike[str], done: str, kind: str) -> os.stat_result | None:
@@ -49,7 +58,7 @@ def _regular(path: str | os.PathLike[str], done: str, kind: str) -> os.stat_resu
     return found
 
 
-def _failed(path: str | os.PathLike[str], done: str, error: OSError | ValueError) -> InputError:
+def _failed(path: str | os.PathLike[str], done: str, error: Exception) -> InputError:
     why = getattr(error, "strerror", None) or error
     return InputError(f"{path}: cannot be {done} ({why})" + ("; nothing was lost" if done == "written" else ""))
 
