@@ -1,5 +1,6 @@
 """Runs of an elastic slider for the page Fronts: its force, what happens along the bar, and each event closer."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -24,7 +25,6 @@ _PER_BLOCK = 3.0  # samples while sound passes one
 _ROWS, _CLOSE = 600, 240  # pixels in time, of the whole run and of an event
 _EVENTS = 12  # that can be looked at closer
 _FEWEST = 3  # blocks of an event that is told
-_SLIPS = 0.1  # of the largest velocity of an event
 _DECADES = 3.0  # of velocity below the largest
 
 
@@ -61,7 +61,8 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "end": event["end"] / times["factor"],
                 "drop": event["drop"] / force["factor"],
                 "blocks": event["blocks"],
-                **_front(part, sound),
+                "from": event["first_block"] + 1,
+                "speed": event["front_speed"] / sound if math.isfinite(event["front_speed"]) else None,
                 "view": _view(part, fastest, times, force, _CLOSE),
             }
             for event, part in zip(longest, _closer(run, longest, sound), strict=True)
@@ -96,18 +97,6 @@ def _closer(run: xr.Dataset, events: list[dict[str, Any]], sound: float) -> Iter
         part = run.sel(time=slice(event["start"] - 0.3 * lasts, event["start"] + 1.6 * lasts))
         short = run.sel(time=slice(event["start"] - 0.3 * lasts, None)).isel(time=slice(0, 4))
         yield part if part.sizes["time"] >= 4 else short
-
-
-def _front(part: xr.Dataset, sound: float) -> Plain:
-    """Where slip began in an event, and the speed at which it reached the farther end, over that of sound."""
-    velocity = np.abs(part["velocity"].transpose("time", "block").to_numpy())
-    slips = velocity >= _SLIPS * velocity.max()
-    reached = np.flatnonzero(slips.any(axis=0))
-    arrival = part["time"].to_numpy()[slips.argmax(axis=0)]
-    origin = int(reached[arrival[reached].argmin()])
-    end = int(max(reached[0], reached[-1], key=lambda block: abs(block - origin)))
-    took, way = float(arrival[end] - arrival[origin]), abs(end - origin)
-    return {"from": origin + 1, "speed": way / took / sound if way >= _FEWEST and took > 0 else None}
 
 
 def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int) -> Plain:

@@ -7,20 +7,21 @@ where the slider moves fast, so that shown at an even pace they slow down throug
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, packed
-from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model import Contacts, Slider
 from stickslip.model.rig import Rig
-from stickslip.progress import Progress
+from stickslip.progress import Progress, part
 from stickslip.simulation import simulate
-from stickslip.simulation.engines import Beginning, Engine, Individuals, Leg, engine_of
+from stickslip.simulation.engines import Advance, Beginning, Engine, Individuals, Leg, engine_of
+from stickslip.simulation.follow import follow
 
 FRAMES = 1_200  # 40 s, at 30 a second
 SHOWN = 40  # contacts in the drawing; the run may have any number of them
@@ -49,17 +50,17 @@ def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
     method = case.method if isinstance(case.method, Contacts) else Contacts(_CONTACTS, seed=1)
     case = replace(case, method=method)
     begin, end = _window(case, at)
-    times = _frame_times(case, begin, end, lambda fraction: watch(0.5 * fraction))
-    seen = _look(case, method, times, lambda fraction: watch(0.5 + 0.5 * fraction))
+    times = _frame_times(case, begin, end, part(watch, 0.0, 0.5))
+    slider, drive, stretching, flags = _look(case, method, times, part(watch, 0.5, 1.0))
     yield {
         "times": packed(times * rig.unit("time")),
-        "force": packed(case.slider.stiffness * (seen.drive - seen.slider) * rig.unit("f_s")),
-        "slider": packed(seen.slider),
-        "drive": packed(seen.drive),
-        "stretching": packed(np.clip(np.rint(seen.stretching / STEP), -32_767, 32_767), "i2"),
-        "flags": packed(seen.flags, "u1"),
+        "force": packed(case.slider.stiffness * (drive - slider) * rig.unit("f_s")),
+        "slider": packed(slider),
+        "drive": packed(drive),
+        "stretching": packed(np.clip(np.rint(stretching / STEP), -32_767, 32_767), "i2"),
+        "flags": packed(flags, "u1"),
         "step": STEP,
-        "shown": seen.stretching.shape[1],
+        "shown": stretching.shape[1],
         "of": method.count,
         "exact": own and case.interface.ageing is None,
         "own": own,
@@ -92,52 +93,42 @@ def _frame_times(rig: Rig, begin: float, end: float, watch: Progress) -> Array:
     return np.asarray(np.interp(np.linspace(0.0, clock[-1], FRAMES), clock, t))
 
 
-class _Seen(NamedTuple):
-    """Positions of slider and drive, shape (frames,); stretchings and flags, shape (frames, contacts)."""
+class _Followed:
+    """An engine whose samples tell of some of its contacts one by one, besides where the slider is."""
 
-    slider: Array
-    drive: Array
-    stretching: Array
-    flags: NDArray[np.uint8]
+    columns = ("displacement",)
+
+    def __init__(self, engine: Engine, shown: NDArray[np.intp]) -> None:
+        if not isinstance(engine, _Tells):
+            raise InputError("simulation.method: this solver does not know its contacts one by one")
+        self.here, self.slider, self._engine, self._shown = engine.here, engine.slider, engine, shown
+        self._tells = engine.individuals
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on to the next sample, or to the end of the leg."""
+        end = min([*leg.times[:1], leg.end])
+        over = end <= self.here()[0] or self._engine.advance(leg._replace(end=end, times=leg.times[:0])).over
+        samples = [self.sample()] if over and leg.times.size else []
+        return Advance(np.array(samples).reshape(-1, 1 + 2 * self._shown.size), (), over and not leg.times.size)
+
+    def sample(self) -> Array:
+        """Where the slider is, the stretchings of the contacts, and which are attached."""
+        now = self._tells()
+        return np.concatenate([[self.here()[1]], now.stretching[self._shown], now.attached[self._shown]])
 
 
-def _look(rig: Rig, method: Contacts, times: Array, watch: Progress) -> _Seen:
-    """Make the run in steps from frame to frame."""
+def _look(rig: Rig, method: Contacts, times: Array, watch: Progress) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
+    """Positions of slider and drive at some times of the run, and stretchings and flags of its contacts there."""
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine = engine_of(rig.interface, method)(beginning, method)
-    if not isinstance(engine, _Tells):
-        raise InputError("simulation.method: this solver does not know its contacts one by one")
     shown = np.unique(np.linspace(0, method.count - 1, SHOWN).astype(int))
-    slider, drive = np.empty((2, times.size))
-    stretching, flags = np.empty((times.size, shown.size)), np.zeros((times.size, shown.size), np.uint8)
-    position, done = beginning.drive_position(engine.contact_force()), 0
-    birth = engine.here()[1] - engine.individuals().stretching[shown]
-    for number_of, piece in enumerate(rig.drive.pieces):
-        start = engine.here()[0]
-        last = number_of + 1 == len(rig.drive.pieces)
-        motion = Quadratic(start, position, piece.start, piece.acceleration)
-        way = Leg(motion, start + piece.duration, np.empty(0), Stop())
-        while done < times.size and (last or times[done] <= way.end):
-            watch(done / times.size)
-            _go(engine, way._replace(end=min(times[done], way.end)), watch)
-            now = engine.individuals()
-            attached = now.attached[shown]
-            slider[done], drive[done] = engine.here()[1], float(way.drive_position(np.asarray(engine.here()[0])))
-            stretching[done] = np.where(attached, now.stretching[shown], 0.0)
-            # Where the slider was when a contact attached: elsewhere now, if it broke and attached again since.
-            place = slider[done] - stretching[done]
-            new = attached & (np.abs(place - birth) > 1e-9 * (1.0 + abs(slider[done])))
-            flags[done] = np.where(attached, ATTACHED, 0) | np.where(new, RENEWED, 0)
-            birth = np.where(attached, place, birth)
-            done += 1
-        if done == times.size:
-            break
-        _go(engine, way, watch)
-        position = float(way.drive_position(np.asarray(way.end)))
-    return _Seen(slider, drive, stretching, flags)
-
-
-def _go(engine: Engine, leg: Leg, watch: Progress) -> None:
-    if leg.end > engine.here()[0]:
-        while not engine.advance(leg).over:
-            watch(0.5)
+    origin = beginning.drive_position(engine.contact_force())
+    followed: Any = _Followed(engine, shown)  # what `follow` asks of an engine
+    first = followed.sample()
+    track = follow(followed, rig.drive, origin, times, progress=watch)
+    slider, stretching, attached = np.split(np.vstack([first, track.rows]), [1, 1 + shown.size], axis=1)
+    # Where the slider was when a contact attached: elsewhere now, if it broke and attached again since.
+    place = pd.DataFrame(slider - stretching).where(attached > 0)
+    moved = np.abs(place - place.ffill().shift().fillna(math.inf)) > 1e-9 * (1.0 + np.abs(slider))
+    flags = np.where(attached > 0, ATTACHED, 0) | np.where(moved, RENEWED, 0)
+    return slider[1:, 0], track.drive_position, (stretching * attached)[1:], flags[1:].astype(np.uint8)

@@ -92,10 +92,14 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
         forces.append(float(sliding.kinetic_friction(rig.interface, float(speed))))
     turning = () if rig.interface.ageing is not None else sliding.turning_velocities(rig.interface, between=(low, high))
     v, F = rig.unit("x_s/time"), rig.unit("f_s")
-    unit = "x_s/time" if rig.scales is None else "m/s"
     yield {
-        "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v), "ends": [low * v, high * v]},
-        "force": {"title": "kinetic friction", "unit": "f_s" if rig.scales is None else "N"},
+        "speed": {
+            "title": "speed",
+            "unit": rig.unit_name("x_s/time"),
+            "values": packed(speeds * v),
+            "ends": [low * v, high * v],
+        },
+        "force": {"title": "kinetic friction", "unit": rig.unit_name("f_s")},
         "values": packed(np.array(forces) * F),
         "here": [velocity * v, float(sliding.kinetic_friction(rig.interface, velocity)) * F],
         "turning": [
@@ -182,16 +186,15 @@ def _friction(rig: Rig) -> Plain:
         documents.check_thresholds(rig)
     except InputError as error:
         return {**found, "words": [str(error)]}
-    unit = 1.0 if rig.scales is None else rig.scales.unit("force")
     with suppress(InputError, UndecidedError):
         static = _static_friction(replace(aged, delay=Delay(0.0)))[0]
-        found["static"] = static * unit
+        found["static"] = static * rig.unit("f_s")
         found["words"].append(f"F_s = {rig.in_units(static, 'force')}{when}")
     if rig.natural.velocity > 0:
         with suppress(InputError):
             kinetic = float(sliding.kinetic_friction(rig.interface, rig.natural.velocity))
             if math.isfinite(kinetic):
-                found["kinetic"] = kinetic * unit
+                found["kinetic"] = kinetic * rig.unit("f_s")
                 found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
     with suppress(InputError, UndecidedError):
         critical = _critical_stiffness(aged)

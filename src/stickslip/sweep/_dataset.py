@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -198,13 +198,11 @@ class Status:
 
 def status_of(store: str | PathLike[str]) -> Status:
     """Say how far the sweep of a store is, also while it runs."""
-    path = Path(store)
-    with closing(Table(path)) as table:
-        keys = _keys_of(table)
-        known = [table.has_failed(key) for key in keys if key in table.rows]
-        total = table.head["total"] if "search" in table.head and "cases" not in table.head else len(keys)
-    found = Summary(total=total, done=known.count(False), failed=sum(known), missing=total - len(known))
-    return Status(summary=found, writer=writer_of(path))
+    with closing(Table(Path(store))) as table:
+        found, going_on = summary(dataset_of(table)), "search" in table.head and "cases" not in table.head
+        total = table.head["total"] if going_on else len(_keys_of(table))
+    found = replace(found, total=total, missing=total - found.done - found.failed)
+    return Status(summary=found, writer=writer_of(Path(store)))
 
 
 def summary(dataset: xr.Dataset) -> Summary:

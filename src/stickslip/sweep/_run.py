@@ -21,13 +21,7 @@ from itertools import islice, takewhile
 from typing import Any
 
 from stickslip.errors import InputError, instance, whole
-from stickslip.sweep._cases import (
-    DIED,
-    Job,
-    failed,
-    name_of,
-    run_batch,
-)
+from stickslip.sweep._cases import DIED, Job, failed, name_of, run_batch
 from stickslip.sweep._table import EVERY, Table
 
 SECONDS = 0.5  # longest that a batch takes, unless one case does: long beside the cost of handing it out

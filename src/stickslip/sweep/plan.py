@@ -43,11 +43,7 @@ NOTE = "sweep"
 """Attribute of the results that holds the plan."""
 PER_CONTACT = ("peak_to_peak", "mean_force", "drop", "stiffness", "mass")
 """What is that of a contact in natural units, and of the whole interface in SI units."""
-OTHERS = {
-    "contacts": "number of contacts",
-    "seed": "seed of the contacts",
-    "start": "start of the run",
-}
+OTHERS = {"contacts": "number of contacts", "seed": "seed of the contacts", "start": "start of the run"}
 """What can be an axis besides the parameters of a rig."""
 _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
 _SPACING = Key("linear", choices=("linear", "log"))
@@ -113,25 +109,9 @@ class Plan:
         progress: Callable[[Progress], object] | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
-        """Run what is missing of a sweep; see `stickslip.sweep.run_cases`.
+        """Run what is missing of a sweep; arguments, errors and what is returned are those of `sweep`.
 
-        Parameters
-        ----------
-        store : path, optional
-            File that keeps all cases.
-        executor, progress, retry_failed
-            As there.
-
-        Returns
-        -------
-        xarray.Dataset
-            In the units of the rig; its attribute ``sweep`` holds the plan as JSON. ``regime`` is an integer
-            with CF flags.
-
-        Raises
-        ------
-        InputError
-            As there.
+        The attribute ``sweep`` of the results holds the plan as JSON.
         """
         options = Options(
             seed=getattr(self.study.rig.method, "seed", 0),
@@ -295,9 +275,8 @@ def _axis(name: str, given: Any, read: Callable[..., float], most: int) -> tuple
         listed = sequence(place, given, "a list of values, or a table with from, to and count")
         return tuple(value(each, f"{place}.{i}") for i, each in enumerate(listed))
     _check_keys(given, ("from", "to", "count", "spacing"), place)
-    for key in ("count",) if name == "seed" else ("from", "to"):
-        if key not in given:
-            raise InputError(f"{place}.{key}: is missing")
+    if missing := [key for key in (("count",) if name == "seed" else ("from", "to")) if key not in given]:
+        raise InputError(f"{place}.{missing[0]}: is missing")
     count = whole(f"{place}.count", given.get("count", 2), at_least=1, at_most=most)
     low, high = (value(given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
     if name == "seed":
