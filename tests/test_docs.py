@@ -99,10 +99,10 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
             assert key.is_table or key.read(key.example, name, natural=False)
 
 
-def report_of(folder, studies=(), **more):
+def report_of(folder, studies):
     """A report of the verification in a folder."""
     file = folder / "report.json"
-    file.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": list(studies), **more}))
+    file.write_text(json.dumps({"made_by": "version 1.0", "studies": studies}))
     return file
 
 
@@ -143,17 +143,20 @@ def test_no_row_of_the_readme_hides_a_promise_that_is_not_kept():
 def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(ROOT))
     sources = import_module("verification.sources")
-    assert house.stale_report(report_of(tmp_path))  # made before there was a mark
-    report = report_of(tmp_path, sources=sources.fingerprint())
-    assert house.made_by(report) == "Made by version 1.0 on today."
+    studies = {"gamma": ["kernels"], "fits": ["kernels", "fitting"]}
+    made = [{"study": s, "rooms": rooms, "sources": sources.fingerprint(rooms)} for s, rooms in studies.items()]
+    report = report_of(tmp_path, made)
+    assert house.made_by(report) == "Made by version 1.0."
     package = tmp_path / "src" / "stickslip"
     shutil.copytree(ROOT / "src" / "stickslip", package, ignore=shutil.ignore_patterns("__pycache__", "static"))
     monkeypatch.setattr(sources, "ROOT", tmp_path)
     assert house.stale_report(report) == ""  # of the same sources, wherever they lie
-    for file, stale in (("plot/runs.py", False), ("kernels/panels.py", True)):
+    changes = (("plot/runs.py", ""), ("fitting/model.py", ": fits."), ("kernels/panels.py", ": gamma, fits."))
+    for file, stale in changes:
         (package / file).write_text((package / file).read_text() + "# changed\n")
-        assert bool(house.stale_report(report)) == stale
-    assert "run `make verify`" in house.made_by(report)
+        assert stale in house.stale_report(report)
+        assert bool(stale) == bool(house.stale_report(report))
+    assert "`make verify`" in house.made_by(report)
 
 
 # ---------------------------------------------------------------- the built pages

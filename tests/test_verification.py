@@ -34,9 +34,10 @@ def verify(programme, monkeypatch, capsys):
 def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_path):
     code, out, err = verify("gamma", "energy", "--workers", "1", "--report", str(tmp_path))
     assert code == 0, err
-    assert "2 of 2 studies came out as settled" in out
+    assert "2 of 2 studies in the report came out as settled" in out
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["ok"]
+    assert report["made_by"].startswith("version ")
     assert [study["study"] for study in report["studies"]] == ["gamma", "energy"]
     gamma = report["studies"][0]["findings"][0]
     assert gamma["ok"]
@@ -45,6 +46,21 @@ def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_pat
     assert "Every study came out as settled" in page
     assert gamma["statement"] in page
     assert "http" not in page  # it asks nobody for anything
+
+
+def test_only_what_is_stale_runs_again_and_the_rest_of_the_report_stays(verify, tmp_path):
+    def again():
+        _, out, err = verify("gamma", "ratio", "--stale", "--workers", "1", "--report", str(tmp_path))
+        assert "2 of 2 studies in the report came out as settled" in out, err
+        return [line.split()[1] for line in out.splitlines() if line.startswith("ok ")]
+
+    assert again() == ["gamma", "ratio"]
+    assert again() == []
+    report = json.loads((tmp_path / "report.json").read_text())
+    report["studies"][0]["sources"] = "others"
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    assert again() == ["gamma"]
+    assert json.loads((tmp_path / "report.json").read_text())["studies"][1] == report["studies"][1]
 
 
 def test_studies_are_listed_and_a_misspelt_one_is_named(verify):
@@ -72,9 +88,8 @@ def test_a_number_out_of_its_band_and_a_study_that_raises_are_findings(programme
     outcomes = [programme.programme.run_one(name) for name in names]
     assert [outcome.ok for outcome in outcomes] == [True, False, False, False]
     assert "no convergence" in outcomes[2].failure
-    report = programme.report.Report(outcomes=outcomes)
-    assert not report.ok
-    _, page = report.save(tmp_path / "deep" / "folder")
+    report, page = programme.report.save({o.study: o.plain() for o in outcomes}, tmp_path / "deep" / "folder")
+    assert not json.loads(report.read_text())["ok"]
     text = page.read_text()
     assert "Some studies did not come out as settled" in text
     assert "NOT MET" in text

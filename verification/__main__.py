@@ -13,7 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 from stickslip.errors import InputError
 from verification import STUDIES
 from verification.programme import run_all
-from verification.report import Outcome, Report
+from verification.report import Outcome, read, save, stale
 
 app = App(name="verification", help="The verification programme, with one report.", result_action="return_value")
 
@@ -23,9 +23,14 @@ def run(
     *names: str,
     report: Annotated[Path, Parameter(help="Folder for report.json and report.html.")] = Path(),
     workers: Annotated[int, Parameter(help="Studies at a time.")] = 2,
+    only_stale: Annotated[
+        bool, Parameter(name="--stale", help="Leave out what the report tells of these sources already.", negative="")
+    ] = False,
     listing: Annotated[bool, Parameter(name="--list", help="List the studies and stop.", negative="")] = False,
 ) -> int:
     """Run all studies, or those named; the exit code is 1 if one does not come out as settled.
+
+    Each is written into the report as it ends, in place of what stood there of it; the others stay.
 
     Parameters
     ----------
@@ -38,19 +43,26 @@ def run(
         return 0
     if workers < 1:
         raise InputError(f"--workers {workers}: must be at least 1")
-    chosen = _chosen(names)
+    told = read(report)
+    chosen = [name for name in _chosen(names) if not only_stale or name in stale(told)]
     with _bar(len(chosen)) as step:
-        outcomes = run_all(chosen, workers, step)
-    data, page = Report(outcomes=outcomes).save(report)
+
+        def keep(outcome: Outcome) -> None:
+            told[outcome.study] = outcome.plain()
+            save(told, report)
+            step(outcome)
+
+        outcomes = run_all(chosen, workers, keep)
+    data, page = save(told, report)
     for outcome in outcomes:
         for claim in outcome.findings:
             if not claim.ok:
                 print(f"\n{outcome.study}: {claim}")
         if outcome.failure:
             print(f"\n{outcome.study}: could not be finished\n{outcome.failure}")
-    bad = [outcome.study for outcome in outcomes if not outcome.ok]
+    bad = [name for name, study in told.items() if not study["ok"]]
     print(
-        f"\n{len(outcomes) - len(bad)} of {len(outcomes)} studies came out as settled"
+        f"\n{len(told) - len(bad)} of {len(told)} studies in the report came out as settled"
         + (f"; not {', '.join(bad)}" if bad else "")
     )
     print(f"report: {page}\ndata: {data}")

@@ -26,6 +26,7 @@ from stickslip.model.parameters import parameter_named
 from stickslip.paper import Claim, Measured
 from stickslip.simulation import estimate, record
 from stickslip.stability import count_unstable
+from verification.sources import COMPUTING
 from verification.study import Study, finding
 
 Array = NDArray[np.float64]
@@ -334,7 +335,8 @@ def advice() -> tuple[Claim, ...]:
     return tuple(claims)
 
 
-STUDIES = (Study(name="advice", group="Advice", title="Predictions of rigs drawn at random", run=advice),)
+_ROOMS = (*COMPUTING, "advise")
+STUDIES = (Study(name="advice", group="Advice", title="Predictions of rigs drawn at random", run=advice, rooms=_ROOMS),)
 
 
 def main(first: int, last: int) -> int:

@@ -21,6 +21,7 @@ from stickslip.fitting.tables import Observation, table
 from stickslip.kernels.turning_points import Sampling
 from stickslip.paper import Claim, Measured
 from stickslip.paper.figure import between
+from verification.sources import COMPUTING
 from verification.study import Study, finding
 
 FORCE7 = Path(__file__).parents[1] / "tests" / "data" / "guldstrand_force7.txt"
@@ -239,8 +240,12 @@ def measured_trace() -> tuple[Claim, ...]:
     )
 
 
-STUDIES = (
-    Study(name="fit_coverage", group="Fits", title="Coverage of fits on fresh truths", run=calibration),
-    Study(name="fit_contraction", group="Fits", title="What slips tell of the parameters", run=contraction),
-    Study(name="fit_force7", group="Fits", title="A measured stick-slip trace", run=measured_trace),
+_ROOMS = (*COMPUTING, "fitting")
+STUDIES = tuple(
+    Study(name=name, group="Fits", title=title, run=run, rooms=_ROOMS)
+    for name, title, run in (
+        ("fit_coverage", "Coverage of fits on fresh truths", calibration),
+        ("fit_contraction", "What slips tell of the parameters", contraction),
+        ("fit_force7", "A measured stick-slip trace", measured_trace),
+    )
 )

@@ -1,10 +1,10 @@
-"""One report of all studies: JSON for machines, HTML for people."""
+"""One report of all studies: JSON for machines, HTML for people; each as it was run last."""
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,17 +16,24 @@ from stickslip.paper import Claim
 from verification import STUDIES
 from verification.sources import fingerprint
 
+Studies = dict[str, dict[str, Any]]
+"""What JSON holds of each study, by its name."""
+
 _TEMPLATE = Path(__file__).with_name("template.html")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What the study of this name found, and how long it took in s; `failure` where it could not be finished."""
+    """What the study of this name found, when, and how long it took in s.
+
+    `failure` says why it could not be finished.
+    """
 
     study: str
     findings: tuple[Claim, ...]
     seconds: float
     failure: str = ""
+    when: str = field(default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"))
 
     @property
     def ok(self) -> bool:
@@ -35,54 +42,51 @@ class Outcome:
 
     def plain(self) -> dict[str, Any]:
         """Return what JSON can hold."""
+        study = STUDIES[self.study]
         return {
-            "study": self.study,
-            "group": STUDIES[self.study].group,
-            "title": STUDIES[self.study].title,
+            "study": study.name,
+            "group": study.group,
+            "title": study.title,
             "ok": self.ok,
             "seconds": round(self.seconds, 1),
+            "when": self.when,
+            "rooms": study.rooms,
+            "sources": fingerprint(study.rooms),
+            "stickslip": stickslip.__version__,
+            "python": platform.python_version(),
             "failure": self.failure,
             "findings": [{**claim.plain(), "lines": [str(m) for m in claim.measured]} for claim in self.findings],
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """All outcomes of one run of the programme."""
+def read(folder: Path) -> Studies:
+    """Return the studies that the report in a folder tells of, if there is one, as far as there still are such."""
+    file = folder / "report.json"
+    studies = json.loads(file.read_text(encoding="utf-8"))["studies"] if file.exists() else []
+    return {study["study"]: study for study in studies if study["study"] in STUDIES}
 
-    outcomes: Sequence[Outcome]
-    version: str = stickslip.__version__
-    sources: str = field(default_factory=fingerprint)
-    python: str = platform.python_version()
-    when: str = field(default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"))
 
-    @property
-    def ok(self) -> bool:
-        """Whether every study is."""
-        return all(outcome.ok for outcome in self.outcomes)
+def stale(studies: Studies) -> list[str]:
+    """Return the names of the studies of which nothing is told, or what other sources gave."""
+    return [name for name, study in STUDIES.items() if studies.get(name, {}).get("sources") != fingerprint(study.rooms)]
 
-    def plain(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return {
-            "stickslip": self.version,
-            "sources": self.sources,
-            "python": self.python,
-            "when": self.when,
-            "ok": self.ok,
-            "studies": [outcome.plain() for outcome in self.outcomes],
-        }
 
-    def save(self, folder: Path) -> tuple[Path, Path]:
-        """Write ``report.json`` and ``report.html``."""
-        from jinja2 import Environment
+def save(studies: Mapping[str, Mapping[str, Any]], folder: Path) -> tuple[Path, Path]:
+    """Write ``report.json`` and ``report.html``, the studies in the order of the programme."""
+    from jinja2 import Environment
 
-        folder.mkdir(parents=True, exist_ok=True)
-        page = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(_TEMPLATE.read_text())
-        texts = {
-            "report.json": json.dumps(self.plain(), indent=1) + "\n",
-            "report.html": page.render(self.plain()),
-        }
-        for name, text in texts.items():
-            files.write(folder / name, text.encode())
-        first, second = (folder / name for name in texts)
-        return first, second
+    folder.mkdir(parents=True, exist_ok=True)
+    page = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(_TEMPLATE.read_text())
+    told = [studies[name] for name in STUDIES if name in studies]
+    report = {"ok": all(study["ok"] for study in told), "made_by": _made_by(told), "studies": told}
+    texts = {"report.json": json.dumps(report, indent=1) + "\n", "report.html": page.render(report)}
+    for name, text in texts.items():
+        files.write(folder / name, text.encode())
+    first, second = (folder / name for name in texts)
+    return first, second
+
+
+def _made_by(told: Sequence[Mapping[str, Any]]) -> str:
+    """Which versions made a report, and when the last study ended."""
+    version, python = (" and ".join(dict.fromkeys(each[name] for each in told)) for name in ("stickslip", "python"))
+    return f"version {version}, Python {python}, {max((each['when'] for each in told), default='never')}"

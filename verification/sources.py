@@ -1,20 +1,21 @@
-"""Which sources a report is about: those that compute what the studies measure."""
+"""Which sources a study is about: those that compute what it measures."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-VERIFIED = ("kernels", "simulation", "stability", "cycles", "theory.py", "rigid.py")
-"""Rooms and modules of the package; words, pictures and files may change without a new report."""
+COMPUTING = ("model", "kernels", "sliding", "rigid.py", "theory.py", "simulation", "stability", "cycles", "measure")
+"""What every study goes through, of the package; pictures and files may change without a new report."""
 
 
-def fingerprint() -> str:
-    """Return a hash of the verified sources, the same wherever they lie."""
+def fingerprint(rooms: Iterable[str] = COMPUTING) -> str:
+    """Return a hash of the sources in these rooms, the same wherever they lie."""
     package = ROOT / "src" / "stickslip"
     content = hashlib.sha256()
-    for name in VERIFIED:
+    for name in rooms:
         place = package / name
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             content.update(f"{file.relative_to(package).as_posix()}\0".encode())

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from stickslip import Contacts, FromSliding, Interface, MasterEquation, Output, Slider, constant, simulate
 from stickslip.model import Rig
 from stickslip.paper import Claim, Measured
+from verification.sources import COMPUTING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,12 +24,15 @@ class Study:
     title : str
     run : callable
         Measures, and returns the findings.
+    rooms : tuple of str
+        Sources that it is about: it is stale once they have changed.
     """
 
     name: str
     group: str
     title: str
     run: Callable[[], tuple[Claim, ...]]
+    rooms: tuple[str, ...] = COMPUTING
 
 
 def finding(statement: str, *measured: Measured, evidence: str) -> Claim:

@@ -202,21 +202,25 @@ def made_by(report: Path = REPORT) -> str:
     content = json.loads(report.read_text(encoding="utf-8"))
     stale = stale_report(report)
     note = f":::{{warning}}\n{stale}\n:::\n\n" if stale else ""
-    return f"{note}Made by version {_cell(content['stickslip'])} on {content['when']}."
+    return f"{note}Made by {_cell(content['made_by'])}."
 
 
 def stale_report(report: Path = REPORT) -> str:
-    """Say that the report is about other sources than these; nothing if it is not, or if there is none."""
+    """Say which studies in the report are about other sources than these; nothing if none, or if there is no report."""
     if not report.exists():
         return ""
     if str(ROOT) not in sys.path:
         sys.path.append(str(ROOT))
     from verification.sources import fingerprint
 
-    made_of = json.loads(report.read_text(encoding="utf-8")).get("sources")
-    if made_of == fingerprint():
+    studies = json.loads(report.read_text(encoding="utf-8"))["studies"]
+    stale = [study["study"] for study in studies if study["sources"] != fingerprint(study["rooms"])]
+    if not stale:
         return ""
-    return "This report was made before the solvers were changed last: run `make verify`, which makes it again."
+    return (
+        f"The solvers were changed after these studies: {', '.join(stale)}. `make verify` runs all of them again, "
+        "`python -m verification --stale --report verification` no others."
+    )
 
 
 def _verdict(claim: dict[str, Any]) -> str:
