@@ -80,9 +80,6 @@ def rigid_slide(
 def _check_renewal(interface: Interface, who: str) -> None:
     """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
     instance(f"{who}: interface", interface, Interface, "an Interface")
-    if interface.ageing is not None:
-        place = "Interface.ageing"
-        raise InputError(f"{place} = {interface.ageing}: not available with {who}; simulate with Contacts", place)
     interface.allow(("sliding_force", "newborn"), who)
     check_density(interface.threshold_distribution)
 

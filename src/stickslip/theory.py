@@ -72,8 +72,6 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
     """
     instance("attached_fraction: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), "attached_fraction")
-    if interface.ageing is not None:
-        raise InputError(f"Interface.ageing = {interface.ageing}: not available with attached_fraction; simulate it")
     slowest = "at_least" if math.isfinite(interface.delay.moment(1)) else "above"
     speed = numbers("velocity", velocity, hint="in x_s per time", **{slowest: 0.0})
     path, delay = mean_life(interface).path, interface.delay.moment(1)

@@ -25,8 +25,6 @@ def elastic_parts(rig: Rig, who: str) -> tuple[ElasticBody, Interface]:
     """The same with the interface; `InputError` if contacts do more than break, slide and stay detached."""
     body, interface = elastic_body(rig, who), rig.natural.interface
     interface.allow(("sliding_force", "on_arrest"), who)
-    if interface.ageing is not None:
-        raise InputError(f"Interface.ageing = {interface.ageing!r}: not available with {who}; leave it out")
     strength = interface.threshold_distribution.moment(1)
     if interface.sliding_force >= strength:
         raise InputError(

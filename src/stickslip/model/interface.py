@@ -97,8 +97,9 @@ class Interface(Record):
 
     @property
     def mechanisms(self) -> frozenset[str]:
-        """What the interface has beyond thresholds, a delay and ageing; each is a field of its own."""
+        """What the interface has beyond thresholds and a delay; each is a field of its own."""
         asked = {
+            "ageing": self.ageing is not None,
             "temperature": self.temperature is not None,
             "sliding_force": self.sliding_force > 0,
             "newborn": self.newborn is not None,
@@ -113,7 +114,7 @@ class Interface(Record):
         for name in sorted(self.mechanisms.difference(mechanisms)):
             field = "delay" if name == "on_arrest" else name
             raise InputError(
-                f"Interface.{field} = {getattr(self, field)}: not available with {who}; leave it out",
+                f"Interface.{field} = {getattr(self, field)}: not available with {who}; leave it out, or simulate",
                 f"Interface.{field}",
             )
 

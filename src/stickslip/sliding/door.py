@@ -8,7 +8,7 @@ The force is the mean work of a contact over the mean way of the slider, both fr
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from stickslip.model.quadrature import hashable
 from stickslip.sliding import unaged
 from stickslip.sliding.response import Array, MeanLifetimes, Response
 
-Law = Callable[[Interface, Array], Array]
+Law = Callable[[Array], Array]
 """Of the velocity, per contact."""
 
 
 class Sliding(NamedTuple):
-    """Steady sliding of one kind of contacts, in natural units per contact."""
+    """Steady sliding of an interface, in natural units per contact."""
 
     who: str
     takes: tuple[str, ...]
@@ -31,76 +31,66 @@ class Sliding(NamedTuple):
     force: Law
     slope: Law
     """Of the force in the logarithm of the velocity."""
-    response: Callable[[Interface], Response]
+    response: Callable[[], Response]
 
 
-def _by_lifetimes(lifetimes: Callable[[Interface, float], MeanLifetimes]) -> tuple[Law, Law]:
+def _by_lifetimes(interface: Interface, lifetimes: Callable[[Interface, float], MeanLifetimes]) -> tuple[Law, Law]:
     """Force and slope of contacts of which the mean lifetimes are known, with their slopes."""
 
-    def law(interface: Interface, velocity: Array) -> Array:
-        return np.array([_force_and_slope(interface, v, lifetimes) for v in velocity.tolist()]).T
+    def force_and_slope(velocity: float) -> tuple[float, float]:
+        away = velocity * interface.delay.moment(1) if velocity > 0 else 0.0
+        if math.isinf(away):
+            return interface.sliding_force, 0.0
+        life, pulled = lifetimes(interface, velocity), interface.sliding_force * away
+        length = life.way + away
+        if np.any(length <= 0):
+            return 0.0, 0.0  # contacts break as soon as they attach
+        force = (life.work + pulled) / length
+        slope = (life.more + pulled - force * (life.longer + away)) / length
+        return float(life.weight @ force), float(life.weight @ slope)
 
-    return lambda i, v: law(i, v)[0], lambda i, v: law(i, v)[1]
+    def law(velocity: Array) -> Array:
+        return np.array([force_and_slope(v) for v in velocity.tolist()]).T
 
-
-def _force_and_slope(
-    interface: Interface, velocity: float, lifetimes: Callable[[Interface, float], MeanLifetimes]
-) -> tuple[float, float]:
-    away = velocity * interface.delay.moment(1) if velocity > 0 else 0.0
-    if math.isinf(away):
-        return interface.sliding_force, 0.0
-    life, pulled = lifetimes(interface, velocity), interface.sliding_force * away
-    length = life.way + away
-    if np.any(length <= 0):
-        return 0.0, 0.0  # contacts break as soon as they attach
-    force = (life.work + pulled) / length
-    slope = (life.more + pulled - force * (life.longer + away)) / length
-    return float(life.weight @ force), float(life.weight @ slope)
+    return lambda v: law(v)[0], lambda v: law(v)[1]
 
 
 def _by_force(force: Law) -> tuple[Law, Law]:
     """A force and its slope, to fourth order in a step of 5 %."""
 
-    def slope(interface: Interface, velocity: Array) -> Array:
+    def slope(velocity: Array) -> Array:
         step = 0.05
-        near = [force(interface, velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
+        near = [force(velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
         return np.asarray((8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step))
 
     return force, slope
 
 
-def _own_force(interface: Interface, velocity: Array) -> Array:
-    rule: Any = interface.ageing
-    return np.array([rule.friction(interface.threshold_distribution, interface.delay, v) for v in velocity.tolist()])
-
-
-def _own_response(interface: Interface) -> Response:
-    rule: Any = interface.ageing
-    own: Response = rule.response(interface.threshold_distribution, interface.delay)
-    return own
-
-
 def _kind(interface: Interface) -> Sliding:
-    """Which kind of contacts; kernels are loaded with those whose lifetimes they integrate."""
+    """Steady sliding by the kind of contacts; kernels are loaded with those whose lifetimes they integrate."""
     who, ageing = "smooth sliding", interface.ageing
     if interface.areas is None and ageing is None and interface.temperature is None:
-        return Sliding(who, ("sliding_force", "newborn"), *_by_lifetimes(unaged.mean_lives), unaged.response)
+        laws = _by_lifetimes(interface, unaged.mean_lives)
+        return Sliding(who, ("sliding_force", "newborn"), *laws, lambda: unaged.response(interface))
     if interface.areas is None and isinstance(ageing, Langevin):
         from stickslip.sliding import langevin
 
-        who = f"{who} of thresholds that age by Langevin"
-        return Sliding(who, ("temperature",), *_by_force(langevin.force), langevin.response)
-    if interface.areas is None and not isinstance(ageing, FixedGrowth | None):
-        return Sliding(f"{who} of thresholds that age by a rule of your own", (), *_by_force(_own_force), _own_response)
+        who, laws = f"{who} of thresholds that age by Langevin", _by_force(lambda v: langevin.force(interface, v))
+        return Sliding(who, ("ageing", "temperature"), *laws, lambda: langevin.response(interface))
+    if interface.areas is None and ageing is not None and not isinstance(ageing, FixedGrowth):
+        own, contacts = ageing, (interface.threshold_distribution, interface.delay)
+        laws = _by_force(lambda velocity: np.array([own.friction(*contacts, v) for v in velocity.tolist()]))
+        who = f"{who} of thresholds that age by a rule of your own"
+        return Sliding(who, ("ageing",), *laws, lambda: own.response(*contacts))
     from stickslip.sliding import activated
 
     if interface.areas is not None:
-        laws, takes = _by_lifetimes(activated.mean_lives_of_areas), ("temperature", "areas", "sliding_force")
-        return Sliding(f"{who} of areas", takes, *laws, activated.ActivatedResponse)
-    laws = _by_lifetimes(activated.mean_lives)
-    if interface.temperature is None:
-        return Sliding(f"{who} of thresholds that grow", ("sliding_force",), *laws, activated.ActivatedResponse)
-    return Sliding(f"{who} with temperature", ("temperature", "sliding_force"), *laws, activated.ActivatedResponse)
+        who, own_mechanism, lives = f"{who} of areas", "areas", activated.mean_lives_of_areas
+    else:
+        who += " of thresholds that grow" if interface.temperature is None else " with temperature"
+        own_mechanism, lives = "ageing", activated.mean_lives
+    laws, takes = _by_lifetimes(interface, lives), (own_mechanism, "temperature", "sliding_force")
+    return Sliding(who, takes, *laws, lambda: activated.ActivatedResponse(interface))
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
@@ -108,11 +98,6 @@ def sliding_of(interface: Interface, who: str = "") -> Sliding:
     instance(f"{who}interface", interface, Interface, "an Interface")
     found = _kind(interface)
     interface.allow(found.takes, found.who)
-    if interface.areas is not None and interface.ageing is not None:
-        raise InputError(
-            f"Interface.ageing = {interface.ageing}: not available with {found.who}; simulate with Contacts",
-            "Interface.ageing",
-        )
     return found
 
 
@@ -131,4 +116,4 @@ def _response(interface: Interface) -> Response:
             "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
-    return found.response(interface)
+    return found.response()

@@ -103,7 +103,7 @@ def force(interface: Interface, velocity: Array) -> Array:
 
 def response(interface: Interface) -> AgedResponse:
     """Return the linear response."""
-    interface.allow((), "the linear response of thresholds that age by Langevin")
+    interface.allow(("ageing",), "the linear response of thresholds that age by Langevin")
     return AgedResponse(constants=ageing_constants(interface), delay=interface.delay)
 
 

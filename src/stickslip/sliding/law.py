@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal, overload
 
 import numpy as np
@@ -68,7 +67,7 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         "" if slowly else "; with ageing, a temperature or an infinite delay there is no slow limit"
     )
     speed = numbers("velocity", velocity, hint=hint, **{"at_least" if slowly else "above": 0.0})
-    return at_each(partial(sliding.force, interface), speed)
+    return at_each(sliding.force, speed)
 
 
 @overload
@@ -104,9 +103,8 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
     >>> print(f"{ss.stability.friction_slope(thermal, 1.0):.6f}")
     0.004938
     """
-    sliding = sliding_of(interface, "friction_slope: ")
-    speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
-    return at_each(partial(sliding.slope, interface), speed)
+    slope = sliding_of(interface, "friction_slope: ").slope
+    return at_each(slope, numbers("velocity", velocity, above=0, hint="in x_s per time"))
 
 
 @dataclass(frozen=True, kw_only=True)

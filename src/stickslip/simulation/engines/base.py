@@ -160,7 +160,7 @@ class Engine(Protocol):
     angle: ClassVar[float]
     """Default distance of samples, in radians of the fastest oscillation of the slider."""
     mechanisms: ClassVar[frozenset[str]] = frozenset()
-    """What it takes of `Interface.mechanisms`; the rest is refused before it is asked."""
+    """What it takes of `Interface.mechanisms` besides ageing; the rest is refused before it is asked."""
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
     slider: SliderConstants | ElasticBody
@@ -243,8 +243,7 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
 
 def _parts(interface: Interface) -> list[str]:
     """What an engine may not take of an interface, ageing and temperature first."""
-    parts = interface.mechanisms | ({"ageing"} if interface.ageing is not None else set())
-    return sorted(parts, key=lambda part: (part != "ageing", part != "temperature", part))
+    return sorted(interface.mechanisms, key=lambda part: (part != "ageing", part != "temperature", part))
 
 
 def _engine(method: type, interface: Interface, parts: Collection[str], elastic: bool) -> type[Engine] | None:
