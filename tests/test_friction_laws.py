@@ -555,7 +555,7 @@ DELAYED = WARM[: WARM.index("ageing")] + 'delay = "2 ms"\n' + WARM[WARM.index("[
 @pytest.mark.parametrize(
     ("file", "asked", "why"),
     [
-        (WARM, ["--holds", "100"], "--holds '100': has no unit; write it as in '10 s'"),
+        (WARM, ["--holds", "100"], "--holds = '100': has no unit; write it as in '10 s'"),
         (WARM, ["--plot", "holds.svg"], "--plot holds.svg: needs --holds"),
         (WARM, ["--area", "1 cm^2"], "--area 1 cm^2: needs --export"),
         (WARM, ["--export", "qdyn"], "--export qdyn: needs --load"),

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_files
 from stickslip.measure import read_trace
-from stickslip.model.quantities import read_number, read_quantity, read_value
+from stickslip.model.quantities import read_value
 from stickslip.rate_state.experiments import healing, velocity_step_in
 from stickslip.rate_state.exports import Program, export_rate_and_state
 from stickslip.rate_state.measured import StepFit, fit_rate_and_state
@@ -93,8 +93,8 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         raise InputError("--holds: not together with --export; ask for one after the other")
     if given.load and not rig.scales:
         raise InputError(f"--load {given.load}: {path} is in natural units; a load needs a rig file in SI units")
-    speed = rig.velocity if given.velocity is None else _of("--velocity", given.velocity, "m/s", "1 um/s")
-    ratio = _of("--step", given.step)
+    speed = rig.velocity if given.velocity is None else read_value("--velocity", given.velocity, "m/s", "1 um/s")
+    ratio = read_value("--step", given.step, "1", "10", bare=True)
     fit = rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law)
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
@@ -111,7 +111,10 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         words += f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, "
         words += f"a - b = {a - b:.3g}\n"
     if given.holds is not None:
-        times = [_of("--holds", one.strip(), "s" if rig.scales else "", "10 s") for one in given.holds.split(",")]
+        unit, example = ("s", "10 s") if rig.scales else ("1", "10")
+        times = [
+            read_value("--holds", one.strip(), unit, example, bare=not rig.scales) for one in given.holds.split(",")
+        ]
         run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
         healed = healing(run, float(scaled.b))
         told["holds"] = healed.to_dict()
@@ -131,31 +134,23 @@ def _fitted(path: Path, given: Options) -> StepFit:
     clock = str(trace["time"].attrs.get("units", "s"))
     length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
     if given.span is not None:
-        ends = [_of("--span", end, length, "5 um, 120 um") for end in given.span.split(",")]
+        ends = [read_value("--span", end, length, "5 um, 120 um") for end in given.span.split(",")]
         if len(ends) != 2:
             raise InputError(f"--span {shown(given.span)}: must be two displacements, as in '5 um, 120 um'")
         span = (ends[0], ends[1])
     step = velocity_step_in(
         trace,
-        at=_of("--step-at", given.step_at, clock, "68.7 s", bare=True),
-        before=_of("--from", given.from_, f"{length}/{clock}", "3 um/s"),
-        after=_of("--to", given.to, f"{length}/{clock}", "10 um/s"),
+        at=read_value("--step-at", given.step_at, clock, "68.7 s", bare=True, above=None),
+        before=read_value("--from", given.from_, f"{length}/{clock}", "3 um/s"),
+        after=read_value("--to", given.to, f"{length}/{clock}", "10 um/s"),
         span=span,
     )
     if given.stiffness is not None:
         unit = f"{step.friction_unit or 1}/{length}"
-        spring = _of("--stiffness", given.stiffness, unit, f"0.006 {unit}")
+        spring = read_value("--stiffness", given.stiffness, unit, f"0.006 {unit}")
     fit = fit_rate_and_state(replace(step, length_unit=length), law=given.law, stiffness=spring, trend=given.trend)
     if given.plot is not None:
         from stickslip import plot
 
         plot.save(plot.velocity_step(step, [fit], length=length), given.plot)
     return fit
-
-
-def _of(option: str, text: str, unit: str = "", example: str = "", *, bare: bool = False) -> float:
-    """Read the value of an option, in a unit or a plain number; errors name it."""
-    try:
-        return read_quantity(text, unit, example, bare=bare) if unit else read_number(text)
-    except InputError as error:
-        raise InputError(f"{option} {shown(text)}: {error}") from None
