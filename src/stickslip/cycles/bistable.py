@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.cycles.branch import carried, first_point
-from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span
+from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, Span
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
@@ -18,26 +18,14 @@ from stickslip.stability import Crossing, Crossings, critical
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class BistableRange(Along):
-    """Where along a parameter both smooth sliding and stick-slip persist; nowhere is an answer too.
+class BistableRange(Intervals):
+    """Where along a parameter both smooth sliding and stick-slip persist; nowhere is an answer too."""
 
-    Attributes
-    ----------
-    parameter, unit : str
-    searched : (float, float)
-    bands : tuple of Interval
-        Rising.
-    crossings : Crossings
-        The linear boundaries in the range.
-    notes : tuple of str
-        What was looked at and found to be no band, and why.
-    """
+    _items = "bands"
 
-    _intervals = "bands"
-
-    bands: tuple[Interval, ...]
-    crossings: Crossings
-    notes: tuple[str, ...] = ()
+    bands: tuple[Interval, ...]  #: rising
+    crossings: Crossings  #: the linear boundaries in the range
+    notes: tuple[str, ...] = ()  #: what was looked at and found to be no band, and why
 
     def __str__(self) -> str:
         found = f"no bistable band found {self.where}"

@@ -1,9 +1,9 @@
 """Where to look along a parameter, what is found there, and the edges between."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from stickslip.errors import number
 from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
+from stickslip.stability.critical import Along
 
 EdgeKind = Literal["decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"]
 
@@ -22,25 +23,18 @@ TOLERANCE = 3e-3  # relative width of a bracket: runs nearer to a fold linger wh
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Edge(Answer):
-    """An end of an interval of a parameter.
+    """An end of an interval of a parameter."""
 
-    Attributes
-    ----------
-    value : float
-        For an edge that runs have bracketed, the (geometric) middle of the bracket.
-    kind : {"decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"}
-        *Decay*: beyond it an oscillation from the start decays (nonlinear). *Fold*: the branch of the cycle ends there
-        at a finite amplitude (nonlinear). *Linear*: smooth sliding loses stability there. *Shrinks to nothing*: the
-        cycle does, where smooth sliding regains stability. *End of range*: the edge lies outside the range searched.
-        *Undecided*: runs beyond it cannot tell.
-    decays_at, persists_at : float
-        The bracket: runs on either side of the edge. Both are `value` if it is not runs that tell.
-    """
+    value: float  #: for an edge that runs have bracketed, the (geometric) middle of the bracket
 
-    value: float
+    #: *Decay*: beyond it an oscillation from the start decays (nonlinear). *Fold*: the branch of the cycle ends there
+    #: at a finite amplitude (nonlinear). *Linear*: smooth sliding loses stability there. *Shrinks to nothing*: the
+    #: cycle does, where smooth sliding regains stability. *End of range*: the edge lies outside the range searched.
+    #: *Undecided*: runs beyond it cannot tell.
     kind: EdgeKind
-    decays_at: float
-    persists_at: float
+
+    decays_at: float  #: a run on the far side of the edge; `value` if it is not runs that tell
+    persists_at: float  #: and one on the near side
 
     @classmethod
     def of(cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None) -> Self:
@@ -82,26 +76,8 @@ class Interval(Answer):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Along(Answer):
+class Intervals(Along[Interval]):
     """Intervals that were found along a parameter, in the rig's own units: it iterates over them."""
-
-    _intervals: ClassVar[str]  # the field that they are in
-
-    parameter: str
-    unit: str
-    searched: tuple[float, float]
-
-    @property
-    def where(self) -> str:
-        """What was searched, in words."""
-        low, high = self.searched
-        return f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
-
-    def __iter__(self) -> Iterator[Interval]:
-        return iter(getattr(self, self._intervals))
-
-    def __len__(self) -> int:
-        return len(getattr(self, self._intervals))
 
     def __contains__(self, value: float) -> bool:
         return any(value in interval for interval in self)

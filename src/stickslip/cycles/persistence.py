@@ -4,7 +4,7 @@ import itertools
 import math
 from dataclasses import dataclass
 
-from stickslip.cycles.edges import TOLERANCE, Along, Edge, Interval, Span, halved
+from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, Span, halved
 from stickslip.cycles.verdict import Verdict
 from stickslip.model import FromRest, Start
 from stickslip.model.parameters import Parameter
@@ -12,28 +12,15 @@ from stickslip.model.rig import Rig
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Sustained(Along):
-    """Where an oscillation persists along a parameter, afresh from the same start at each value; nowhere is an answer.
+class Sustained(Intervals):
+    """Where an oscillation persists along a parameter, afresh from the same start; nowhere is an answer too."""
 
-    Attributes
-    ----------
-    parameter, unit : str
-    searched : (float, float)
-    start : FromRest or FromSliding
-    windows : tuple of Interval
-        Rising. Windows narrower than the grid of the search may be missed.
-    grid : tuple of (float, Verdict)
-        The runs of the grid.
-    undecided : tuple of float
-        Values at which a run could not tell.
-    """
+    _items = "windows"
 
-    _intervals = "windows"
-
-    start: Start
-    windows: tuple[Interval, ...]
-    grid: tuple[tuple[float, Verdict], ...]
-    undecided: tuple[float, ...] = ()
+    start: Start  #: of every run
+    windows: tuple[Interval, ...]  #: rising; windows narrower than the grid of the search may be missed
+    grid: tuple[tuple[float, Verdict], ...]  #: the runs of the grid
+    undecided: tuple[float, ...] = ()  #: values at which a run could not tell
 
     def __str__(self) -> str:
         doubt = f"; undecided at {', '.join(f'{value:.4g}' for value in self.undecided)}" if self.undecided else ""

@@ -50,37 +50,21 @@ CYCLES, LOOKS = Settles(6, 2e-5, 0.9, 1e-3), Settles(4, 1e-3, 0.7, 1e-2)
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Answer):
-    """Whether an oscillation persists from a start, with the evidence. Nonlinear: it belongs to the start.
+    """Whether an oscillation persists from a start, with the evidence. Nonlinear: it belongs to the start."""
 
-    Attributes
-    ----------
-    sustained : bool or None
-        None if the evidence does not suffice, for the reason given.
-    kind : {"stick-slip", "sustained oscillation", "smooth sliding", "undecided"}
-        Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the velocity of the drive, as in
-        `stickslip.measure.regime`.
-    reason : str
-        Why, in plain words.
-    peak_to_peak : float
-        Of the spring force, in the unit of force: where it settles; if it scatters, the median of the last looks.
-    period : float
-        In time; NaN without complete cycles.
-    mean_force : float
-        Of the spring, at the last look.
-    largest_velocity : float
-        Of the slider, in velocities of the drive, at the last look.
-    linearly_unstable : bool or None
-        Whether smooth sliding is unstable by itself there; None on its very boundary, and if there is no steady
-        sliding.
-    """
+    sustained: bool | None  #: None if the evidence does not suffice, for the reason given
 
-    sustained: bool | None
+    #: Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the velocity of the drive, as in
+    #: `stickslip.measure.regime`.
     kind: Kind
-    reason: str
-    peak_to_peak: float
-    period: float
-    mean_force: float
-    largest_velocity: float
+
+    reason: str  #: why, in plain words
+    peak_to_peak: float  #: of the spring force: where it settles; if it scatters, the median of the last looks
+    period: float  #: NaN without complete cycles
+    mean_force: float  #: of the spring, at the last look
+    largest_velocity: float  #: of the slider, in velocities of the drive, at the last look
+
+    #: Whether smooth sliding is unstable by itself there; None on its very boundary, and if there is no steady sliding.
     linearly_unstable: bool | None
 
     @property

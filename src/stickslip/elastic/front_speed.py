@@ -19,34 +19,19 @@ SLOWEST = 0.01  # speed, in units of that of sound, below which no front in a la
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Front(Answer):
-    """A steady slip front, as theory has it; ``float(front)`` is its speed.
+    """A steady slip front, as theory has it; ``float(front)`` is its speed."""
 
-    Parameters
-    ----------
-    speed : float
-        In blocks per time of the rig's own units; 0 if there is no front.
-    sound_speed : float
-        In the same unit.
-    prestress : float
-        What was asked for: from 0, the sliding force, to 1, the mean threshold.
-    threshold : float
-        The prestress below which there is no front in a bar of fine blocks.
-    screening_length : float
-        In blocks.
-    blocks : {"lattice", "continuum"}
-        What the theory takes the blocks for: "continuum", small compared with the screening length, if thresholds have
-        a standard deviation.
-    caveats : tuple of str
-        What of the rig lies outside the range of the theory.
-    """
+    speed: Annotated[float, Number("1/time")]  #: in blocks per time of the rig's own units; 0 if there is no front
+    sound_speed: Annotated[float, Number("1/time")]  #: in the same unit
+    prestress: float  #: what was asked for: from 0, the sliding force, to 1, the mean threshold
+    threshold: float  #: prestress below which there is no front in a bar of fine blocks
+    screening_length: float  #: in blocks
 
-    speed: Annotated[float, Number("1/time")]
-    sound_speed: Annotated[float, Number("1/time")]
-    prestress: float
-    threshold: float
-    screening_length: float
+    #: What the theory takes the blocks for: "continuum", small compared with the screening length, if thresholds have a
+    #: standard deviation.
     blocks: Literal["lattice", "continuum"]
-    caveats: tuple[str, ...] = ()
+
+    caveats: tuple[str, ...] = ()  #: what of the rig lies outside the range of the theory
 
     @property
     def exists(self) -> bool:

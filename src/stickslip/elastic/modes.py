@@ -30,25 +30,17 @@ from stickslip.stability.modes import rightmost_root
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CriticalLength(Answer):
-    """How long an elastic slider, and how long a wave on it, has to be to lose stability; lengths in blocks.
+    """How long an elastic slider, and how long a wave on it, has to be to lose stability; lengths in blocks."""
 
-    Parameters
-    ----------
-    stiffness : float
-        ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does.
-    wavelength : float
-        Shortest wavelength that grows; infinite if none does.
-    length : float
-        Length beyond which a slider that is pulled at one end is unstable, in the continuum with that end held: a
-        quarter of `wavelength` if it is long, ``(pi/2) sqrt(k_b/K_c)``.
-    blocks : int
-        The same for the rig's own chain with its side spring: smallest number of blocks that is unstable, viscosity of
-        the bulk to first order; 0 if there is none, or the chain is not pulled at one end only.
-    """
+    stiffness: float  #: ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does
+    wavelength: float  #: shortest wavelength that grows; infinite if none does
 
-    stiffness: float
-    wavelength: float
+    #: Length beyond which a slider that is pulled at one end is unstable, in the continuum with that end held: a
+    #: quarter of `wavelength` if it is long, ``(pi/2) sqrt(k_b/K_c)``.
     length: float
+
+    #: The same for the rig's own chain with its side spring: smallest number of blocks that is unstable, viscosity of
+    #: the bulk to first order; 0 if there is none, or the chain is not pulled at one end only.
     blocks: int
 
     def __str__(self) -> str:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
-from typing import NamedTuple, Self
+from typing import ClassVar, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -24,26 +24,44 @@ from stickslip.stability.neutral import Neutral, neutral_frequencies
 
 _DEPTH = 6  # how often points about a hidden pair of crossings are set eight times as close
 _EIGHTHS = np.arange(1, 8) / 8
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Along(Answer, Generic[Item]):
+    """What was found along a parameter, rising: it iterates over that. Nothing is an answer too."""
+
+    _items: ClassVar[str]  # the field that it is in
+
+    parameter: str  #: what was varied
+    unit: str  #: of its values
+    searched: tuple[float, float]  #: between which values
+
+    @property
+    def where(self) -> str:
+        """What was searched, in words."""
+        low, high = self.searched
+        return f"for {self.parameter} from {low:g} to {high:g}{_after(self.unit)}"
+
+    def __iter__(self) -> Iterator[Item]:
+        return iter(getattr(self, self._items))
+
+    def __len__(self) -> int:
+        return len(getattr(self, self._items))
+
+
+def _after(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """A value of a parameter at which a pair of modes of smooth sliding is neutral.
+    """A value of a parameter at which a pair of modes of smooth sliding is neutral."""
 
-    Parameters
-    ----------
-    value : float
-        Of the parameter, in its natural unit.
-    frequency : float
-        Angular frequency of the neutral mode, in 1/time; infinite for one that does not oscillate.
-    unstable_below, unstable_above : int
-        Number of growing modes just below and just above the value.
-    """
-
-    value: float
-    frequency: float
-    unstable_below: int
-    unstable_above: int
+    value: float  #: of the parameter
+    frequency: float  #: angular frequency of the neutral mode, in 1/time; infinite for one that does not oscillate
+    unstable_below: int  #: number of growing modes just below the value
+    unstable_above: int  #: and just above it
 
     @property
     def loses_stability(self) -> bool:
@@ -57,35 +75,14 @@ class Crossing:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Crossings(Answer):
-    """All crossings along a parameter, rising, and the range in which they were looked for; empty is an answer too.
+class Crossings(Along[Crossing]):
+    """All crossings along a parameter, rising, and the range in which they were looked for; empty is an answer too."""
 
-    Parameters
-    ----------
-    parameter, unit : str
-        What was varied, and its natural unit.
-    searched : (float, float)
-        Range of the parameter.
-    unstable_at_ends : (int, int)
-        Number of growing modes at its two ends.
-    found : tuple of Crossing
-        Every crossing of any mode; `edges` are those where stability itself changes.
-    frequency_unit : str
-        In which frequencies are printed.
-    """
+    _items = "found"
 
-    parameter: str
-    unit: str
-    searched: tuple[float, float]
-    unstable_at_ends: tuple[int, int]
-    found: tuple[Crossing, ...]
-    frequency_unit: str = "cycles per time unit"
-
-    def __iter__(self) -> Iterator[Crossing]:
-        return iter(self.found)
-
-    def __len__(self) -> int:
-        return len(self.found)
+    unstable_at_ends: tuple[int, int]  #: number of growing modes at both ends of the range searched
+    found: tuple[Crossing, ...]  #: every crossing of any mode; `edges` are those where stability itself changes
+    frequency_unit: str = "cycles per time unit"  #: in which frequencies are printed
 
     def __getitem__(self, index: int) -> Crossing:
         return self.found[index]
@@ -110,17 +107,15 @@ class Crossings(Answer):
         return tuple(c for c in self.found if c.loses_stability or c.regains_stability)
 
     def __str__(self) -> str:
-        low, high = self.searched
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        where = f"for {self.parameter} from {low:g} to {high:g}{unit}"
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
-            return f"smooth sliding is {state} all the way {where}: no boundary there"
+            return f"smooth sliding is {state} all the way {self.where}: no boundary there"
+        unit = _after(self.unit)
         words = [
             f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g}{unit} ({self._frequency(c)})"
             for c in self.edges
         ]
-        return f"{where}, smooth sliding " + ", ".join(words)
+        return f"{self.where}, smooth sliding " + ", ".join(words)
 
     def _frequency(self, crossing: Crossing) -> str:
         frequency = crossing.frequency / (2.0 * math.pi)
@@ -273,7 +268,6 @@ def search(
     """
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
-    values[0], values[-1] = low, high
     line = Line(parameter, rig)
     points, found = line.look(values[:1]), list[Crossing]()
     while len(points) < count:

@@ -65,8 +65,6 @@ def boundary(
     window = [rig.span(parameter, ends) for parameter, ends in zip(parameters, ranges, strict=True)]
     lines = LINES if any(_is_free(parameter, rig) for parameter in parameters) else FEW_LINES
     grids = [np.geomspace(low, high, lines) for low, high in window]
-    for values, ends in zip(grids, window, strict=True):
-        values[[0, -1]] = ends
     grid = _Grid(parameters, rig.natural, grids)
     curves = grid.contour()
     points = np.concatenate([np.empty((0, 3)), *curves]).T
