@@ -474,7 +474,7 @@ def test_exports_are_scripts_in_si_units(tmp_path):
 
 # ---------------------------------------------------------------- what is refused
 
-NOT_WITH_AREAS = r"Interface\.areas = site: not available with"
+NOT_WITH_AREAS = r"Interface\.areas = 'site': not available with"
 LANGEVIN = replace(THERMAL, ageing=ss.Langevin(rate=1.0))
 REFUSED = [
     (lambda: ss.static_friction(AREAS), NOT_WITH_AREAS),

@@ -5,6 +5,7 @@ new engine, or a mechanism that an engine learns, is held to all laws by itself.
 """
 
 import math
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -151,6 +152,8 @@ def test_a_refusal_names_what_cannot_be_taken_together_or_by_whom(mechanism, met
     elif remedy:
         assert who == ("a Chain" if body is CHAIN else type(method).__name__)
         assert alone[named[0]]
+    for other in re.findall(r"\w+", remedy.removeprefix("use ")) if remedy.startswith("use ") else ():
+        assert other == "or" or not refusal(ss.Interface(thresholds=TENTH, **fields), METHODS[other], body)
 
 
 def simulate(pair, drive=DRIVE, interval=0.05, **options) -> xr.Dataset:

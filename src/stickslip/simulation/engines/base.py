@@ -166,7 +166,7 @@ class Engine(Protocol):
     slider: SliderConstants | ElasticBody
 
     @staticmethod
-    def check(interface: Interface, method: Any) -> None:  # noqa: ARG004
+    def check(interface: Interface) -> None:  # noqa: ARG004
         """Raise `InputError` for what the engine cannot take."""
         return
 
@@ -237,7 +237,7 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
         )
     if engine.smooth:
         check_density(interface.threshold_distribution)
-    engine.check(interface, method)
+    engine.check(interface)
     return engine
 
 
@@ -259,13 +259,22 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
     name, body = kind.__name__, type(slider).__name__ if elastic else "Slider"
     known = {taken for taken, *_, bound in ENGINES if bound is elastic}
 
-    def use(parts: Collection[str]) -> str:
-        takers = sorted(other.__name__ for other in known if _engine(other, interface, parts, elastic))
+    def takes(other: type, some: Collection[str]) -> bool:
+        engine = _engine(other, interface, some, elastic)
+        try:
+            if engine is not None and len(some) == len(parts):
+                engine.check(interface)
+        except InputError:
+            return False
+        return engine is not None
+
+    def use(some: Collection[str]) -> str:
+        takers = sorted(other.__name__ for other in known if takes(other, some))
         return f"use {' or '.join(takers)}" if takers else ""
 
     def said(part: str) -> str:
         field = "delay" if part == "on_arrest" else part
-        return f"{field} = {getattr(interface, field)}"
+        return f"{field} = {getattr(interface, field)!r}"
 
     if kind not in known:
         return InputError(f"method = {shown(method)}: is not for a {body}; {use(()) or 'there is none'}")

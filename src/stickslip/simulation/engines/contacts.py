@@ -95,7 +95,7 @@ class EventByEvent(Engine):
         self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, arrests=arrests))
 
     @staticmethod
-    def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
+    def check(interface: Interface) -> None:
         """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
         if interface.temperature is not None:
             check_newborns(interface)

@@ -130,7 +130,7 @@ class LangevinContacts(Steps):
         self.settle(beginning)
 
     @staticmethod
-    def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
+    def check(interface: Interface) -> None:
         """Raise `InputError` for thresholds that cannot age so."""
         ageing_constants(interface)
 
@@ -178,7 +178,7 @@ class LangevinDensity(Steps):
         self.state[6:] = 0.0
 
     @staticmethod
-    def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
+    def check(interface: Interface) -> None:
         """Raise `InputError` for thresholds that cannot age so, and for a delay."""
         ageing_constants(interface)
         if interface.delay.moment(1) > 0:

@@ -56,7 +56,7 @@ class ThermalPopulation(Cohorts):
             self.state = kernel.initial_state(model, delays, x, fraction, since, beginning.slider_velocity)
 
     @staticmethod
-    def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
+    def check(interface: Interface) -> None:
         """Raise `InputError` for newborns without strength."""
         check_newborns(interface)
 
