@@ -114,7 +114,7 @@ class Interface(Record):
         for name in sorted(self.mechanisms.difference(mechanisms)):
             field = "delay" if name == "on_arrest" else name
             raise InputError(
-                f"Interface.{field} = {getattr(self, field)}: not available with {who}; leave it out, or simulate",
+                f"Interface.{field} = {getattr(self, field)!r}: not available with {who}; leave it out, or simulate",
                 f"Interface.{field}",
             )
 
