@@ -256,8 +256,9 @@ def test_what_is_found_is_in_the_units_of_the_rig():
         ends += [branch.velocity[0], band.low.persists_at, band.high.value]
         return np.array([*ends, window.low.decays_at, window.high.value]) / unit
 
-    assert found(scaled) == pytest.approx(found(plain), rel=1e-4, nan_ok=True)
-    assert found(plain)[1] > found(plain)[0] > 0.6
+    natural = found(plain)
+    assert found(scaled) == pytest.approx(natural, rel=1e-4, nan_ok=True)
+    assert natural[1] > natural[0] > 0.6
 
 
 def test_reasons_are_in_the_units_of_the_rig():

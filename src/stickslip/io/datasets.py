@@ -151,7 +151,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     source, before = Path(path), sys.unraisablehook
     if not is_netcdf(source):
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
-    sys.unraisablehook = lambda _: None  # of objects that fail while they are taken down
+    sys.unraisablehook = lambda _: None
     try:
         with warnings.catch_warnings(action="ignore"):
             h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
@@ -164,9 +164,9 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
                 return data.load()
     except Exception as error:  # a damaged file fails in many ways
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
+        gc.collect()  # while nobody hears of objects that fail as they are taken down
         raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged") from None
     finally:
-        gc.collect()
         sys.unraisablehook = before
 
 
