@@ -333,7 +333,7 @@ def test_rigid_motion_ends_in_the_steady_state_of_stretched_newborns(newborn):
     last = ss.rigid_slide(interface, 80.0).isel(displacement=-1)
     assert float(last["friction_force"]) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=1e-7)
     assert float(last["attached"]) == pytest.approx(attached_fraction(interface, 1.0), abs=1e-7)
-    assert float(last["breaking_rate"]) == pytest.approx(1.0 / (mean_life(interface).path + 0.2), abs=1e-6)
+    assert float(last["breaking_rate"]) == pytest.approx(1.0 / (mean_life(interface)[0] + 0.2), abs=1e-6)
 
 
 def test_newborns_enter_the_falling_force_where_contacts_re_attach():

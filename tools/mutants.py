@@ -92,7 +92,6 @@ TESTS = {
     "model/distribution": "test_distributions",
     "model/newborn.py": "test_mechanisms test_rig",
     "model/parameters.py": "test_model test_rig test_extensions",
-    "model/quadrature.py": "test_distributions",
     "model/quantities.py": "test_quantities",
     "model/units.py": "test_units test_quantities test_rig",
     "paper": "test_paper",

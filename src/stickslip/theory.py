@@ -74,7 +74,7 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
     interface.allow(("sliding_force", "newborn"), "attached_fraction")
     slowest = "at_least" if math.isfinite(interface.delay.moment(1)) else "above"
     speed = numbers("velocity", velocity, hint="in x_s per time", **{slowest: 0.0})
-    path, delay = mean_life(interface).path, interface.delay.moment(1)
+    (path, _), delay = mean_life(interface), interface.delay.moment(1)
     return at_each(lambda speeds: 1.0 / (1.0 + speeds * delay / path), speed)
 
 

@@ -7,8 +7,7 @@ once where ``|x| = x_c``. The threshold of each contact is its own for its whole
 from dataclasses import dataclass
 from typing import Annotated
 
-from stickslip.model.records import Number, Record
-from stickslip.model.registry import registry
+from stickslip.model.records import Number, Record, registry
 
 ACTIVATIONS, register = registry("activation")
 """The kinds of thermal activation that rig files can name; ``@register("bell")`` gives a class its name there."""

@@ -6,8 +6,7 @@ from typing import Annotated, Any, Self
 from stickslip.errors import InputError
 from stickslip.model.delays import DelayModel
 from stickslip.model.distribution import Distribution
-from stickslip.model.records import Number, Record
-from stickslip.model.registry import registry
+from stickslip.model.records import Number, Record, registry
 
 AGEING_MODELS, register = registry("ageing model")
 """The models of ageing that rig files can name; ``@register("langevin")`` gives a class its name there."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from stickslip.arrays import Array
-from stickslip.model.records import Number, Record
-from stickslip.model.registry import registry
+from stickslip.model.records import Number, Record, registry
 
 Links = tuple[NDArray[np.int64], Array]
 """Pairs of coupled blocks, shape (links, 2), and the stiffness of each spring, shape (links,)."""

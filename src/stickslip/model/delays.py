@@ -11,13 +11,11 @@ from scipy import special
 
 from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
+from stickslip.model.distribution import nodes_between
 from stickslip.model.distributions import Distribution, Gaussian
-from stickslip.model.records import Number, Record
-from stickslip.model.registry import registry
+from stickslip.model.records import Number, Record, registry
 
 Parts = tuple[tuple[Array, Array], list[tuple[float, Distribution]]]
-
-_NODE, _WEIGHT = np.polynomial.legendre.leggauss(96)
 NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
@@ -43,10 +41,9 @@ class DelayModel(Record):
         (tau, weight), rest = self.parts()
         if not rest:
             return tau, weight
-        low = min(distribution.support[0] for _, distribution in rest)
-        high = max(distribution.support[1] for _, distribution in rest)
-        node = low + 0.5 * (high - low) * (1 + _NODE)
-        density = _WEIGHT * sum(part * distribution.density(node) for part, distribution in rest)
+        low, high = np.array([distribution.support for _, distribution in rest]).T
+        node, density = nodes_between(low.min(), high.max(), 96)
+        density = density * sum(part * distribution.density(node) for part, distribution in rest)
         density *= sum(part for part, _ in rest) / density.sum()
         return np.append(tau, node), np.append(weight, density)
 

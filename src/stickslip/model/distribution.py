@@ -6,15 +6,16 @@ class that knows better overrides for speed and accuracy. `register` gives it th
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import elementwise
 
 from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
-from stickslip.model.quadrature import inverse_survival_of, partial_moment_of, transforms_of
-from stickslip.model.records import Record
-from stickslip.model.registry import registry
+from stickslip.model.records import Record, hashable, registry
 
 NEGLIGIBLE = 1e-16
 """Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""
@@ -38,15 +39,44 @@ class Distribution(Record):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
-        return partial_moment_of(self, x, order)
+        table = table_of(hashable(self))
+        low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
+        panel = np.clip(np.searchsorted(table.edges, low, side="right") - 1, 0, len(table.x) - 1)
+        beyond = np.append(np.cumsum(np.sum(table.weight * table.x**order, axis=1)[::-1])[::-1], 0.0)
+        y, weight = nodes_between(low, table.edges[panel + 1])
+        rest = np.sum(weight * _density(self, y) * y**order, axis=-1) / table.total
+        # Where a panel is entered at its very beginning, the sum over all of it is the same.
+        return np.asarray(rest + beyond[panel + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
-        return inverse_survival_of(self, probability)
+        """Stretching exceeded with the given probability; by default by root finding within a panel."""
+        table = table_of(hashable(self))
+        wanted = np.clip(np.asarray(probability, dtype=float), 0.0, table.survival[0])
+        panel = np.clip(np.searchsorted(-table.survival, -wanted, side="right") - 1, 0, len(table.x) - 1)
+        low, high = table.edges[panel], table.edges[panel + 1]
+        # The sums over panels are rounded differently from those within one: pin both ends to the former.
+        top, bottom = table.survival[panel], table.survival[panel + 1]
+
+        def lacking(x: Array, p: Array, a: Array, b: Array, s: Array, t: Array) -> Array:
+            inside = np.clip(Distribution.partial_moment(self, x, 0), t, s)
+            return np.where(x <= a, s, np.where(x >= b, t, inside)) - p
+
+        return np.asarray(elementwise.find_root(lacking, (low, high), args=(wanted, low, high, top, bottom)).x)
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not far below 0."""
-        return transforms_of(self, q)
+        """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not far below 0.
+
+        By default on panels as fine as `q` needs them.
+        """
+        flat, result = q.ravel(), np.empty((2, q.size), dtype=complex)
+        scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
+        for power in np.unique(scale).tolist():
+            own = np.flatnonzero(scale == power)
+            # A bound of which there are few different ones: the nodes are kept.
+            least = math.floor(4.0 * float(np.min(flat[own].real)) / 2.0**power) * 2.0**power / 4.0
+            result[:, own] = _sums(flat[own], *_fine_nodes(hashable(self), power, least))
+        mean, slope = result.reshape(2, *q.shape)
+        return mean, slope
 
     def laplace(self, q: ArrayLike) -> ComplexArray:
         """Mean of ``exp(-q x)`` at complex `q`."""
@@ -161,3 +191,133 @@ def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
         factor = math.comb(order, power) / math.factorial(order)
         total += factor * (-x) ** (order - power) * distribution.partial_moment(x, power)
     return total
+
+
+# ---------------------------------------------------------------- quadrature
+
+_legendre = lru_cache(np.polynomial.legendre.leggauss)
+
+
+def nodes_between(left: Array, right: Array, count: int = 16) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss-Legendre quadrature between pairs of edges, shapes (..., count)."""
+    node, weight = _legendre(count)
+    half = 0.5 * (right - left)[..., None]
+    return left[..., None] + half * (1.0 + node), half * weight
+
+
+class Table(NamedTuple):
+    """The density of a distribution on panels on each of which Gauss-Legendre quadrature is exact to rounding."""
+
+    edges: Array
+    """Ends of the panels, shape (n + 1,)."""
+    x: Array
+    """Nodes, shape (n, 16)."""
+    weight: Array
+    """Weights times density, shape (n, 16); their sum is 1."""
+    survival: Array
+    """Probability beyond each edge, shape (n + 1,)."""
+    total: float
+    """Integral of the density as it was given: 1 to within a millionth."""
+
+
+_OCTAVES = np.ldexp(1.0, np.arange(-60, 41))  # up to the largest stretching there may be
+_FIRST = np.unique(np.concatenate([_OCTAVES[:-1, None] * np.linspace(1, 2, 9), [_OCTAVES[-1:].repeat(9)]]))
+
+
+@lru_cache(maxsize=64)
+def table_of(distribution: Distribution) -> Table:
+    """Return the table of a distribution, its panels halved until halving changes nothing.
+
+    Raises `InputError` if the density is negative or no number somewhere, or its integral is not 1: peaks narrower than
+    a hundredth of their place may be missed unless they are among the `knots`.
+    """
+
+    def integral(left: Array, right: Array) -> Array:
+        x, weight = nodes_between(left, right)
+        return np.asarray(np.sum(weight * _density(distribution, x), axis=1))
+
+    knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
+    edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
+    left, right = edges[:-1], edges[1:]
+    kept: list[Array] = []
+    for _ in range(64):
+        middle = 0.5 * (left + right)
+        halves = integral(left, middle) + integral(middle, right)
+        # Relative, so that far tails are right as well.
+        coarse = np.abs(halves - integral(left, right)) > 1e-13 * np.abs(halves) + 1e-25
+        coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
+        kept.append(left[~coarse])
+        left, right = np.r_[left[coarse], middle[coarse]], np.r_[middle[coarse], right[coarse]]
+        if not left.size:
+            break
+    edges = np.append(np.sort(np.concatenate([*kept, left])), edges[-1])
+    x, weight = nodes_between(edges[:-1], edges[1:])
+    weight = weight * _density(distribution, x)
+    held = np.flatnonzero(weight.sum(axis=1))
+    total = float(weight.sum())
+    if not abs(total - 1.0) < 1e-6:
+        raise InputError(
+            f"{distribution}: the integral of its density is {total:.8g}, must be 1; normalise it, or give the "
+            "places of narrow peaks and jumps as its knots"
+        )
+    part = slice(held[0], held[-1] + 1)
+    weight = weight[part] / total
+    survival = np.append(np.cumsum(weight.sum(axis=1)[::-1])[::-1], 0.0)
+    return Table(edges[held[0] : held[-1] + 2], x[part], weight, survival, total)
+
+
+def _density(distribution: Distribution, x: Array) -> Array:
+    with np.errstate(all="ignore"):
+        density = np.asarray(distribution.density(x), dtype=float)
+    wrong = ~(np.isfinite(density) & (density >= 0))
+    if wrong.any():
+        at = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
+        raise InputError(
+            f"{distribution}: its density is {density[at]:g} at x = {x[at]:g}; it must be a number of 0 or above, "
+            "0 where there are no contacts"
+        )
+    return density
+
+
+_TURN = 8.0  # phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding
+_NODES = 1 << 20  # most nodes of a transform
+
+
+def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray) -> ComplexArray:
+    """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2, q.size)."""
+    kernel, parts = np.stack([weight, weight * x], axis=1), np.array_split(q, max(q.size // 128, 1))
+    with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
+        return np.concatenate([(np.exp(-np.multiply.outer(part, x)) @ kernel).T for part in parts], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _fine_nodes(distribution: Distribution, power: float, least: float) -> tuple[Array, Array]:
+    """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
+    table = table_of(hashable(distribution))
+    with np.errstate(over="ignore", invalid="ignore"):
+        part = table.weight.sum(axis=1) * np.exp(-least * (table.edges[:-1] - table.edges[0]))
+    kept = ~(part <= 1e-20 * part.max())  # what is left out is below rounding: tails, and all that has decayed
+    left, right = table.edges[:-1][kept], table.edges[1:][kept]
+    pieces = np.maximum(np.ceil((right - left) * 2.0**power / _TURN), 1.0)
+    if pieces.sum() * 16 > _NODES:
+        raise InputError(
+            f"{distribution}: its transform at |q| of {2.0**power:.3g} takes more than {_NODES} nodes; give the "
+            "distribution a method transform(q) of its own"
+        )
+    count = pieces.astype(int)
+    step = np.repeat((right - left) / pieces, count)
+    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    x, weight = nodes_between(np.repeat(left, count) + number * step, np.repeat(left, count) + (number + 1) * step)
+    return x.ravel(), (weight * _density(distribution, x) / table.total).ravel()
+
+
+def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Transforms of orders 0 and 1 on a path turned off the real axis, for densities without a closed form.
+
+    There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do for all `q` with
+    ``Im q >= 0``. The trapezoidal rule converges exponentially.
+    """
+    # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
+    below = q.imag < 0
+    mean, slope = _sums(np.where(below, np.conj(q), q).ravel(), x, weight).reshape(2, *q.shape)
+    return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)

@@ -22,7 +22,7 @@ from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
 from stickslip.model.distribution import Distribution as Distribution
 from stickslip.model.distribution import excess as excess
 from stickslip.model.distribution import register as register
-from stickslip.model.quadrature import transforms_on_a_path
+from stickslip.model.distribution import transforms_on_a_path
 from stickslip.model.records import Number, Part
 
 LARGEST_STRETCHING = 1e12  # in ``x_s``: beyond any distribution of contacts

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from stickslip.model.records import Number, Record
-from stickslip.model.registry import registry
+from stickslip.model.records import Number, Record, registry
 
 METHODS, register = registry("method")
 """The methods that rig files can name; ``@register("contacts")`` gives a class its name there."""

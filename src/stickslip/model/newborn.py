@@ -3,17 +3,15 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError
-from stickslip.model.distribution import Positive
+from stickslip.model.distribution import Positive, nodes_between
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.interface import Interface
-from stickslip.model.quadrature import nodes_between
 
 
 def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer: int = 1) -> tuple[Array, Array]:
@@ -37,24 +35,19 @@ def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer
     return x[kept], weight[kept] / weight[kept].sum()
 
 
-class Life(NamedTuple):
-    """Averages over the lifetimes of contacts in steady sliding, each from its birth to its break."""
+def mean_life(interface: Interface) -> tuple[float, float]:
+    """Distance of the slider and work of a contact from birth to break, on average in steady sliding.
 
-    path: float
-    """Mean distance that the slider goes, ``<x_s - x_0>``; the mean threshold where newborns are unstretched."""
-    work: float
-    """Mean work of a contact against the slider, ``<x_s^2 - x_0^2>/2``."""
-
-
-def mean_life(interface: Interface) -> Life:
-    """The averages over lifetimes: newborns have the stretchings of `Interface.newborn`, and hold beyond them."""
+    They are ``<x_s - x_0>``, the mean threshold where newborns are unstretched, and ``<x_s^2 - x_0^2>/2``; newborns
+    have the stretchings of `Interface.newborn`, and hold beyond them.
+    """
     thresholds = interface.threshold_distribution
     if interface.newborn is None:
-        return Life(thresholds.moment(1), 0.5 * thresholds.moment(2))
+        return thresholds.moment(1), 0.5 * thresholds.moment(2)
     x, weight = stretching_nodes(interface.newborn, thresholds)
     held = thresholds.survival(np.abs(x))
     first, second = (thresholds.partial_moment(np.abs(x), order) / held for order in (1, 2))
-    return Life(float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x)))
+    return float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x))
 
 
 def half_distance(interface: Interface) -> float:
@@ -62,14 +55,14 @@ def half_distance(interface: Interface) -> float:
 
     Raises `InputError` if it never halves.
     """
-    life, force = mean_life(interface), interface.sliding_force
-    slow = life.work / life.path
+    (path, work), force = mean_life(interface), interface.sliding_force
+    slow = work / path
     if force >= 0.5 * slow:
         raise InputError(
             f"the friction never halves: it falls from {slow:.3g} to the sliding force, {force:.3g} of the contact "
             "strength; give the delay"
         )
-    return life.path if force == 0 else life.path / (1.0 - 2.0 * force / slow)
+    return path if force == 0 else path / (1.0 - 2.0 * force / slow)
 
 
 def as_unstretched(interface: Interface) -> tuple[Distribution, float]:

@@ -14,9 +14,6 @@ from stickslip.model.units import Scales, natural_unit
 if TYPE_CHECKING:
     from stickslip.model.rig import Rig
 
-Span = tuple[str, float, float]
-"""The name of a parameter, and two of its values."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:

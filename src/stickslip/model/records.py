@@ -1,14 +1,15 @@
-"""What the numbers of a record may be and what they are measured in, said once, where the field is declared."""
+"""Records: what their numbers may be and are measured in, said once, where the field is declared; tables of them."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from stickslip.errors import InputError, instance, number, sequence, shown, whole
 
 AnyRecord = TypeVar("AnyRecord")
+Kind = TypeVar("Kind", bound=type)
 Change = Callable[[float, str], float]
 """Of a value and its natural unit, another value."""
 
@@ -124,3 +125,32 @@ def converted(record: AnyRecord, change: Change) -> AnyRecord:
 def rescaled(record: AnyRecord, factor: Callable[[str], float]) -> AnyRecord:
     """Return a record with every number that has a unit multiplied by the factor of its unit."""
     return converted(record, lambda value, unit: value * factor(unit))
+
+
+def hashable(record: object) -> Any:
+    """Return a record, checked to be fit for the key of a table."""
+    try:
+        hash(record)
+    except TypeError as error:
+        raise InputError(f"{record!r}: a distribution must be hashable; make it a frozen dataclass") from error
+    return record
+
+
+def registry(what: str) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
+    """Return a table of frozen dataclasses by name, and the decorator that enters one; `what` it holds, in words.
+
+    The decorator raises `InputError` if the class is none, or if another class has the name.
+    """
+    table: dict[str, type] = {}
+    return table, lambda name: partial(_enter, table, f"{what} {shown(name)}", name)
+
+
+def _enter(table: dict[str, type], place: str, name: str, kind: Kind) -> Kind:
+    if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        raise InputError(f"{place}: {kind.__name__} must be a frozen dataclass")
+    known = table.setdefault(name, kind)
+    # The same class once more is a notebook's cell run again.
+    if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
+        raise InputError(f"{place}: {known.__qualname__} has this name already; choose another one")
+    table[name] = kind
+    return kind

@@ -22,13 +22,7 @@ FIGURES = {figure.name: figure for figure in sorted(_FIGURES, key=lambda figure:
 
 
 def figures_named(name: str) -> tuple[Figure, ...]:
-    """Return one figure, or every one for ``"all"``.
-
-    Raises
-    ------
-    InputError
-        If there is no such figure.
-    """
+    """Return one figure, or every one for ``"all"``; `InputError` if there is no such figure."""
     if name == "all":
         return tuple(FIGURES.values())
     if name not in FIGURES:

@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from stickslip import plot
 from stickslip.arrays import Array as Array
 from stickslip.plot.style import panel as panel
+from stickslip.progress import Progress as Progress
+from stickslip.progress import part
 
 Picture = matplotlib.figure.Figure
-Progress = Callable[[float], None]
 
 _WORDS = {
     "contacts": "number of contacts [1]",
@@ -52,12 +53,8 @@ def dataset(
 
 def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
     """Divide a progress between tasks of these lengths, one after the other."""
-    for done, length in zip(itertools.accumulate(lengths, initial=0.0), lengths, strict=False):
-
-        def part(fraction: float, done: float = done, length: float = length) -> None:
-            progress((done + fraction * length) / sum(lengths))
-
-        yield part
+    ends = np.append(0.0, np.cumsum(lengths)) / sum(lengths)
+    return (part(progress, *each) for each in itertools.pairwise(ends.tolist()))
 
 
 def grid(
@@ -69,9 +66,9 @@ def grid(
     """
     coordinates = {name: list(values) for name, values in axes.items()}
     cases, found = list(itertools.product(*coordinates.values())), []
-    for case, part in zip(cases, portions(progress or (lambda _: None), *[1.0] * len(cases)), strict=True):
-        found.append(xr.Dataset(dict(run(*case, *([part] if progress else [])))))
-        part(1.0)
+    for case, report in zip(cases, portions(progress or (lambda _: None), *[1.0] * len(cases)), strict=True):
+        found.append(xr.Dataset(dict(run(*case, *([report] if progress else [])))))
+        report(1.0)
     rows = xr.concat(found, "case", data_vars="all", coords="minimal", compat="override", join="override")
     shape = [len(values) for values in coordinates.values()]
     shaped = {

@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip.errors import InputError, instance
 from stickslip.model import FixedGrowth, Interface, Langevin
-from stickslip.model.quadrature import hashable
+from stickslip.model.records import hashable
 from stickslip.sliding import unaged
 from stickslip.sliding.response import Array, MeanLifetimes, Response
 

@@ -18,8 +18,8 @@ from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITH
 from stickslip.kernels.lifetimes import INTEGRAL, NODE, Lifetimes, relax, rule
 from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, Parabolic
 from stickslip.model.activation import Activation
-from stickslip.model.distribution import Distribution
-from stickslip.model.quadrature import hashable
+from stickslip.model.distribution import Distribution, nodes_between
+from stickslip.model.records import hashable
 
 
 def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:
@@ -117,14 +117,11 @@ def panel_edges(
     return np.array(edges)
 
 
-_legendre = lru_cache(np.polynomial.legendre.leggauss)
-
-
 def gauss_nodes(edges: Array, count: int = 8) -> tuple[Array, Array]:
     """Nodes on the panels between neighbours along the last axis, and their weights."""
-    node, weight = _legendre(count)
-    half, each_row = 0.5 * np.diff(edges)[..., None], (*edges.shape[:-1], -1)
-    return (edges[..., :-1, None] + half * (1.0 + node)).reshape(each_row), (half * weight).reshape(each_row)
+    x, weight = nodes_between(edges[..., :-1], edges[..., 1:], count)
+    each_row = (*edges.shape[:-1], -1)
+    return x.reshape(each_row), weight.reshape(each_row)
 
 
 def _radau(edges: Array) -> tuple[Array, Array, Array]:

@@ -28,17 +28,8 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import as_unstretched, mean_life
-from stickslip.model.quadrature import hashable
-from stickslip.sliding.response import (
-    SCAN_LIMIT,
-    STEP,
-    Array,
-    ComplexArray,
-    MeanLifetimes,
-    Parts,
-    Response,
-    Scales,
-)
+from stickslip.model.records import hashable
+from stickslip.sliding.response import SCAN_LIMIT, STEP, Array, ComplexArray, MeanLifetimes, Parts, Response, Scales
 
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 

@@ -135,7 +135,7 @@ class Beginning:
     @property
     def attached(self) -> float:
         """Attached fraction in steady sliding, Eq. (10)."""
-        path = mean_life(self.interface).path
+        path, _ = mean_life(self.interface)
         return path / (path + self.velocity * self.interface.delay.moment(1))
 
     def drive_position(self, contact_force: float) -> float:

@@ -9,7 +9,7 @@ from stickslip.kernels.survival import Table, tabulate
 from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
-from stickslip.model.quadrature import hashable
+from stickslip.model.records import hashable
 from stickslip.simulation.engines.base import Array, Beginning
 
 

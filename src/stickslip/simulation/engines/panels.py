@@ -19,7 +19,7 @@ from stickslip.kernels.survival import EMPTY, tabulate, values_at, widest
 from stickslip.model import Delay, DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
-from stickslip.model.quadrature import hashable
+from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
@@ -62,7 +62,7 @@ class Panels(Cohorts):
         attached, rate = 1.0, 0.0
         if beginning.sliding:
             attached = beginning.attached
-            rate = attached * beginning.velocity / mean_life(interface).path
+            rate = attached * beginning.velocity / mean_life(interface)[0]
             x, fraction = _lives_met(distribution, self._case.newborn, self._case.accuracy)
         else:
             x, fraction = _nodes(interface.initial, distribution, self._case.accuracy)

@@ -12,7 +12,7 @@ from stickslip.kernels.thermal_cohorts import advance
 from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, MasterEquation, Parabolic
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import stretching_nodes
-from stickslip.model.quadrature import hashable
+from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import survival_of
