@@ -51,6 +51,11 @@ class Cycles:
         return self.count >= FEWEST_CYCLES and self.correlation >= PERIODIC and self.variation <= JITTER
 
 
+def regularity(variation: float) -> float:
+    """Correlation at one period that a variation of its cycles leaves to a sine."""
+    return math.exp(-0.5 * (2.0 * math.pi * variation) ** 2)
+
+
 def find_cycles(t: Array, force: Array) -> Cycles:
     """Return the cycles of a force: how far it repeats itself, and where each cycle begins.
 

@@ -12,9 +12,18 @@ import xarray as xr
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, mean_and_std, slope
+from stickslip.measure.arrays import (
+    CONSTANT_DRIVE,
+    FEWEST_READINGS,
+    Array,
+    Trace,
+    in_words,
+    mean_and_std,
+    slope,
+    without_line,
+)
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
-from stickslip.measure.evidence import ENOUGH, MOST, TINY, Criterion, Evidence, gather
+from stickslip.measure.evidence import MOST, TINY, Criterion, Window
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
@@ -41,24 +50,16 @@ _TURNED = (
 )
 
 RULES: tuple[tuple[str, Kind, str], ...] = (
-    ("turned", OPEN, _TURNED),
-    ("constant", OPEN, "the force never changes: is the sensor connected?"),
-    ("halted", OPEN, "the drive stands still"),
-    ("ramped", OPEN, "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"),
-    ("-cycles -slips -size", SMOOTH, "the force fluctuates by {size}, peak to peak"),
-    ("-cycles drifts", OPEN, "the force still {moves} in the window, and shows no complete slip; {more}"),
-    ("-drops masks", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
-    ("-drops", SMOOTH, "the force shows noise only, {part}"),
-    ("-cycles", OPEN, "too short: {count} of the {fewest} complete cycles that a verdict needs; {more}"),
-    ("noise slips strong", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
+    ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
+    ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
+    ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
+    ("-cycles", OPEN, "{short}"),
+    ("noise slips -small", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
     ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
-    ("chance -noise -enough", OPEN, "{count} cycles of {part}, peak to peak, that noise may make as well; {more}"),
-    ("shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
     ("shrinks", OPEN, "{changes}; {more} whether it persists"),
     ("grows -slips", OPEN, "{changes}; {more}"),
-    ("repeats pauses", OPEN, "{pause}: judge each part by itself"),
+    ("stops", OPEN, "{pause}: judge each part by itself"),
     ("slips", SLIPS, "{manner} slips that persist: {how}"),
-    ("-size", SMOOTH, "the force oscillates by {size}, peak to peak"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}: {how}"),
     ("line", OPEN, _HIDDEN),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
@@ -299,90 +300,111 @@ def _of_strokes(strokes: list[Trace]) -> Regime:
 
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
-    found = find_slips(trace) if found is None else found
-    seen, largest, stuck, drive = gather(trace, found), None, None, None
-    if trace.drive is None:
-        faults = {"turned": is_mirrored(trace, found), "constant": bool(not np.ptp(trace.force))}
-    else:
-        drive, top = float(trace.drive.mean()), float(np.max(np.abs(trace.drive)))
-        faults = {"halted": not top, "ramped": bool(np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * top)}
+    seen, largest, stuck, drive = Window(trace, found or find_slips(trace)), None, None, None
+    if trace.drive is not None:
+        drive = float(trace.drive.mean())
         if trace.velocity is not None and drive:
             largest = float(trace.velocity.max()) / drive
             stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    facts = seen.facts | {name for name, holds in faults.items() if holds}
-    kind, reason = next(
-        (kind, reason)
-        for conditions, kind, reason in RULES
-        if all((name.lstrip("-") in facts) == (name[0] != "-") for name in conditions.split())
-    )
-    slips = fast_ones(trace, found) if kind == SLIPS else found
+    kind, reason = OPEN, _fault(seen)
+    if not reason:
+        kind, reason = next(
+            (kind, reason.format_map(_in_words(seen, stuck)))
+            for conditions, kind, reason in RULES
+            if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
+        )
+    slips = fast_ones(trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
     if seen.cycles and kind != SMOOTH:
         count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
     return Regime(
         kind=kind,
-        reason=reason.format_map(_in_words(trace, found, seen, stuck)),
+        reason=reason,
         window=(float(trace.t[0]), float(trace.t[-1])),
         peak_to_peak=float(np.ptp(trace.force)),
         mean_force=trace.sign * float(trace.force.mean()),
         static_friction=abs(trace.largest),
-        trend=seen.trend,
+        trend=seen.trend[0],
         cycles=count,
         period=period,
         period_variation=variation,
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
-        noise=found.noise,
+        noise=seen.found.noise,
         drive_velocity=None if drive is None else trace.sign * drive,
         largest_velocity=largest,
         stuck=stuck,
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
-        table=seen.table,
+        table=tuple(seen.tests.values()),
     )
 
 
-def _in_words(trace: Trace, found: Slips, seen: Evidence, stuck: float | None) -> dict[str, object]:
+def _fault(seen: Window) -> str:
+    """Why a window has no regime: a fault of the sensor, or a drive that is not constant; empty if it may have one."""
+    trace = seen.trace
+    if trace.drive is None:
+        if is_mirrored(trace, seen.found):
+            return _TURNED
+        return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
+    if not trace.drive.any():
+        return "the drive stands still"
+    if np.ptp(trace.drive) <= 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
+        return ""
+    return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
+
+
+def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
-    values, facts, span, count = seen.values, seen.facts, float(np.ptp(trace.t)), int(seen.values["cycles"])
+    trace, found, tests, span, count = seen.trace, seen.found, seen.tests, float(np.ptp(seen.trace.t)), seen.count
 
     def time(value: float) -> str:
         return in_words(value, trace.time_unit, 2)
 
-    range_ = float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0)
-    part, size, small = (f"{100 * of:.3g} % of the largest force" for of in (range_, values["size"], values["small"]))
-    how = f"slip phase: {100 * values['phase']:.0f} % of the cycle"
-    if "fast" in facts or ("resolved" in facts and math.isfinite(values["fast"])):
-        how = f"the slider reaches {values['fast']:.3g} times the velocity of the drive in a typical cycle"
-    elif "held" in facts and "phase" not in facts and not seen.cycles:
-        how = f"the force rises at its full rate for {100 * values['held']:.0f} % of the time"
+    of, force = abs(trace.largest) or 1.0, trace.force
+    sizes = (float(np.ptp(force)) / of, tests["swing"].statistic, float(np.ptp(force[force.size // 2 :])) / of)
+    part, size, small = (f"{100 * each:.3g} % of the largest force" for each in sizes)
+    test = tests.get("slips")
+    how = f"slip phase: {100 * found.slip_phase(trace):.0f} % of the cycle"
+    if test and "velocity" in test.name:
+        how = f"the slider reaches {test.statistic:.3g} times the velocity of the drive in a typical cycle"
+    elif test and test.passed and "rate" in test.name:
+        how = f"the force rises at its full rate for {100 * test.statistic:.0f} % of the time"
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
-        often = f"sticks for {100 * stuck:.0f} % of the time" if stuck >= STICKS else "never sticks"
-        sticks = f"the slider {often}"
-    drift = slope(trace.force, trace.t) * span
+        sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= STICKS else 'never sticks'}"
     edges = np.concatenate([trace.t[:1], found.times, trace.t[-1:]])
     longest = int(np.argmax(np.diff(edges)))
     # So long that there are enough cycles, and a trend shows.
-    needed = max((ENOUGH if "cycles" in facts else FEWEST_CYCLES + 1) / max(count, 1), 2.0)
+    fewest = int(tests["cycles"].limit)
+    needed = max((fewest + 1) / max(count, 1), 2.0)
+    more = f"about {time(needed * span)} more would tell"
+    drift = slope(trace.force, trace.t) * span
+    way = f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}"
+    if count:
+        enough = "that a verdict needs" if fewest == FEWEST_CYCLES else "that tell an oscillation from noise"
+        short = f"too short: {count} of the {fewest} complete cycles {enough}; {more}"
+    elif "white" in seen.facts:
+        short = f"noise of {part} masks any oscillation, and slips: record more often"
+    else:
+        short = f"the force still {way} in the window, and shows no complete slip; {more}"
     return {
         "part": part,
         "size": size,
         "small": small,
         "ample": f"the force fluctuates by {part}, without a period",
-        "line": time(seen.line),
-        "count": count,
-        "fewest": FEWEST_CYCLES,
+        "moves": "oscillates" if seen.cycles else "fluctuates",
+        "line": time(seen.line[0]),
+        "short": short,
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": how,
         "sticks": sticks,
-        "changes": f"the amplitude {'decays' if seen.trend < 1.0 else 'still grows'}, by a factor {seen.trend:.2g} "
-        "from one half of the window to the other",
-        "moves": f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}",
+        "changes": f"the amplitude {'decays' if seen.trend[0] < 1.0 else 'still grows'}, by a factor "
+        f"{seen.trend[0]:.2g} from one half of the window to the other",
         "pause": f"no drops from t = {time(edges[longest])} to {time(edges[longest + 1])}",
-        "more": f"about {time(needed * span)} more would tell",
+        "more": more,
     }
