@@ -12,16 +12,7 @@ import xarray as xr
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import (
-    CONSTANT_DRIVE,
-    FEWEST_READINGS,
-    Array,
-    Trace,
-    in_words,
-    mean_and_std,
-    slope,
-    without_line,
-)
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, mean_and_std, slope
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.evidence import MOST, TINY, Criterion, Window
 from stickslip.measure.periods import FEWEST_CYCLES
