@@ -1,4 +1,4 @@
-"""A distribution, a delay, an ageing, an engine, a parameter of a user's own: a class and a registration each."""
+"""A distribution, delay, ageing, barrier, body, engine and parameter of one's own: a class and a registration each."""
 
 import math
 import tomllib
@@ -14,7 +14,7 @@ import pytest
 import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.io import rig_files
-from stickslip.model import ageing, body, delays, distributions, methods, parameters
+from stickslip.model import activation, ageing, body, delays, distributions, methods, parameters
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
 from stickslip.model.records import Number
@@ -99,6 +99,17 @@ class Unknown(ageing.AgeingModel):
     """One that says nothing of itself."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Steep(activation.ActivationModel):
+    """Bell's barrier by its slope, in ``kT`` per stretching, and by the time between two attempts."""
+
+    slope: Annotated[float, Number("1/x_s", above=0)]
+    period: Annotated[float, Number("time", above=0)]
+
+    def form(self):
+        return ss.Bell(width=1 / self.slope, attempts=1 / self.period)
+
+
 class GluedContacts(Engine):
     columns, angle = MOTION, 0.1
 
@@ -154,6 +165,7 @@ ZETA = Parameter(
 def _registered() -> Iterator[None]:
     """As the decorators do it; other tests see only what comes with the package."""
     tables = (distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES, methods.METHODS)
+    tables += (activation.ACTIVATIONS,)
     with ExitStack() as as_shipped:
         for table in (*tables, parameters.BY_NAME, ENGINES):
             as_shipped.enter_context(mock.patch.dict(table))
@@ -164,6 +176,7 @@ def _registered() -> Iterator[None]:
         solves(Glued)(GluedContacts)
         body.register("star of a test")(Star)
         ageing.register("hardened of a test")(Hardened)
+        activation.register("steep of a test")(Steep)
         solves(ss.Contacts, Hardened)(HardenedContacts)
         yield
 
@@ -343,7 +356,33 @@ def test_an_ageing_of_ones_own():
     np.testing.assert_array_equal(found["mean_force"], known["mean_force"])
 
 
-def test_an_ageing_that_says_nothing_is_refused_by_name():
+def test_a_barrier_of_ones_own():
+    rig, bell = rig_with(ss.Delay(0.1), distance=2.0), ss.Bell(width=0.01, attempts=1e6)
+    own, known = (
+        replace(rig, interface=replace(rig.interface, temperature=each))
+        for each in (Steep(slope=100.0, period=1e-6), bell)
+    )
+    assert own.interface == known.interface  # which keeps the form
+    for method in (ss.Contacts(500, seed=2), ss.MasterEquation(rtol=1e-3)):
+        is_kept(replace(own, method=method))
+    assert ss.kinetic_friction(own.interface, 1.0) == ss.kinetic_friction(known.interface, 1.0)
+    assert ss.growth_rate(own) == ss.growth_rate(known)
+    assert np.isfinite(ss.sweep(own, {"stiffness": [1.0, 3.0]})["mean_force"]).all()
+    document = rig_files.to_document(ss.example("pmma_slider"))
+    document["interface"]["temperature"] = {"kind": "steep of a test", "slope": "20 1/um", "period": "10 ns"}
+    read = ss.read_rig(document)
+    assert read.interface.temperature.width * read.unit("x_s") == pytest.approx(50e-9, rel=1e-12)
+    assert read.interface.temperature.attempts * read.unit("1/time") == pytest.approx(1e8, rel=1e-12)
+
+
+@dataclass(frozen=True)
+class Formless(activation.ActivationModel):
+    """One that says nothing of itself."""
+
+
+def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
+    with pytest.raises(InputError, match=r"Interface\.temperature = Formless\(\): needs a method form"):
+        ss.Interface(thresholds=THRESHOLDS, temperature=Formless())
     rig = rig_with(ss.Delay(0.1))
     rig = replace(rig, interface=replace(rig.interface, ageing=Unknown()))
     for ask, told in (

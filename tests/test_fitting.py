@@ -77,8 +77,8 @@ def test_the_slips_of_a_measured_trace(smallest):
         (events.drift, 1.45, 0.08),
         (events.sawtooth, 10.7, 0.5),
         # without the drift, which hides them
-        (found["peak with its trough"], -0.60, 0.05),
-        (found["trough with the next peak"], 0.26, 0.04),
+        (found["corr(peak, trough)"], -0.60, 0.05),
+        (found["corr(trough, next peak)"], 0.26, 0.04),
     ):
         assert value == pytest.approx(expected, abs=error)
     assert "1.44 times that in the first" in " ".join(fitting.check(force7()))
@@ -109,7 +109,10 @@ OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
 NOT_STICK_SLIP = {
     "oscillation": (trace_of(SINE), "rises for 1 times as long as it drops"),
     "noise": (trace_of(10 + 0.2 * RNG(0).normal(size=20_000)), "cannot be told from noise"),
-    "random walk": (trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))), "depends on what is called one"),
+    "random walk": (
+        trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))),
+        "slip count depends on",
+    ),
     "velocity step": (
         trace_of(np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])),
         "loading rate changes 4",

@@ -168,7 +168,7 @@ def in_parts(t):
 
 FORCES = {
     "a sine that lasts": (wave, "sustained oscillation", "periodic, 66.7 % .*; the slider never sticks"),
-    "that grows": (lambda: wave(growth=0.02), "undecided", "still grows, .* about 80 more would tell"),
+    "that grows": (lambda: wave(growth=0.02), "undecided", "still grows, .* about 80 more would decide"),
     "that decays slowly": (lambda: wave(growth=-0.005, size=0.12), "undecided", r"decays, .* about \d+ more would"),
     "that decays from much": (lambda: wave(growth=-0.1), "undecided", "decays"),
     "that decays, not small": (lambda: wave(growth=-0.02, size=0.027, mean=0.1), "undecided", "decays"),
@@ -191,7 +191,7 @@ FORCES = {
     "three slips": (lambda: trace(*even_sawtooth(cycles=3)), "undecided", r"too short: .* about \d\.\d+ more"),
     "few slips": (lambda: with_motion(*even_sawtooth()), "stick-slip", r"\(seen for 12 cycles only"),
     "creep between slips": (lambda: with_motion(*even_sawtooth(cycles=60)), "stick-slip", "periodic slips"),
-    "a slip that overshoots": (overshooting, "stick-slip", "slider reaches"),
+    "a slip that overshoots": (overshooting, "stick-slip", "peak slider velocity"),
     "a drive that speeds up": (lambda: driven(lambda t: 0.5 + t / 60.0), "undecided", "use transitions"),
     "that has sped up": (
         lambda: driven(lambda t: np.minimum(0.1 + t / 30, 1.0)),
@@ -210,10 +210,14 @@ FORCES = {
     "in parts": (alone(60.0, 0.01, in_parts, 0.01), "undecided", "no drops from t = 20 to 36: judge each part"),
     "slips that stop": (alone(40.0, 0.01, stops(20.0), 0.01), "undecided", "no drops from t = 20 to 40"),
     "that stop late": (alone(40.0, 0.01, stops(35.0)), "undecided", "no drops from t = 35 to 40"),
-    "smaller ones": (alone(60.0, 0.01, lambda t: 2 + np.where(t < 30, 1, 0.4) * (t % 1), 0.01), None, "first: 0.5"),
-    "paper, K 168, V 42": (lambda: paper("k168_v42"), "stick-slip", "irregular slips that persist: slip phase: 5 %"),
+    "smaller ones": (
+        alone(60.0, 0.01, lambda t: 2 + np.where(t < 30, 1, 0.4) * (t % 1), 0.01),
+        None,
+        "first half: 0.5",
+    ),
+    "paper, K 168, V 42": (lambda: paper("k168_v42"), "stick-slip", "irregular and persistent; slipping takes 5 %"),
     "paper, K 168, V 1100": (lambda: paper("k168_v1100"), "stick-slip", "at its full rate for 57 % of the time"),
-    "paper, K 1002, V 42": (lambda: paper("k1002_v42"), "stick-slip", "irregular slips"),
+    "paper, K 1002, V 42": (lambda: paper("k1002_v42"), "stick-slip", "irregular and persistent"),
     "paper, K 1002, V 4300": (lambda: paper("k1002_v4300"), "sustained oscillation", "the force alone does not tell"),
     "paper, K 2254, V 42": (lambda: paper("k2254_v42"), "smooth sliding", "without a period, as slow noise does"),
 }

@@ -240,10 +240,12 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
 
     with pytest.raises(EnoughError):
         run_cases(cases.logged, LOGGED_AXES, store=store, progress=look_and_stop)
-    assert re.match(rf"\d+ of 60 cases done, \d+ not run yet; process {os.getpid()} on .* is at it", lines[-1])
+    assert re.match(rf"\d+ of 60 cases done, \d+ not run yet; running as process {os.getpid()} on .*", lines[-1])
     before = {(a, LOGGED_AXES["b"][j]) for a, j in np.argwhere(open_sweep(store)["status"].values != 0).tolist()}
     assert 20 <= len(before) < 60
-    assert str(status_of(store)).startswith(f"{len(before)} of 60 cases done, {60 - len(before)} not run yet; nobody")
+    assert str(status_of(store)).startswith(
+        f"{len(before)} of 60 cases done, {60 - len(before)} not run yet; not running"
+    )
     log.unlink()
     xr.testing.assert_identical(run_cases(cases.logged, LOGGED_AXES, store=store), expected)
     assert set(runs(tmp_path)) == {(a, b) for a in range(12) for b in LOGGED_AXES["b"]} - before

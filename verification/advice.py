@@ -268,9 +268,7 @@ def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
     except TooDear:
         yield "regime, too dear", ""
         return
-    fits = kind in kinds or (
-        kind == "smooth sliding" and found.unstable_modes and "hidden by the noise" in found.verdict
-    )
+    fits = kind in kinds or (kind == "smooth sliding" and found.unstable_modes and "linearly unstable" in found.verdict)
     if not fits:  # a run may be in one of two basins: another two tell
         fits = kind in motion(here, seed=2000)
     yield "regime", "" if fits else f"{found.verdict} | runs: {kinds}, growing modes {found.unstable_modes}"

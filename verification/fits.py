@@ -134,7 +134,7 @@ IDEAL = Observation(slips=167, sampling=Sampling(slope=3e-3, noise=0.0, resoluti
 def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
     """Infer fresh truths from ideal recordings of their slips: what the statistics tell at best, nothing refused.
 
-    A trace whose number of slips depends on what is called one is refused a fit. Most of those come of stiff springs,
+    A trace whose slip count depends on the detection threshold is refused a fit. Most of those come of stiff springs,
     which the statistics tell best: without them less is told of the stiffness ratio.
     """
     made, rng = table(), np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""What answers have in common: each prints as its short text, and gives itself as plain numbers and texts."""
+"""The base of all answers: each prints as a short text, and converts to plain numbers and texts."""
 
 import html
 import math

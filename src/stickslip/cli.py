@@ -26,11 +26,11 @@ app = App(
     help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
     version=__version__,
     result_action="return_value",
-    suppress_keyboard_interrupt=False,  # what to say of one is ours
+    suppress_keyboard_interrupt=False,  # its message is ours
 )
 
 
-# ---------------------------------------------------------------- options that commands share
+# ---------------------------------------------------------------- shared options
 
 
 def _number(_type: object, tokens: Sequence[Token]) -> float:
@@ -62,7 +62,7 @@ class Columns:
 
     force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None
-    step: Annotated[str | None, Parameter(help="Time from row to row, where there is none: 0.5 ms, or in s.")] = None
+    step: Annotated[str | None, Parameter(help="Sampling interval, without a time column: 0.5 ms, or in s.")] = None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -92,7 +92,7 @@ def _fail(message: str, code: int = 2) -> int:
     return code
 
 
-# ---------------------------------------------------------------- what commands share
+# ---------------------------------------------------------------- shared steps
 
 
 def _check_outputs(output: Path | None = None, *, picture: Path | None = None, read: Path | None = None) -> None:
@@ -117,13 +117,13 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     if data.is_file() and is_netcdf(data):
         run = ss.load(data)
         if "spring_force" not in run or "time" not in run.coords:
-            raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
+            raise InputError(f"{data}: is not a run: it has no spring_force along a time")
         return run
     return ss.read_trace(data, **vars(columns), **more)
 
 
 def _quantity(option: str, text: str | None, si: str, example: str, *, unit: str) -> float | None:
-    """Read a quantity, bare in SI units, in a unit of the data; a plain number where that is none of SI."""
+    """Read a quantity, bare in SI units, in a unit of the data; a plain number where the data have another unit."""
     from stickslip.measure.headings import ratio
     from stickslip.model.quantities import read_number, read_quantity
 
@@ -256,7 +256,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, json: boo
 
 
 def _motion(run: xr.Dataset, seen: object) -> str:
-    """What a run or a trace did: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
+    """The motion in words: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
     from stickslip.measure.fronts import in_words as of_fronts
     from stickslip.measure.ramps import in_words as of_a_ramp
 
@@ -272,12 +272,12 @@ def measure(
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
     flip: Flip = False,
     minimum_drop: Annotated[str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N.")] = None,
-    after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
+    after: Annotated[str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")] = None,
     events: Annotated[File, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Tell the regime and list the slips of a run or of a measured force trace."""
+    """Classify the motion and list the slips of a run or of a measured force trace."""
     from stickslip.io.datasets import as_csv
     from stickslip.words import engineering
 
@@ -433,7 +433,7 @@ def sweep(
         _answer(found, plain(found), json)
         return 0
     if file is None:
-        raise InputError("sweep: which one? name a sweep file (`stickslip new phase_diagram` prints one)")
+        raise InputError("sweep: missing FILE; give a sweep file (`stickslip new phase_diagram` prints one)")
     plan = read_plan(file)
     with console.executor_of(workers, processes, scheduler) as executor, console.progress_of(plan.name) as report:
         try:

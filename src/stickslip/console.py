@@ -63,7 +63,7 @@ def working(title: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
-    """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
+    """Show the progress of a sweep: a bar on a terminal, elsewhere (in the log of a job) a line every half minute."""
     with bar(title, first=0.0, every=30.0) as report:
 
         def tell(p: Progress) -> None:
@@ -104,8 +104,8 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
     from rich.table import Table
     from rich.text import Text
 
-    # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
-    # write is no markup.
+    # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. Texts of
+    # users are not markup.
     width = None if sys.stdout.isatty() else 80
     console, tables = (
         Console(highlight=False, markup=False, emoji=False, width=width and times * width) for times in (1, 2)

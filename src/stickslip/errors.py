@@ -41,7 +41,7 @@ def printable(text: str) -> str:
 
 
 class InputError(ValueError):
-    """What the user gave cannot be used; the message says where, what and how to put it right.
+    """Input that cannot be used; the message says where, what and how to put it right.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ def numbers(
 
 
 def sequence(place: str, value: Any, hint: str) -> tuple[Any, ...]:
-    """Return the items of a list, a tuple or an array; a text is none."""
+    """Return the items of a list, a tuple or an array, not the letters of a text."""
     if not isinstance(value, (str, bytes, Mapping)):
         with suppress(TypeError):  # nothing to go through, or an array without dimensions
             return tuple(value)
@@ -192,6 +192,6 @@ def whole(place: str, value: object, *, at_least: float, at_most: float | None =
 
 
 def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str) -> None:
-    """Raise `InputError` unless `value` is of the kind asked for; a class is no value (a Protocol would take it)."""
+    """Raise `InputError` unless `value` is of the kind asked for; a class is refused (a Protocol would take it)."""
     if isinstance(value, type) or not isinstance(value, kind):
         raise InputError(f"{place} = {shown(value)}: must be {hint}", place)

@@ -1,4 +1,4 @@
-"""How far a long computation has come: a function that is called with the fraction done, or a bar."""
+"""Progress of a long computation: a function that is called with the fraction done, or a bar."""
 
 import sys
 import time
@@ -14,7 +14,7 @@ Progress = Callable[[float], None]
 
 
 def part(report: Progress, begin: float, end: float) -> Progress:
-    """What reports on a part of the work, from one fraction of all of it to another."""
+    """Return the report of a part of the work, from one fraction of all of it to another."""
     return lambda done: report(begin + (end - begin) * done)
 
 

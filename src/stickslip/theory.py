@@ -1,4 +1,4 @@
-"""The paper's own estimates: what it says about an interface without solving it, each with its range of validity.
+"""The paper's own estimates of an interface, each with its range of validity.
 
 Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit; lengths in ``x_s``.
 """
@@ -147,5 +147,5 @@ def newborn_pull(interface: Interface, velocity: float, distance: float, points:
     positions, forces : ndarray, shape (points,)
         In ``x_s``, and per contact in ``f_s``.
     """
-    speed, way = number("velocity", velocity, above=0), number("distance", distance, above=0)
-    return pull_newborns(speed, ageing_constants(interface), way, points)
+    speed, distance = number("velocity", velocity, above=0), number("distance", distance, above=0)
+    return pull_newborns(speed, ageing_constants(interface), distance, points)

@@ -117,7 +117,7 @@ class Prediction(Foretold):
         The motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, rising.
     margins : tuple of Margin
     mitigations : tuple of Mitigation
-        Those that can be turned on a machine first, in each group the smallest first.
+        Those that can be made on the machine first, in each group the smallest first.
     attempts : dict of str to (float, float)
         Parameters that give no smooth sliding, with the range searched.
     not_searched : tuple of str

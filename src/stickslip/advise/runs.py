@@ -129,14 +129,14 @@ class Trials:
             except Spent:
                 break
         if seen.kind != "undecided":
-            reason = "an oscillation, or noise of its contacts: longer runs would tell"
+            reason = "an oscillation, or noise of its contacts: longer runs would decide"
             seen = replace(seen, kind="undecided", reason=reason)
         return run, seen, "stays"
 
     def _from_sliding(self, run: Recording, seen: Regime) -> tuple[Recording, Regime, Steady]:
-        """What runs from smooth sliding tell of an oscillation that lasts; raises `Spent` if they do not tell.
+        """Judge by runs from smooth sliding whether an oscillation persists; raises `Spent` if they cannot decide.
 
-        Where they fluctuate less than from rest, smooth sliding, once reached, stays. Else they leave it, or it is
+        Where they fluctuate less than from rest, smooth sliding is stable once reached. Else they leave it, or it is
         noise of the contacts, which has four times the variance with a quarter of them.
         """
         case, begin = run.rig, seen.window[0]

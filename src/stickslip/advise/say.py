@@ -95,7 +95,7 @@ def _here(found: Prediction) -> str:
         theory = "" if modes is None else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
         return f"undecided, {found.regime.reason}{theory}"
     if kind == "smooth sliding":
-        grows = "smooth in this run: the instability grows slowly, or is hidden by the noise of"
+        grows = "smooth in this run: the oscillation may not yet exceed the noise of"
         return f"linearly unstable, but {grows} {contacts}" if modes else kind
     frequency = "" if found.frequency is None else f", {engineering(found.frequency, frequency_unit(found.rig), 3)}"
     here = (

@@ -86,7 +86,7 @@ def bistable_range(
         each = _beside(span, edge, ends[i] if edge.loses_stability else ends[i + 2])
         found += [each] if each not in found else []  # a band between two boundaries is seen from both
     if crossings.unstable_at_ends[0] and not found:
-        found = ["smooth sliding is unstable all the way: only stick-slip persists"]
+        found = ["smooth sliding is unstable in all of the range: only stick-slip persists"]
     elif not found:  # a cycle apart from any boundary
         try:
             first = first_point(span)

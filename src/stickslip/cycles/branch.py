@@ -108,7 +108,7 @@ def first_point(span: Span, begin: float | None = None) -> Point:
         if point.verdict.has_cycle:
             return point
     raise UndecidedError(
-        f"no cycle to follow: from {span.start} no oscillation persists at {span.parameter.name} = "
+        f"no sustained oscillation found from {span.start} at {span.parameter.name} = "
         f"{span.said(*values)}; the last: {point.verdict}"
     )
 

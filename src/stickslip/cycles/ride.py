@@ -149,7 +149,7 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]
 
 
 def extreme(t: Array, force: Array, slope: Array, i: int) -> float:
-    """Value where the slope changes sign next to a sample, by a parabola, unless the force is none between the two."""
+    """Value where the slope changes sign next to a sample, by a parabola, unless that does not fit."""
     for j in (i, i - 1):
         if 0 <= j < t.size - 1 and slope[j] * slope[j + 1] < 0:
             apart, turn = t[j + 1] - t[j], slope[j] - slope[j + 1]

@@ -85,7 +85,7 @@ def is_sustained(
     """Tell whether an oscillation persists from a start, at a constant velocity of the drive.
 
     The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,
-    or for one period of the slider on its spring, whichever is longer. It ends as soon as its fate is clear. The
+    or for one period of the slider on its spring, whichever is longer. It ends as soon as the outcome is clear. The
     oscillation *persists* if its amplitude no longer changes (by less than 1e-3 three times running or by less than
     2e-5 in six cycles, or with changes that shrink geometrically and have less than 1 % left to go), or scatters about
     a constant without a trend. It
@@ -188,7 +188,7 @@ def _fate(looks: list[Look], floor: float, growing: bool | None) -> tuple[bool |
         return None
     if growing:
         return True, now, "has not settled, {} so far, but smooth sliding is unstable by linear theory"
-    return None, now, f"{{}}, still changes by {step[-1]:.2g} a look after {len(looks)} looks"
+    return None, now, f"{{}}; after {3 * len(looks)} cycles still changes by {100.0 * abs(step[-1]):.2g} % every three"
 
 
 def _has_no_trend(size: Array) -> bool:

@@ -128,10 +128,10 @@ def in_si(values: Array, strength: Array, events: Events, known: Known) -> dict[
 
 
 def refusal(name: str, known: Known) -> InputError:
-    """Why a quantity cannot be told, and what would tell it."""
+    """Why a quantity cannot be determined, and what would determine it."""
     if name in ("delay", "ageing"):
         return InputError(
-            f"fit: {name}: one speed tells nothing of it but bounds; give the force at several speeds (speeds=) or "
+            f"fit: {name}: one speed gives bounds only; give the force at several speeds (speeds=) or "
             "after several holds (holds=)"
         )
     if name not in QUANTITIES:

@@ -268,8 +268,8 @@ def _faults(events: Events) -> Iterator[str]:
         yield f"{count} slips: at least {FEWEST} are needed; record for longer"
     if events.doubled < (1.0 - LOST) * count:
         yield (
-            f"{count} drops of at least {least}, but {events.doubled} of at least twice that: how many slips there are "
-            "depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
+            f"{count} drops of at least {least}, but {events.doubled} of at least twice that: the slip count depends "
+            "on the detection threshold; give the smallest drop (--smallest), on a plateau of n(h)"
         )
     change, when = _largest_step(events)
     if change > _STEP:

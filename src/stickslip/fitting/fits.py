@@ -33,7 +33,7 @@ _TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {key: row[:2] for ke
 _IDENTIFIED, _WEAK = 0.5, 0.7
 _WIDE = 10.0  # an interval whose ends differ by more than this, a factor of three either way, identifies no size
 _AT_BOUND, _NEAR = 0.1, 0.02
-LOW = 0.02  # p-values below this are told of
+LOW = 0.02  # p-values below this are listed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +176,7 @@ class Fit(Answer):
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
-        """Measurements that would tell what this trace does not, and which intervals they would narrow."""
+        """Measurements of what this trace does not determine, and which intervals they would narrow."""
         done = {one.key for one in self.parameters if one.verdict == "identified"}
         wanted = {
             "mean friction at four speeds or more (--speeds): the delay, of which nothing is known": not self.delays,

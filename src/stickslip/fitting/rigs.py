@@ -39,11 +39,11 @@ _TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
 _SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0)
 _ON_ARREST = (
     "contacts re-attach on arrest, so there is no smooth sliding for linear theory; friction at several speeds (fit "
-    "--speeds) would tell the delay"
+    "--speeds) would give the delay"
 )
 _NO_DELAY = (
     "stands for any delay longer than a slip and shorter than the time between slips; friction at several speeds "
-    "(--speeds) tells it"
+    "(--speeds) gives it"
 )
 _HALVED = "slide it at several speeds: the speed at which kinetic friction has halved tells the delay"
 _INITIAL = Gaussian(mean=0.0, std=0.01)

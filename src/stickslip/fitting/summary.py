@@ -51,9 +51,9 @@ _FITTED: dict[str, tuple[Callable[[_Slips], Array], Callable[[Array], Array]]] =
     "scatter of peaks": (lambda s: s.P.std(axis=-1), _logarithm),
     "scatter of troughs": (lambda s: s.T.std(axis=-1), _logarithm),
     "CV of drops": (lambda s: s.drops.std(axis=-1) / s.mean, _logarithm),
-    "peak with its trough": (lambda s: _correlation(s.P, s.T), _fisher),
-    "trough with the next peak": (lambda s: _correlation(s.T[..., :-1], s.P[..., 1:]), _fisher),
-    "peak with the next peak": (lambda s: _correlation(s.P[..., :-1], s.P[..., 1:]), _fisher),
+    "corr(peak, trough)": (lambda s: _correlation(s.P, s.T), _fisher),
+    "corr(trough, next peak)": (lambda s: _correlation(s.T[..., :-1], s.P[..., 1:]), _fisher),
+    "corr(peak, next peak)": (lambda s: _correlation(s.P[..., :-1], s.P[..., 1:]), _fisher),
     "10 % quantile of drops": (lambda s: s.quantiles[1], np.asarray),
     "90 % quantile of drops": (lambda s: s.quantiles[2], np.asarray),
 }

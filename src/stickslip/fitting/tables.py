@@ -1,6 +1,6 @@
 """The table of simulated series of slips that every fit starts from, and how a bench would have seen them.
 
-Made once, kept, and gone on with when cut short. It holds the force before and after each slip: how a trace was sampled
+Made once, cached, and resumed if interrupted. It holds the force before and after each slip: how a trace was sampled
 and picked comes in when it is fitted, so that one table serves traces of every bench, each biased as its trace is.
 """
 

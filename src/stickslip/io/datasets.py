@@ -31,7 +31,7 @@ from stickslip.model.methods import METHODS
 LARGEST_RUN = 8_000_000_000  # bytes that a run may have, as a file and in memory
 
 Plain = Any
-"""What JSON can hold: None, bool, int, float, str, list, dict."""
+"""Values of JSON: None, bool, int, float, str, list, dict."""
 
 
 def records() -> dict[str, type]:
@@ -119,7 +119,7 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         If the place cannot be written.
     """
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
-    # What has no dimension, or is no number, cannot be compressed.
+    # Only numbers with a dimension can be compressed.
     numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
     # In memory first: where a disk is full, HDF5 spills its own messages and then crashes.
     encoding = {name: {"zlib": True, "complevel": 1} for name in numbers}

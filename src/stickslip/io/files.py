@@ -1,4 +1,4 @@
-"""Files: read only if regular and of a size to bear; written whole or not at all, and never over anything else.
+"""Safe reading of files, and atomic writing.
 
 A symbolic link is followed, for reading and for writing: the link stays, and the file that it leads to is replaced.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from stickslip.errors import InputError, instance
 
 _KINDS = {"d": "a directory", "c": "a device", "b": "a device", "p": "a named pipe", "s": "a socket"}
-"""What a file is that is not regular, by the first letter of `stat.filemode`."""
+"""Files that are not regular, by the first letter of `stat.filemode`."""
 _GZIP = b"\x1f\x8b"
 
 
@@ -45,7 +45,7 @@ def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
 
 
 def _regular(path: str | os.PathLike[str], done: str, kind: str) -> os.stat_result | None:
-    """What the system says of a regular file, links followed; None if there is none."""
+    """Status of a regular file, links followed; None if there is no such file."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         found = os.stat(path)

@@ -19,7 +19,7 @@ NARROWEST, WIDEST = 0.01, 1.0
 def slow_friction(thresholds: Distribution, initial: Distribution) -> tuple[float, float]:
     """Return static and kinetic friction in slow rigid motion without delay, per contact in ``f_s``, good to 1e-4.
 
-    The static friction is the first maximum of Eqs. (1)-(4), the kinetic one its limit after a long way.
+    The static friction is the first maximum of Eqs. (1)-(4), the kinetic one its limit after a long distance.
     """
     positive = thresholds.positive()
     mean = positive.moment(1)

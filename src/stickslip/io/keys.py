@@ -100,16 +100,16 @@ class Key:
 
 
 def natural_unit_of(example: str) -> str:
-    """The natural unit of what a quantity measures; empty if a text is none, or measures what no scale does."""
+    """The natural unit of a quantity; empty if the text is no quantity, or no scale of a rig measures it."""
     measured = unit_size(example.partition(" ")[2])
     sizes = ((unit, unit_size(si)) for unit, si in UNITS.items())
     return next((unit for unit, size in sizes if size and measured and size[1] == measured[1]), "")
 
 
 class Either:
-    """Keys of a table that exclude each other: of one way, parted by blanks, all are given, and none of another.
+    """Keys of a table that exclude each other: all of one alternative, separated by blanks, and none of another.
 
-    Where no way is taken, and one is `needed`, the first is asked for.
+    Where none is given, and one is `needed`, the first is asked for.
     """
 
     def __init__(self, *ways: str, needed: bool = False) -> None:

@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def example_names() -> tuple[str, ...]:
-    """Return the names of the rigs that come with the package; a sweep is no rig: it names one."""
+    """Return the names of the rigs that come with the package, without sweeps, which name one."""
     texts = {file.stem: file.read_text(encoding="utf-8") for file in sorted(EXAMPLES.glob("*.toml"))}
     return tuple(name for name, text in texts.items() if any(f"[{body}]" in text for body in ("slider", *BODIES)))
 
@@ -76,7 +76,7 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
 
 
 def content_of(path: Path) -> Document:
-    """What a rig file holds, or the example of that name where there is no such file."""
+    """Read the content of a rig file, or of the example of that name where there is no such file."""
     if str(path) in example_names() and not path.exists():
         path = example_file(path.name)
     return read_toml(path, "rig file", "`stickslip new pmma_slider`")

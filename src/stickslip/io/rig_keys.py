@@ -1,7 +1,7 @@
-"""What a rig file may hold: every key once, with its unit, sign, choices and default.
+"""The keys of a rig file: each once, with its unit, sign, choices and default.
 
 The examples stand in every_key.toml, as a rig file has them. A key that is a field of a record takes unit, bounds,
-choices and default from there; one that is none is measured in the unit of its example, and is above 0. The reader,
+choices and default from there; any other is measured in the unit of its example, and is above 0. The reader,
 the writer, the messages and the reference page (with the words of docs/reference/rig-keys.toml) are made from it.
 """
 
@@ -29,7 +29,7 @@ MATERIAL: Mapping[str, Mapping[str, str]] = {
     "chain": {"coupling": "youngs_modulus", "leaf": "shear_modulus", "mass": "density"},
     "sheet": {"coupling": "youngs_modulus", "shear": "shear_modulus", "mass": "density"},
 }
-"""Of an elastic body: what is given directly, or follows from its shape and a property of the material."""
+"""Fields of an elastic body that are given directly, or follow from its shape and a property of the material."""
 SHAPE = ("spacing", "width", "height")
 SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacement")
 """Keys that are 1 in natural units, or make up what is."""
@@ -56,9 +56,9 @@ RULES: Mapping[str, tuple[Either, ...]] = {
 _EXAMPLES = tomllib.loads(Path(__file__).with_name("every_key.toml").read_text("utf-8"))
 _WITHIN: Mapping[str, Mapping[str, Any]] = _EXAMPLES.pop("within")
 _MORE: Mapping[str, dict[str, Any]] = _EXAMPLES.pop("more")
-"""What neither a record nor an example says of a key."""
+"""Properties of keys that neither a record nor an example gives."""
 _USUAL = {"mean": 1.0, "scale": 1.0}
-"""What is taken for the scale of a distribution that is left out: that of `breaking_displacement`."""
+"""Default scale of a distribution: that of `breaking_displacement`."""
 
 
 def _keys(table: str, examples: Mapping[str, Any], record: type | None = None) -> dict[str, Key]:
@@ -77,7 +77,7 @@ def _keys(table: str, examples: Mapping[str, Any], record: type | None = None) -
 
 
 def _of_field(record: type, name: str) -> dict[str, Any]:
-    """What a field says of its key: unit, bounds, choices and default."""
+    """Unit, bounds, choices and default of a key, from its field."""
     kind, mark = declared(record)[name]
     bounds = mark if isinstance(mark, Number) else Number()
     given = next(field.default for field in fields(record) if field.name == name)

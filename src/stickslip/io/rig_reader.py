@@ -1,6 +1,6 @@
 """The reader of rig files: each record in the units of the file, then the whole rig in natural ones.
 
-Every mistake is noted, and told in one line.
+Every mistake is noted, and all are reported in one line.
 """
 
 import math
@@ -35,7 +35,7 @@ _SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
     """Make a rig of the content of a file; `place` begins the message of an error.
 
-    The error names every mistake: key, value, remedy; its `mistakes` are told apart, each with its key as `place`.
+    The error names every mistake: key, value, remedy; its `mistakes` are single errors, each with its key as `place`.
     """
     reader = _Reader(document)
     rig: Rig | None = reader.file.part(reader.rig)
@@ -169,7 +169,7 @@ class _Reader:
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
-        """What slides, its springs and masses of blocks made of the material; without a damping that is a ratio."""
+        """The body, its springs and masses of blocks made of the material; a damping ratio is left for later."""
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
         # A spring from a block to the top is as long as the bar is high, one from row to row as a row is wide.
         shape = {
@@ -210,7 +210,7 @@ class _Reader:
             return constant(velocity, values.get("duration", 1.0)), speeds
 
     def _speeds(self, content: Any, place: str) -> tuple[float, Values]:
-        """Of a list or a range of speeds one that is simulated, and all of them."""
+        """The speed that is simulated, and all those of a list or a range."""
         key = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
         if isinstance(content, list) and content:
             speeds = replace(key, example=[key.example]).read(content, place, natural=self.file.natural)
@@ -257,7 +257,7 @@ class _Reader:
         with at("interface", {"force": "contact_strength", "stretching": "breaking_displacement"}):
             return Scales(force=strength / blocks, stretching=x_s, time=x_s / fastest if fastest else 1.0)
 
-    # -------------------------------------------------- what is said of the rig
+    # -------------------------------------------------- feasible, assumed and fitted
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
         """The ranges within which parameters could be set."""
@@ -278,7 +278,7 @@ class _Reader:
         return self.file.table(content, dict.fromkeys(rig_keys.paths(given), key), table)
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
-        """What the file marks as assumed, then the defaults that were taken; each with its value."""
+        """The assumptions that the file marks, then the defaults that were taken; each with its value."""
         marked = self._of_paths(content, "assumed", Key("text"))
         found = {path: Assumption(self._value_at(path), how) for path, how in marked.items()}
         given = self.document.get("interface")
@@ -290,14 +290,14 @@ class _Reader:
         return found
 
     def _fitted(self, content: object) -> dict[str, Fitted]:
-        """What the file marks as fitted, each with its value, interval and draws; only of a file without mistakes."""
+        """The fitted values that the file marks, with intervals and draws; only of a file without mistakes."""
         entries = self._of_paths(content, "fitted", Key({})).items()
         read = {path: self.file.table(entry, rig_keys.FITTED, f"fitted.{path}") for path, entry in entries}
         self.file.stop()
         return {path: Fitted(self._value_at(path), **values) for path, values in read.items()}
 
     def _value_at(self, path: str) -> str:
-        """What stands at a path of the file; empty if nothing does."""
+        """The value at a path of the file; empty if there is none."""
         node: Any = self.document
         for part in path.split("."):
             node = node.get(part, "") if isinstance(node, Mapping) else ""

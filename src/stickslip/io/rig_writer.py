@@ -115,7 +115,7 @@ class _Writer:
         if not self.natural:
             found["contact_strength"] = self.quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
             found["breaking_displacement"] = self.quantity(1.0, "x_s", lambda si: si == scales.stretching)
-        # A default that was taken is left out, so that it is taken, and told of, again.
+        # A default that was taken is left out, so that it is taken, and reported, again.
         found |= self._values(interface, TABLES["interface"], defaults=False)
         if self.digits is not None:
             found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}

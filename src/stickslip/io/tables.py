@@ -11,7 +11,7 @@ from stickslip.errors import InputError, shortened, shown, together
 from stickslip.io import files
 from stickslip.io.keys import Either, Key, listed, toml
 
-LARGEST_FILE = 1_000_000  # bytes beyond which a file is no description of anything
+LARGEST_FILE = 1_000_000  # bytes; a larger file does not describe a rig or a sweep
 
 
 def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
@@ -52,7 +52,7 @@ _MOST_WORDS = 40  # unknown keys for which the nearest known one is looked for, 
 
 
 class Tables:
-    """Reads the tables of a file one after the other, and notes every mistake on the way.
+    """Reads the tables of a file one after the other, and notes every mistake.
 
     With `natural`, quantities are plain numbers.
     """
@@ -150,6 +150,6 @@ class Tables:
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """What to write in place of a word that is not known."""
+    """Suggest a known word in place of one that is not."""
     near = difflib.get_close_matches(name, known := tuple(known), n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"

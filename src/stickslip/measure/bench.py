@@ -1,4 +1,4 @@
-"""What a bench does to a trace: strokes to and fro, a sensor that saturates, a sign that is turned."""
+"""Effects of the bench on a trace: reciprocating strokes, a saturated sensor, a reversed sign."""
 
 import functools
 import itertools
@@ -22,7 +22,7 @@ FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and
 
 
 def find_strokes(trace: Trace) -> list[Trace]:
-    """The strokes of a test that goes to and fro, each along its own direction; none of any other test.
+    """The strokes of a reciprocating test, each along its own direction; none of any other test.
 
     By the displacement, where it is known; by the force, where it changes between two plateaus of opposite sign.
     The reversals are left out: a stroke goes from where the force first reaches its usual level to where it last does.
@@ -133,7 +133,7 @@ def _is_flat(force: Array) -> bool:
 
 
 def is_mirrored(trace: Trace, found: Slips) -> bool:
-    """Whether the force jumps up and goes down slowly: stick-slip with the sign of the force turned."""
+    """Whether the force rises in jumps and relaxes slowly: stick-slip with the sign of the force reversed."""
     if not found.size or not found.slip_phase(trace) > 1.0 - MIRRORED:
         return False
     other = replace(trace, force=-trace.force)

@@ -29,7 +29,7 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     dropped) by less than the drop
     itself, within the cycle. In stick-slip, where the velocity is known, drops slower than 3.5 times the drive are
     left out. A drop cut off by the start or the end of the data is left out and counted in the
-    attribute ``cut``. The strokes of a test that goes to and fro are read apart.
+    attribute ``cut``. The strokes of a reciprocating test are read apart.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
         Where the motion ends in smooth sliding, drops from before it count if they exceed its peak to peak. The
         attribute ``criterion`` says so.
     after : float, optional
-        Look at what comes after this time only, in the unit of `t`.
+        Ignore data before this time, in the unit of `t`.
 
     Returns
     -------

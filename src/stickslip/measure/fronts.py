@@ -22,7 +22,7 @@ _FEWEST = 5  # blocks from which a speed is read
 _FAST = 10.0  # blocks in an event are so many times faster than the drive ...
 _SLOWEST = 0.01  # ... or, where it stands still, faster than this part of the fastest block of the run
 _BREAKING = 0.01  # a block that holds takes part if it breaks more than this part of its contacts while it is fast
-_TOLD, _LARGE = 5, 3  # fronts that are told of, and blocks of the smallest event that is
+_TOLD, _LARGE = 5, 3  # fronts that are listed, and blocks of the smallest event that is
 _IN_TIME = np.array([[0, 1, 0]] * 3)  # neighbours in time, for tables of samples and blocks
 _COLUMNS = {
     "first_block": ("1", "block that breaks, or slips, first"),

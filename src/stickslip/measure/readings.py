@@ -54,7 +54,7 @@ def read_trace(
         column of numbers besides is the force. A column of the coefficient of friction will do for a force. The
         normal load may be a quantity, too: ``"20 N"``.
     step : float or str, optional
-        Time from one row to the next, where the file has no column of times: in s, or ``"0.5 ms"``.
+        Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
         Change the sign of the force: for a sensor that counts pull as negative, and has an offset.
     delimiter : str, optional

@@ -227,7 +227,7 @@ def _cells(rows: Any, count: int, columns: list[int], mark: str, comma: bool, *,
     width = columns[-1]
     full = mark.join("0" * (width + 1)) + "\n"  # a row that has them all
     with warnings.catch_warnings(), suppress(pd.errors.ParserError):
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are told of later
+        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are reported later
         cells = pd.read_csv(
             io.BytesIO(b"".join([full.encode(), rows])),
             sep=r"\s+" if mark == _BLANKS else mark,

@@ -45,16 +45,16 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
     ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
     ("-cycles", OPEN, "{short}"),
-    ("noise slips -small", SLIPS, "irregular slips that persist, of few contacts ({contacts}): {part}"),
+    ("noise slips -small", SLIPS, "irregular and persistent slips of few contacts ({contacts}): {part}"),
     ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
     ("shrinks", OPEN, "{changes}; {more} whether it persists"),
     ("grows -slips", OPEN, "{changes}; {more}"),
     ("stops", OPEN, "{pause}: judge each part by itself"),
-    ("slips", SLIPS, "{manner} slips that persist: {how}"),
-    ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}: {how}"),
+    ("slips", SLIPS, "{manner} and persistent; {how}"),
+    ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
     ("line", OPEN, _HIDDEN),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
-    ("", OPEN, "irregular oscillation of {part} that is neither slips nor noise: {how}; {more}"),
+    ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
 
@@ -175,7 +175,7 @@ class Regime(Answer):
                 told.append(f"slip phase: {100 * self.slip_phase:.0f} % of the cycle")
             lines.append(", ".join(told))
         if math.isfinite(self.trend):
-            lines.append(f"amplitude, second half of the window over the first: {self.trend:.3g}")
+            lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.largest_velocity is not None:
             lines.append(f"largest velocity {self.largest_velocity:.3g} times the drive's")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
@@ -359,9 +359,9 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
     sizes = (float(np.ptp(force)) / of, tests["swing"].statistic, float(np.ptp(force[force.size // 2 :])) / of)
     part, size, small = (f"{100 * each:.3g} % of the largest force" for each in sizes)
     test = tests.get("slips")
-    how = f"slip phase: {100 * found.slip_phase(trace):.0f} % of the cycle"
+    how = f"slipping takes {100 * found.slip_phase(trace):.0f} % of each cycle"
     if test and "velocity" in test.name:
-        how = f"the slider reaches {test.statistic:.3g} times the velocity of the drive in a typical cycle"
+        how = f"peak slider velocity {words.number(test.statistic, 3)} times that of the drive"
     elif test and test.passed and "rate" in test.name:
         how = f"the force rises at its full rate for {100 * test.statistic:.0f} % of the time"
     sticks = "whether the slider sticks, the force alone does not tell"
@@ -372,7 +372,7 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
     # So long that there are enough cycles, and a trend shows.
     fewest = int(tests["cycles"].limit)
     needed = max((fewest + 1) / max(count, 1), 2.0)
-    more = f"about {time(needed * span)} more would tell"
+    more = f"about {time(needed * span)} more would decide"
     drift = slope(trace.force, trace.t) * span
     way = f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}"
     if count:

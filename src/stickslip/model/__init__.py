@@ -1,4 +1,4 @@
-"""What there is: interface, slider and drive, the rig they make, and how it is to be simulated.
+"""Records of the model: interface, slider and drive, the rig they make, and how it is simulated.
 
 Records only, each validated on construction. Natural units throughout: contact stiffness ``k = 1``, mean threshold
 force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per contact. Time is in any unit.

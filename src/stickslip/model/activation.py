@@ -7,15 +7,28 @@ once where ``|x| = x_c``. The threshold of each contact is its own for its whole
 from dataclasses import dataclass
 from typing import Annotated
 
+from stickslip.errors import InputError
 from stickslip.model.records import Number, Record, registry
 
 ACTIVATIONS, register = registry("activation")
 """The kinds of thermal activation that rig files can name; ``@register("bell")`` gives a class its name there."""
 
 
+class ActivationModel(Record):
+    """How heat breaks contacts: `Bell`, `Parabolic`, `Barrier`, or a model of the user's own.
+
+    A model of one's own derives from this class and is registered under the name that rig files use. Its `form` is one
+    of the three, which alone solvers know, and which an `Interface` keeps in its place.
+    """
+
+    def form(self) -> "Activation":
+        """Return the `Bell`, `Parabolic` or `Barrier` with this barrier and rate of attempts."""
+        raise InputError(f"Interface.temperature = {self}: needs a method form() that returns a Bell or a Barrier")
+
+
 @register("bell")
 @dataclass(frozen=True, kw_only=True)
-class Bell(Record):
+class Bell(ActivationModel):
     """Thermal activation after Bell and Eyring: the barrier falls linearly, ``(x_c - x)/width`` in units of ``kT``.
 
     Parameters
@@ -33,7 +46,7 @@ class Bell(Record):
 
 @register("parabolic")
 @dataclass(frozen=True, kw_only=True)
-class Parabolic(Record):
+class Parabolic(ActivationModel):
     """Thermal activation over the elastic energy itself: barrier ``(x_c**2 - x**2)/(2 temperature)``.
 
     Parameters
@@ -50,7 +63,7 @@ class Parabolic(Record):
 
 @register("barrier")
 @dataclass(frozen=True, kw_only=True)
-class Barrier(Record):
+class Barrier(ActivationModel):
     """Thermal activation over a barrier of given height: ``height * (1 - x/x_c)**power`` in units of ``kT``.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What slides: the rigid slider, or blocks that each rest on contacts of their own, coupled by springs and dashpots.
+"""Sliding bodies: the rigid slider, or blocks that each rest on contacts of their own, coupled by springs and dashpots.
 
 An elastic body is masses, a symmetric network of springs, dashpots beside them, and the springs that pull it. `Chain`
 and `Sheet` say so in a few numbers; what solvers and theory ask of either is the same: how many blocks there are
@@ -107,7 +107,7 @@ class ElasticBody(Record):
         return math.sqrt(self.coupling / self.mass)
 
     def _neighbours(self, block: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Pairs of neighbours in rows of blocks; a ring of two would couple them twice, and is none."""
+        """Pairs of neighbours in rows of blocks; a ring of two would couple them twice, and is left open."""
         pairs = np.stack([block[:, :-1], block[:, 1:]], axis=-1)
         if self.ends == "periodic" and block.shape[1] > 2:
             pairs = np.concatenate([pairs, block[:, None, [-1, 0]]], axis=1)
@@ -145,7 +145,7 @@ class Chain(ElasticBody):
     ends : {"free", "periodic"}
         Whether the last block is coupled to the first.
     spacing : float, optional
-        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then told as velocities.
+        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then given as velocities.
 
     Raises
     ------

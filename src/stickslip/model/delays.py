@@ -117,7 +117,7 @@ class Delay(DelayModel):
 class OnArrest(DelayModel):
     """Broken contacts re-attach when the slider next stops, however long that takes: never, in smooth sliding.
 
-    What a delay much longer than a slip and much shorter than the time between slips comes to.
+    The limit of a delay much longer than a slip and much shorter than the interval between slips.
     """
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:

@@ -1,4 +1,4 @@
-"""What a distribution of stretchings is: a density, and what follows from it.
+"""Distributions of stretchings: a density, and all that follows from it.
 
 A class of its own gives `Distribution.density`; everything else has a default by quadrature or root finding, which a
 class that knows better overrides for speed and accuracy. `register` gives it the name that rig files use.
@@ -86,7 +86,7 @@ class Distribution(Record):
     def leftmost(self) -> float:
         """Abscissa of convergence: `laplace` exists to the right of it.
 
-        By default told from the density: minus infinity where it ends, 0 where it decays ever more slowly, else minus
+        By default read off the density: minus infinity where it ends, 0 where it decays ever more slowly, else minus
         the rate at which its tail decays.
         """
         near, far = self.inverse_survival(np.array([1e-8, 1e-13]))
@@ -286,7 +286,7 @@ _NODES = 1 << 20  # most nodes of a transform
 def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray) -> ComplexArray:
     """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2, q.size)."""
     kernel, parts = np.stack([weight, weight * x], axis=1), np.array_split(q, max(q.size // 128, 1))
-    with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
+    with np.errstate(over="ignore", invalid="ignore"):  # not a number too far left, as for closed forms
         return np.concatenate([(np.exp(-np.multiply.outer(part, x)) @ kernel).T for part in parts], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What pulls: the far end of the driving spring, moved at a velocity that is linear in time piece by piece.
+"""The drive: the far end of the driving spring, moved at a velocity that is piecewise linear in time.
 
 Drives are values: comparable, printable, joined by `Drive.then`.
 
@@ -92,7 +92,7 @@ class Drive:
 
 
 USUAL_DISTANCE = 120.0
-"""How far a drive goes at a constant velocity if nothing is said, in ``x_s``: most transients are over by then."""
+"""Default distance of a drive at constant velocity, in ``x_s``: most transients have decayed by then."""
 
 
 def constant(velocity: float, duration: float | None = None) -> Drive:

@@ -1,4 +1,4 @@
-"""The interface: what its contacts are like."""
+"""The interface: the properties of its contacts."""
 
 import math
 from collections.abc import Collection
@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 from stickslip.errors import InputError
-from stickslip.model.activation import Activation, Barrier
+from stickslip.model.activation import Activation, ActivationModel, Barrier
 from stickslip.model.ageing import AgeingModel, FixedGrowth
 from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
@@ -32,8 +32,8 @@ class Interface(Record):
         How long a broken contact stays detached.
     ageing : AgeingModel, optional
         How thresholds grow with the age of a contact; by default they do not.
-    temperature : Bell, Parabolic or Barrier, optional
-        How contacts break before their threshold; by default they do not.
+    temperature : ActivationModel, optional
+        How contacts break before their threshold, a `Bell`, `Parabolic` or `Barrier`; by default they do not.
     sliding_force : float
         Force ``f_d`` of a detached contact while it slides, in ``f_s``, against the motion. Detached contacts slide
         together: where the slider turns round they follow it elastically, with their stiffness ``k``, until the force
@@ -50,10 +50,10 @@ class Interface(Record):
         Contacts of different areas ``a``: `thresholds` is then the distribution of areas, in units of one whose
         threshold force and stiffness are 1. The threshold force goes with the area and the stiffness with its root,
         ``f_s = a`` and ``k = sqrt(a)``, so that a contact breaks at the stretching ``sqrt(a)``. With "fresh" a contact
-        draws a new area whenever it re-attaches, with "site" it keeps its own: of exponential areas the one force is
-        half as large again as the other. Threshold forces grow with age by the rule of `ageing`; `sliding_force` is
-        that of a detached contact of any area. Their steady sliding is known in closed form, their runs with
-        `Contacts`. By default all contacts are equally stiff.
+        draws a new area whenever it re-attaches, with "site" it keeps its own; for exponential areas the force with
+        "fresh" is 1.5 times that with "site". Threshold forces grow with age by the rule of `ageing`; `sliding_force`
+        is that of a detached contact of any area. Steady sliding is known in closed form, runs take `Contacts`. By
+        default all contacts are equally stiff.
     """
 
     thresholds: Annotated[Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")]
@@ -61,7 +61,7 @@ class Interface(Record):
     delay: Annotated[DelayModel, Part("a delay, such as Delay(0.2)")] = Delay(0.0)
     ageing: Annotated[AgeingModel | None, Part("an ageing model, such as Langevin(rate=1.5), or None")] = None
     temperature: Annotated[
-        Activation | None, Part("a kind of thermal activation, such as Bell(width=0.01, attempts=1e6), or None")
+        ActivationModel | None, Part("a kind of thermal activation, such as Bell(width=0.01, attempts=1e6), or None")
     ] = None
     sliding_force: Annotated[float, Number("f_s", at_least=0, hint="force of a detached contact while it slides")] = 0.0
     newborn: Annotated[
@@ -72,6 +72,8 @@ class Interface(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not isinstance(self.temperature, Activation | None):
+            object.__setattr__(self, "temperature", self.temperature.form())
         median = float(self.threshold_distribution.inverse_survival(0.5))
         if not _SIZES[0] <= median <= _SIZES[1]:  # what solvers call small is small beside x_s
             raise InputError(
@@ -97,7 +99,7 @@ class Interface(Record):
 
     @property
     def mechanisms(self) -> frozenset[str]:
-        """What the interface has beyond thresholds and a delay; each is a field of its own."""
+        """Names of the mechanisms beyond thresholds and a delay that the interface has; each is a field of its own."""
         asked = {
             "ageing": self.ageing is not None,
             "temperature": self.temperature is not None,

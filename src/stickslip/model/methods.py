@@ -57,7 +57,7 @@ class Population(Record):
 
     Contacts that attached together are one cohort, and how many of them break is drawn: binomial numbers, from the
     distribution of thresholds. Mean, variance, spectrum and cycles are those of `Contacts`, to the tolerance; single
-    contacts, and what tells one from another, are not followed.
+    contacts are not tracked.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ Method = Contacts | MasterEquation | Population | QuasiStatic
 
 @dataclass(frozen=True, kw_only=True)
 class Output(Record):
-    """What to record.
+    """Samples and snapshots that a run records.
 
     Parameters
     ----------

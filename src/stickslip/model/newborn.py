@@ -1,4 +1,4 @@
-"""Contacts at their birth: with which stretching and how far from the next break, and what that makes on average."""
+"""Stretching and thresholds of newborn contacts, and averages over their lives."""
 
 import math
 from dataclasses import replace
@@ -80,7 +80,7 @@ def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
             "Interface.newborn",
         )
     x = newborn.moment(1)
-    # Contacts that re-attach as they slide: what rounding leaves of the difference is no force.
+    # Contacts that re-attach as they slide: a difference by rounding is not a force.
     force = 0.0 if math.isclose(interface.sliding_force, x, rel_tol=1e-12) else interface.sliding_force - x
     if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
         return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), force

@@ -136,7 +136,7 @@ def _nearest(value: Fraction) -> float:
     except OverflowError:
         raise InputError("must be finite") from None
     if value and abs(result) < sys.float_info.min:
-        raise InputError(f"is nearer to 0 than any number the computer keeps whole ({sys.float_info.min:.1e})")
+        raise InputError(f"is too small for double precision ({sys.float_info.min:.1e})")
     return result
 
 
@@ -151,7 +151,7 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
             if name in _UNCLEAR:
                 raise InputError(f"the unit {name!r} {_UNCLEAR[name]}")
             if name not in _known():
-                raise InputError(f"{name!r} is no unit known here; capitals matter, as in MN and mN")
+                raise InputError(f"unknown unit {name!r}; units are case-sensitive, as MN and mN")
             factor, parts = _known()[name]
             size *= factor**exponent
             dimensions.update({base: exponent * count for base, count in parts.items()})
@@ -160,7 +160,7 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
 
 @lru_cache(maxsize=256)
 def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
-    """Size of a unit in SI base units and the exponents of these; None if it is none that is known here."""
+    """Size of a unit in SI base units and the exponents of these; None if it is not known here."""
     with suppress(InputError):
         if re.fullmatch(_UNIT, unit):
             size, dimensions = _size_of(unit)
@@ -170,9 +170,9 @@ def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
 
 @lru_cache(maxsize=1)
 def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
-    """Every way to write one unit, with its size and the exponents of the SI base units."""
+    """Every spelling of one unit, with its size and the exponents of the SI base units."""
     ways: dict[str, tuple[Fraction, dict[str, int]]] = {}
-    for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():  # none comes last: "ft" is no femtotonne
+    for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():  # without a prefix last: "ft" is not a femtotonne
         for symbols, names, size, parts in _UNITS[:_PREFIXED] if symbol else _UNITS:
             words = [name + own for own in names.split()]
             for way in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
@@ -193,7 +193,7 @@ _SLIPS = (
 
 
 def _remedy(text: str) -> str:
-    """Say how to write what can only have meant one thing; empty if nothing can be told."""
+    """Say how to write what can only have meant one thing; empty if that is not clear."""
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
         return "must be finite"
     if len(text) > LONGEST_QUANTITY:

@@ -11,7 +11,7 @@ from stickslip.errors import InputError, instance, number, sequence, shown, whol
 AnyRecord = TypeVar("AnyRecord")
 Kind = TypeVar("Kind", bound=type)
 Change = Callable[[float, str], float]
-"""Of a value and its natural unit, another value."""
+"""A function of a value and its natural unit that gives another value."""
 
 
 class Record:
@@ -56,7 +56,7 @@ def declared(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
 
 
 def _marks(kind: Any) -> Iterator[Number | Part]:
-    """What is declared of a type, or of the numbers in a tuple or a union."""
+    """The marks of a type, or of the numbers in a tuple or a union."""
     yield from (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, Number | Part))
     for inner in get_args(kind):
         yield from _marks(inner)
@@ -139,7 +139,7 @@ def hashable(record: object) -> Any:
 def registry(what: str) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
     """Return a table of frozen dataclasses by name, and the decorator that enters one; `what` it holds, in words.
 
-    The decorator raises `InputError` if the class is none, or if another class has the name.
+    The decorator raises `InputError` if the class is no frozen dataclass, or if another class has the name.
     """
     table: dict[str, type] = {}
     return table, lambda name: partial(_enter, table, f"{what} {shown(name)}", name)

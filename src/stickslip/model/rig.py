@@ -1,4 +1,4 @@
-"""The rig: an interface, the slider on it, and what pulls, with the units that its numbers are in."""
+"""The rig: an interface, the slider on it and its drive, with the units of its numbers."""
 
 import sys
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ Ends = tuple[float | str, float | str]
 """Both ends of a range of a parameter: numbers in the rig's own unit, or texts with a unit."""
 
 USUAL_RANGE = 30.0
-"""Factor either way of a parameter's value in a rig, within which it is varied where no range is given."""
+"""Factor by which a parameter is varied up and down from its value in a rig where no range is given."""
 
 
 _Speeds = tuple[Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")], ...]
@@ -45,7 +45,7 @@ class Operation(Record):
     Raises
     ------
     InputError
-        If a speed is not above 0, or a range is none.
+        If a speed is not above 0, or a range is not increasing.
     """
 
     speeds: _Speeds = ()
@@ -58,7 +58,7 @@ class Operation(Record):
         for name, ends in (ranges | {"between": self.between or (1.0, 2.0)}).items():
             low, high = (number(f"Operation.{name}[{i}]", end, above=0) for i, end in enumerate(ends))
             if high < low or (high == low and name == "between"):
-                raise InputError(f"Operation.{name} = ({low:g}, {high:g}): must rise", f"Operation.{name}")
+                raise InputError(f"Operation.{name} = ({low:g}, {high:g}): must increase", f"Operation.{name}")
 
     def range_of(self, parameter: str) -> tuple[float, float] | None:
         """Return the range of a parameter that could be built; None if nothing is said of it."""
@@ -112,7 +112,7 @@ class Rig(Answer):
     drive : Drive
         How the far end of the spring moves.
     method : Contacts, MasterEquation, Population or QuasiStatic
-        How the rig is simulated, unless `simulate` is told otherwise; so with `start` and `output`.
+        How the rig is simulated, unless `simulate` is given another one; so with `start` and `output`.
     start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
     output : Output
@@ -243,7 +243,7 @@ class Rig(Answer):
         return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(parameter.unit)
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
-        """Return the range a factor `USUAL_RANGE` either way of what the rig has, in natural units."""
+        """Return the range of a factor `USUAL_RANGE` above and below the value in the rig, in natural units."""
         here = parameter.get(self.natural)
         if here <= 0:
             raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
@@ -264,7 +264,7 @@ class Rig(Answer):
         for parameter in PARAMETERS:
             try:
                 value = parameter.get(self.natural)
-            except InputError:  # what it has not
+            except InputError:  # the rig has no such parameter
                 continue
             lines.append(f"{parameter.title or parameter.name:<48}{self.in_units(value, parameter.unit)}")
         lines.append(f"{'thresholds':<48}{self.interface.thresholds}")

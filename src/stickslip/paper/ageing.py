@@ -158,7 +158,7 @@ def _drawing_8(picture: Picture, data: xr.Dataset) -> None:
 
 
 _CONVERGED = {0.1: 3.309, 0.3: 2.260, 0.5: 0.9205, 0.8: 0.1122}
-"""Velocities, and the slopes there, converged in the grid of gaps, of ages and of the way."""
+"""Velocities, and the slopes there, converged in the grids of margins, ages and distance."""
 _DISTANCE, _SPACING = 1.6, 0.0025
 _FAST = 20.0  # of sliding in which contacts hold a thousandth of what they hold at rest
 _EACH_WAY = 200.0

@@ -1,4 +1,4 @@
-"""A figure of the paper: data, a picture, claims that the data must satisfy, and the way of all three to files."""
+"""A figure of the paper: data, a picture, claims that the data must satisfy, and the files of all three."""
 
 import json
 import math
@@ -118,7 +118,7 @@ class Claim:
 
     @property
     def verdict(self) -> Verdict:
-        """What the data say."""
+        """The verdict of the data."""
         met = all(m.ok for m in self.measured)
         if met if self.printed is None else self.printed:
             return _PRINTED
@@ -126,7 +126,7 @@ class Claim:
 
     @property
     def settled(self) -> Verdict:
-        """What an independent study of the model has settled; another verdict is a fault of ours."""
+        """The verdict that an independent study of the model has settled; another one is an error of ours."""
         return _NOT if self.exact else _READ if self.reading else _PRINTED
 
     @property
@@ -147,7 +147,7 @@ class Claim:
         return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *said])
 
     def plain(self) -> dict[str, object]:
-        """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
+        """Return what JSON can hold; None stands for a missing bound and for a value that is not a number."""
         names = ("number", "statement", "verdict", "settled", "reading", "exact", "evidence", "ok")
         measured = [plain(m) | {"ok": m.ok} for m in self.measured]
         return {name: getattr(self, name) for name in names} | {"measured": measured}

@@ -463,7 +463,7 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
 
 _TRACES = ["displacement", "velocity", "spring_force", "friction_force"]
 _DAMPINGS = {"200": FIG5.slider.damping, "0.3 Omega": 0.3 * FIG5.slider.frequency, "0": 0.0}
-"""Of the slider of Fig. 5, of that of Figs. 6 and 7, and none."""
+"""Damping of the slider of Fig. 5, of that of Figs. 6 and 7, and none."""
 _AROUND = 1.0
 """``Omega dt`` up to which Eq. (12), the first terms of a series in it, can be meant."""
 

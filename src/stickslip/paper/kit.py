@@ -1,4 +1,4 @@
-"""How the figures make their data and pictures: cases of a grid, labelled Datasets, panels with their words."""
+"""Tools for the data and pictures of the figures: cases of a grid, labelled Datasets, panels with their words."""
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ _WORDS = {
     "threshold_std": "standard deviation of thresholds [f_s]",
     "v1_linear": "v1: smooth sliding loses stability (linear) [x_s/time]",
 }
-"""What variables of several figures are."""
+"""Words for variables of several figures."""
 
 
 def dataset(
@@ -60,7 +60,7 @@ def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
 def grid(
     run: Callable[..., Mapping[Any, Any]], progress: Progress | None = None, /, **axes: Iterable[Any]
 ) -> xr.Dataset:
-    """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if that is to be told.
+    """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if it reports its progress.
 
     What a run gives by name stands along the axes, then along dimensions of its own.
     """

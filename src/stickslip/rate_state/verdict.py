@@ -93,7 +93,7 @@ class RateAndStateFit(Answer):
 
     @property
     def danger(self) -> Literal["none", "too low", "too high"]:
-        """Which way the critical stiffness of rate and state errs: too low says stable where it is not."""
+        """Which way the critical stiffness of rate and state errs; too low is the unsafe side."""
         if math.isnan(self.ratio) or abs(self.ratio - 1.0) < 0.01:
             return "none"
         return "too low" if self.ratio < 1.0 else "too high"

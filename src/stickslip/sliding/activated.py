@@ -47,11 +47,11 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
     def of_each(value: Array) -> Array:
         return np.asarray(np.bincount(whose, weights=lifetimes.weight * value, minlength=node.size), dtype=float)
 
-    way, longer = of_each(lifetimes.survival), of_each(lifetimes.slope)
+    distance, longer = of_each(lifetimes.survival), of_each(lifetimes.slope)
     work, more = (stiffness * of_each(lifetimes.x * value) for value in (lifetimes.survival, lifetimes.slope))
     if interface.areas == "fresh":  # one kind of site, with the mean life
-        return MeanLifetimes(*np.array([[weight @ value for value in (way, work, longer, more)] + [1.0]]).T)
-    return MeanLifetimes(way, work, longer, more, weight)
+        return MeanLifetimes(*np.array([[weight @ value for value in (distance, work, longer, more)] + [1.0]]).T)
+    return MeanLifetimes(distance, work, longer, more, weight)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class ActivatedResponse(Response):
     accuracy: ClassVar[float] = 1e-8
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        delay, rest = self.interface.delay, float(mean_lives(self.interface, velocity).way[0])
+        delay, rest = self.interface.delay, float(mean_lives(self.interface, velocity).distance[0])
         missing, away = np.asarray(delay.absence(s)), velocity * delay.moment(1)
         life = Perturbed(*self._transforms(velocity, s / velocity))
         return life.kappa(s / velocity, missing, rest, away, self.interface.sliding_force)
@@ -90,7 +90,7 @@ class ActivatedResponse(Response):
 
     @cached_property
     def _fastest(self) -> float:
-        """Wave number beyond which nothing is left of the memory of a life."""
+        """Wave number beyond which the memory of a life has decayed."""
         return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
 
     def frequencies(self, velocity: float, top: float) -> Array:
@@ -104,5 +104,5 @@ class ActivatedResponse(Response):
         return np.asarray(velocity * np.concatenate([slow, np.arange(step, top, step), fast]))
 
     def scales(self, velocity: float) -> Scales:
-        cycle = float(mean_lives(self.interface, velocity).way[0]) / velocity + self.interface.delay.moment(1)
+        cycle = float(mean_lives(self.interface, velocity).distance[0]) / velocity + self.interface.delay.moment(1)
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)

@@ -1,8 +1,8 @@
 """The one door to steady sliding: which kind of contacts has which force, slope and linear response.
 
-The force is the mean work of a contact over the mean way of the slider, both from one attachment to the next. With
-``M_j`` the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached contacts,
-``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lifetimes.
+The force is the mean work of a contact over the mean distance slid, both from one attachment to the next. With ``M_j``
+the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached contacts, ``F =
+(M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lifetimes.
 """
 
 import math
@@ -19,7 +19,7 @@ from stickslip.sliding import unaged
 from stickslip.sliding.response import Array, MeanLifetimes, Response
 
 Law = Callable[[Array], Array]
-"""Of the velocity, per contact."""
+"""A function of the velocity, per contact."""
 
 
 class Sliding(NamedTuple):
@@ -30,7 +30,7 @@ class Sliding(NamedTuple):
     """Mechanisms with which it is known."""
     force: Law
     slope: Law
-    """Of the force in the logarithm of the velocity."""
+    """Slope of the force in the logarithm of the velocity."""
     response: Callable[[], Response]
 
 
@@ -42,7 +42,7 @@ def _by_lifetimes(interface: Interface, lifetimes: Callable[[Interface, float], 
         if math.isinf(away):
             return interface.sliding_force, 0.0
         life, pulled = lifetimes(interface, velocity), interface.sliding_force * away
-        length = life.way + away
+        length = life.distance + away
         if np.any(length <= 0):
             return 0.0, 0.0  # contacts break as soon as they attach
         force = (life.work + pulled) / length

@@ -109,7 +109,7 @@ def response(interface: Interface) -> AgedResponse:
 
 @lru_cache(maxsize=64)
 def _known(u: float, delta: float, newborn: float) -> Excursions:
-    """What is the same at all Laplace variables: some milliseconds."""
+    """The part that is the same at all Laplace variables; takes some milliseconds."""
     try:
         return excursions(Life(u, delta, newborn))
     except ValueError:
@@ -150,7 +150,7 @@ def ageing_constants(interface: Interface) -> Constants:
     breaking = "temperature" if interface.temperature is not None else "delay"
     if ageing.newborn == 0 and (breaking == "temperature" or interface.delay.moment(1) > 0):
         raise InputError(
-            f"Langevin.newborn = 0 with Interface.{breaking}: newborns without strength break at once and without end, "
-            "and none is left that holds; give newborn > 0"
+            f"Langevin.newborn = 0 with Interface.{breaking}: contacts with zero threshold break as soon as they "
+            "attach; give newborn > 0"
         )
     return Constants(ageing.rate, distribution.mean, distribution.std, ageing.newborn)

@@ -17,7 +17,7 @@ from stickslip.kernels import lifetimes as kernel
 from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
 from stickslip.kernels.lifetimes import INTEGRAL, NODE, Lifetimes, relax, rule
 from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, Parabolic
-from stickslip.model.activation import Activation
+from stickslip.model.activation import ActivationModel
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.records import hashable
 
@@ -33,7 +33,7 @@ def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) ->
 @lru_cache(maxsize=128)
 def _lifetimes(
     distribution: Distribution,
-    temperature: Activation | None,
+    temperature: ActivationModel | None,
     ageing: AgeingModel | None,
     velocity: float,
     longest: float,
@@ -68,7 +68,7 @@ def threshold_nodes(distribution: Distribution, first: float, places: list[tuple
     return x[met], weight[met]
 
 
-def hazard_of(temperature: Activation | None) -> Hazard:
+def hazard_of(temperature: ActivationModel | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is never tried."""
     match temperature:
         case Bell(width=width, attempts=attempts):

@@ -27,7 +27,7 @@ class MeanLifetimes(NamedTuple):
     Each of the shape (kinds,): contacts of one kind share their attachments.
     """
 
-    way: Array
+    distance: Array
     work: Array
     longer: Array
     more: Array

@@ -100,8 +100,8 @@ class UnagedResponse(Response):
         room = 2 * complement.real - lost  # 1 - |P^|^2
         if np.any(room <= 0):
             raise UndecidedError(
-                f"the thresholds ({self.distribution}) are so close together that the response cannot be told from one "
-                "without memory loss in double precision; give them more standard deviation"
+                f"the thresholds ({self.distribution}) are so close together that double precision cannot resolve how "
+                "the contacts lose their memory; give them a larger standard deviation"
             )
         centre = (self.sliding_force * lost - shape * np.conj(complement)) / room
         # Beyond the table discs only shrink: as large a one as in its last quarter, and as far below the real axis.
@@ -121,7 +121,7 @@ class UnagedResponse(Response):
             raise UndecidedError(
                 f"the response has to be followed over more than {SCAN_LIMIT} frequencies: the contacts remember "
                 f"{reach:g} x_s, and may outweigh the rig up to wavelengths of {2 * math.pi / top:g} x_s; "
-                "give the rig some damping, or the thresholds more standard deviation"
+                "give the rig some damping, or the thresholds a larger standard deviation"
             )
         return axis_table(hashable(self.distribution), step, count)
 

@@ -109,7 +109,7 @@ class Crossings(Along[Crossing]):
     def __str__(self) -> str:
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
-            return f"smooth sliding is {state} all the way {self.where}: no boundary there"
+            return f"smooth sliding is {state} {self.where}; no stability limit in this range"
         unit = _after(self.unit)
         words = [
             f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g}{unit} ({self._frequency(c)})"
@@ -184,7 +184,7 @@ def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
     Raises
     ------
     UndecidedError
-        If smooth sliding is stable all through the range, or unstable already at its lower end; the message says which.
+        If smooth sliding is stable in all of the range, or unstable already at its lower end; the message says which.
     """
     varied, natural, low, high = _range(rig, parameter, between)
     found = search(varied, natural, low, high, first=True).in_units(rig)

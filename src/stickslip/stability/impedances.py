@@ -117,7 +117,7 @@ def impedance(body: Body) -> Impedance:
         return body
     if isinstance(body, ElasticBody):
         raise InputError(
-            f"Rig.slider = {body!r}: a mode for each wavelength; modes() and critical_length() are for elastic sliders"
+            f"Rig.slider = {body!r}: elastic sliders have one mode per wavelength; use modes() or critical_length()"
         )
     if not callable(body):
         raise InputError(f"body = {body!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")

@@ -23,7 +23,7 @@ _ABOUT = np.array([0.0, 1.0, -1.0])  # points about a root from which Newton's m
 def count(response: Response, body: Impedance, velocity: float) -> int:
     """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies.
 
-    Raises `UndecidedError` if a mode is neutral to within the accuracy of the response.
+    Raises `UndecidedError` if a mode lies on the stability boundary to within the accuracy of the response.
     """
     (neutral,) = neutral_frequencies(response, [(body, velocity)])
     near = np.flatnonzero(np.abs(neutral.extra) < response.accuracy)

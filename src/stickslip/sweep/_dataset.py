@@ -185,14 +185,14 @@ class Status:
     ----------
     summary : Summary
     writer : str or None
-        The process that is at it; None if none is.
+        The process that runs it; None if none does.
     """
 
     summary: Summary
     writer: str | None
 
     def __str__(self) -> str:
-        at_it = f"{self.writer} is at it" if self.writer else "nobody is at it: start it again to go on"
+        at_it = f"running as {self.writer}" if self.writer else "not running; start it again to continue"
         return f"{self.summary}; {at_it}" if self.summary.missing else str(self.summary)
 
 

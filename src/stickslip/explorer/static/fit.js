@@ -125,7 +125,7 @@ function drawPosterior() {
       line: { color: `${colour("vermillion")}77`, width: 5 } },
     { x: found.test.map(({ here }) => here), y: at, mode: "markers", name: "trace",
       marker: { size: 7, color: far.map((out) => colour(out ? "bad" : "blue")), symbol: far.map((out) => (out ? "x" : "circle")) } },
-  ], { margin: { l: 150, r: 12, t: 4, b: 40 }, xaxis: axis("less the median, over a quarter of the range", { range: [-4.3, 4.3] }),
+  ], { margin: { l: 150, r: 12, t: 4, b: 40 }, xaxis: axis("(value - median) / (range of 95 % / 4)", { range: [-4.3, 4.3] }),
     yaxis: axis("", { tickvals: at, ticktext: found.test.map(({ name }) => name), tickfont: { size: 10 }, range: [at.at(-1) - 0.7, 0.7] }) });
 }
 $("fit-coarse").onclick = () => fit(sizes[0]);

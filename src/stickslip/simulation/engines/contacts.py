@@ -54,11 +54,11 @@ _LIVES = 16  # the same for each contact that keeps its strength: its lifetimes 
 
 
 def check_newborns(interface: Interface) -> None:
-    """Raise `InputError` for newborns without strength: they break at once, and without end."""
+    """Raise `InputError` for newborns without strength: they break as soon as they attach."""
     if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
         which = "MasterEquation" if interface.temperature is None else "Interface.temperature"
         raise InputError(
-            f"ExponentialGrowth.newborn = 0 with {which}: newborns without strength break at once and without end; "
+            f"ExponentialGrowth.newborn = 0 with {which}: contacts with zero threshold break as soon as they attach; "
             "give newborn > 0"
         )
 
