@@ -23,7 +23,7 @@ PRIOR = fitting.Prior(contacts=(8, 50), stiffness_ratio=(0.01, 0.3), sliding_for
 
 
 def fitted(draws: int = 2000) -> fitting.Fit:
-    """What the trace tells, its spring being known."""
+    """The numbers that the trace gives, its spring being known."""
     trace = fitting.synthetic_trace(**TRUTH, track_scatter=0.1, slips=150, bench=BENCH, seed=1)
     return ss.fit(trace, known={"stiffness": "100 N/m"}, prior=PRIOR, draws=draws)
 

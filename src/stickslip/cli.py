@@ -363,7 +363,7 @@ def fit(
     _check_outputs(output, picture=plot, read=trace)
     if output is not None and stiffness is None:
         raise InputError(
-            f"-o {output}: a rig needs the stiffness of the driving spring, without which a force trace tells no "
+            f"-o {output}: a rig needs the stiffness of the driving spring, without which a force trace gives no "
             "length; give --stiffness '350 N/m'"
         )
     given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}

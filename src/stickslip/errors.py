@@ -43,13 +43,8 @@ def printable(text: str) -> str:
 class InputError(ValueError):
     """Input that cannot be used; the message says where, what and how to put it right.
 
-    Attributes
-    ----------
-    place : str
-        What the message begins with: a field of a record (``"Slider.mass"``), or a key of a file
-        (``"interface.delay"``); empty if it is about no single one.
-    mistakes : tuple of InputError
-        Each mistake that the message tells of.
+    Its `place` is the field of a record (``"Slider.mass"``) or the key of a file (``"interface.delay"``) that the
+    message begins with, empty if there is no single one; its `mistakes` are the single errors of one of several.
     """
 
     def __init__(self, message: str, place: str = "", mistakes: tuple[InputError, ...] = ()) -> None:

@@ -170,7 +170,7 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     distance, points = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3)), Renewal().points
     X = np.linspace(0.0, distance, points + 1)
     force = _solved(bare, distance, 1.0, points)(X).force
-    # Rounding tells where a force that only rises is largest.
+    # Of a force that only rises, rounding would decide where it is largest.
     first = int(np.argmax(force >= (1.0 - 1e-9) * force.max()))
     return float(force.max()), float(X[first])
 

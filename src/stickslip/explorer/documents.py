@@ -185,7 +185,7 @@ def check_thresholds(rig: Rig) -> None:
 def complaints(error: Exception) -> list[dict[str, str]]:
     """Return what is wrong, each with the key of the document that it is about (empty if there is none).
 
-    More mistakes than a rig has keys stand beside no field: they are told in one line, which counts the rest.
+    More mistakes than a rig has keys stand beside no field: they are reported in one line, which counts the rest.
     """
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
     if len(mistakes) > sum(map(len, TABLES.values())):

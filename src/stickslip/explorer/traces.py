@@ -99,7 +99,7 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     }
     yield {"slips": str(events).splitlines(), "readings": {key: f"{value:.4g}" for key, value in readings.items()}}
     if missing := [title for key, title in _NEEDED.items() if key not in given]:
-        yield {"missing": f"For a rig, give {listed(missing)}: a force trace alone tells no length, time or mass."}
+        yield {"missing": f"For a rig, give {listed(missing)}: a force trace alone gives no length, time or mass."}
     else:
         yield {"quick": _quick(events, readings | given | {"damping": zeta}, documents.seconds_of(request), watch)}
     yield {"table": _plan(events)}
@@ -119,7 +119,7 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
     )
     if "half" not in given:  # as long as a slip: shorter, and contacts hold again within it; longer, and they are late
         delay = float(f"{events.slip_samples * events.step * seconds_in(events):.3g}")
-        how = "as long as a slip was recorded to last; the speed at which friction has halved tells it"
+        how = "as long as a slip was recorded to last; the speed at which friction has halved gives it"
         assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
         rig = replace(rig.replace(delay=delay), assumed=assumed)
     standard_deviation = rig.interface.thresholds.standard_deviation()
@@ -250,8 +250,8 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 _SAYS = {
-    "identified": "identified: the trace tells it",
-    "weak": "weak: the trace tells little of it",
+    "identified": "identified: the trace determines it",
+    "weak": "weak: the trace says little about it",
     "not identified": "not identified: the interval is hardly narrower than what was held possible",
     "at a bound": "at a bound of what was held possible",
 }

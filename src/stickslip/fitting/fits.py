@@ -264,7 +264,7 @@ def fit(
     simulated over the whole prior, sampled and picked as the trace was, and those like the trace are kept. The
     simulations are made once and kept in the user's cache; that takes minutes, a fit then some seconds.
 
-    A trace alone tells little of some parameters, and nothing of others; what it does not tell is said, not guessed.
+    A trace alone constrains some parameters weakly and others not at all; the fit says which, and guesses nothing.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ _NO_DELAY = (
     "stands for any delay longer than a slip and shorter than the time between slips; friction at several speeds "
     "(--speeds) gives it"
 )
-_HALVED = "slide it at several speeds: the speed at which kinetic friction has halved tells the delay"
+_HALVED = "slide it at several speeds: the speed at which kinetic friction has halved gives the delay"
 _INITIAL = Gaussian(mean=0.0, std=0.01)
 _LEAST_RATIO = 0.01
 """How much faster the spring is wound up than the force rises, at least, for the difference to say anything."""

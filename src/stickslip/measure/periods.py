@@ -21,24 +21,12 @@ _BESIDE_A_LINE, _NEXT = 12, 2  # frequencies that a line is held against, and le
 
 @dataclass(frozen=True, kw_only=True)
 class Cycles:
-    """The cycles of a force.
+    """The cycles of a force."""
 
-    Attributes
-    ----------
-    period : float
-        Mean time of a cycle; NaN if there are fewer than two rises.
-    variation : float
-        Coefficient of variation of the times of the cycles.
-    correlation : float
-        Autocorrelation of the force at one period: 1 for what repeats, near 0 for noise.
-    times : array
-        When the cycles begin, in their rise; the last one ends the last complete cycle.
-    """
-
-    period: float
-    variation: float
-    correlation: float
-    times: Array
+    period: float  #: mean time of a cycle; NaN if there are fewer than two rises
+    variation: float  #: coefficient of variation of the times of the cycles
+    correlation: float  #: autocorrelation of the force at one period: 1 for what repeats, near 0 for noise
+    times: Array  #: when the cycles begin, in their rise; the last one ends the last complete cycle
 
     @property
     def count(self) -> int:

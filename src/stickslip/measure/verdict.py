@@ -103,7 +103,7 @@ class Regime(Answer):
         What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
         empty where the data do not say.
     notes : tuple of str
-        What a reader should know of the data: a saturated or mirrored sensor, strokes that go to and fro.
+        What a reader should know of the data: a saturated sensor or a reversed sign, reciprocating strokes.
     table : tuple of Criterion
         The tests that kind and reason are read off: each with its statistic, its limit, where that comes from
         (theory, statistics, or a convention), and whether it was passed.
@@ -199,7 +199,7 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     after : float, optional
         Judge what comes after this time, in the unit of `t`. By default the last 40 % of the last stretch of
         constant driving, or the last 80 % if the last 40 % hold fewer than five drops; for a trace of the
-        force alone, everything after the first loading. The strokes of a test that goes to and fro are judged
+        force alone, everything after the first loading. The strokes of a reciprocating test are judged
         apart.
 
     Returns

@@ -208,16 +208,11 @@ def nodes_between(left: Array, right: Array, count: int = 16) -> tuple[Array, Ar
 class Table(NamedTuple):
     """The density of a distribution on panels on each of which Gauss-Legendre quadrature is exact to rounding."""
 
-    edges: Array
-    """Ends of the panels, shape (n + 1,)."""
-    x: Array
-    """Nodes, shape (n, 16)."""
-    weight: Array
-    """Weights times density, shape (n, 16); their sum is 1."""
-    survival: Array
-    """Probability beyond each edge, shape (n + 1,)."""
-    total: float
-    """Integral of the density as it was given: 1 to within a millionth."""
+    edges: Array  #: ends of the panels, shape (n + 1,)
+    x: Array  #: nodes, shape (n, 16)
+    weight: Array  #: weights times density, shape (n, 16); their sum is 1
+    survival: Array  #: probability beyond each edge, shape (n + 1,)
+    total: float  #: integral of the density as it was given: 1 to within a millionth
 
 
 _OCTAVES = np.ldexp(1.0, np.arange(-60, 41))  # up to the largest stretching there may be

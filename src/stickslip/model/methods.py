@@ -163,7 +163,7 @@ class FromSliding(Record):
     Parameters
     ----------
     perturbation : float or tuple of float
-        Added to the slider's velocity, as a fraction of it: whether it decays or grows tells the stability. For an
+        Added to the slider's velocity, as a fraction of it: whether it decays or grows shows the stability. For an
         elastic slider one number for all blocks, or one for each.
     at_rest : int
         Of an elastic slider, how many of the first blocks are at rest instead, in balance, their contacts with the

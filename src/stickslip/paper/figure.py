@@ -26,23 +26,13 @@ _NOT: Verdict = "not reproduced"
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A number that a claim rests on, and the band it must lie in.
-
-    Attributes
-    ----------
-    name : str
-    value : float
-    low, high : float
-        The band, ends included: the settled number and its tolerance. Infinite where there is no bound.
-    unit : str
-        Empty for a pure number.
-    """
+    """A number that a claim rests on, and the band it must lie in: the settled number and its tolerance."""
 
     name: str
     value: float
-    low: float = -math.inf
+    low: float = -math.inf  #: of the band, included
     high: float = math.inf
-    unit: str = ""
+    unit: str = ""  #: empty for a pure number
 
     @property
     def ok(self) -> bool:
@@ -87,34 +77,17 @@ def extremes(name: str, values: xr.DataArray, low: float, high: float, unit: str
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, what it rests on, and our verdict.
+    """A claim of the paper, what it rests on, and our verdict."""
 
-    Attributes
-    ----------
-    number : int or None
-        In the list of the paper's claims that this project checks, 1 to 18; None for a statement outside it.
-    statement : str
-        What the paper says, in our words.
-    measured : tuple of Measured
-    evidence : str
-        What was done to see it.
-    printed, read : bool
-        Whether the data say so as it is printed, by default if every number lies in its band, and under the reading.
-    reading : str
-        The reading under which the claim holds, or the range in which; empty where it holds as printed.
-    exact : str
-        What is right in place of a claim that does not hold.
-    """
-
-    number: int | None
-    statement: str
+    number: int | None  #: in the list of the paper's claims that are checked, 1 to 18; None for one outside it
+    statement: str  #: the claim in our words
     measured: tuple[Measured, ...]
     _: KW_ONLY
-    evidence: str
-    printed: bool | None = None
-    read: bool = True
-    reading: str = ""
-    exact: str = ""
+    evidence: str  #: how it was checked
+    printed: bool | None = None  #: whether it holds as printed; by default if every number lies in its band
+    read: bool = True  #: whether it holds under the reading
+    reading: str = ""  #: reading or range in which the claim holds; empty where it holds as printed
+    exact: str = ""  #: the correct statement, of a claim that does not hold
 
     @property
     def verdict(self) -> Verdict:
@@ -161,13 +134,7 @@ def weighed(number: int | None, statement: str, *measured: Measured, **said: Any
 class Figure:
     """A figure of the paper: `compute` its data, `draw` them, and `check` the paper's claims on them.
 
-    Attributes
-    ----------
-    name : str
-        Such as ``"fig4"``.
-    title : str
-    caption : str
-        What the panels show.
+    It has a name such as ``"fig4"``, a title, and a caption of its panels.
     """
 
     def __init__(
@@ -221,19 +188,10 @@ class Figure:
 
 @dataclass(frozen=True, kw_only=True)
 class Reproduction:
-    """A figure that was made.
-
-    Attributes
-    ----------
-    figure : Figure
-    data : Path
-        The Dataset, as NetCDF.
-    pictures : tuple of Path
-    claims : tuple of Claim
-    """
+    """A figure that was made."""
 
     figure: Figure
-    data: Path
+    data: Path  #: the Dataset, as NetCDF
     pictures: tuple[Path, ...]
     claims: tuple[Claim, ...]
 

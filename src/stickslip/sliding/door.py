@@ -26,11 +26,9 @@ class Sliding(NamedTuple):
     """Steady sliding of an interface, in natural units per contact."""
 
     who: str
-    takes: tuple[str, ...]
-    """Mechanisms with which it is known."""
+    takes: tuple[str, ...]  #: mechanisms with which it is known
     force: Law
-    slope: Law
-    """Slope of the force in the logarithm of the velocity."""
+    slope: Law  #: of the force in the logarithm of the velocity
     response: Callable[[], Response]
 
 

@@ -109,20 +109,10 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
 
 @dataclass(frozen=True, kw_only=True)
 class TurningVelocity:
-    """A speed at which the friction law turns.
+    """A speed at which the friction law turns: from weakening with velocity to strengthening at a minimum."""
 
-    Attributes
-    ----------
-    velocity : float
-        In ``x_s`` per time.
-    force : float
-        Kinetic friction there, per contact, in ``f_s``.
-    kind : {"minimum", "maximum"}
-        Below a minimum friction weakens with velocity, above it strengthens; a maximum is the other way round.
-    """
-
-    velocity: float
-    force: float
+    velocity: float  #: in ``x_s`` per time
+    force: float  #: kinetic friction there, per contact, in ``f_s``
     kind: Literal["minimum", "maximum"]
 
     def __str__(self) -> str:

@@ -44,16 +44,11 @@ class Parts(NamedTuple):
 class Scales(NamedTuple):
     """Times and frequencies of a response at one speed."""
 
-    cycle: float
-    """Mean time between two attachments of a contact."""
-    pace: float
-    """Time by which growth and decay are measured."""
-    memory: float
-    """Longest time over which the response remembers."""
-    fastest: float
-    """Frequency beyond which kappa turns no more by itself, or infinite."""
-    leftmost: float
-    """Real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow, or diverge."""
+    cycle: float  #: mean time between two attachments of a contact
+    pace: float  #: time by which growth and decay are measured
+    memory: float  #: longest time over which the response remembers
+    fastest: float  #: frequency beyond which kappa turns no more by itself, or infinite
+    leftmost: float  #: real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow
 
 
 class Response(ABC):
@@ -62,10 +57,8 @@ class Response(ABC):
     A model of contacts gives `kappa` or `parts`, `frequencies`, `scales` and its `accuracy`.
     """
 
-    accuracy: ClassVar[float]
-    """Of kappa, per contact: a mode nearer to neutral than that is undecided."""
-    certain: ClassVar[bool] = False
-    """Whether the response can be followed along lines left of the axis, so that roots there can be counted."""
+    accuracy: ClassVar[float]  #: of kappa, per contact: a mode nearer to neutral than that is undecided
+    certain: ClassVar[bool] = False  #: whether it can be followed left of the axis, so that roots there can be counted
 
     @property
     def inert(self) -> bool:

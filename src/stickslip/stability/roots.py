@@ -39,7 +39,7 @@ def count(response: Response, body: Impedance, velocity: float) -> int:
 def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
     """Return the root of ``Z + kappa`` with the largest real part, one of a pair.
 
-    Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be told.
+    Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be computed.
     """
     (neutral,) = neutral_frequencies(response, [(body, velocity)])
     growing, scales = neutral.unstable(), response.scales(velocity)
@@ -56,8 +56,8 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
             f"smooth sliding at velocity {velocity:g} x_s/time has {growing} growing modes, not all of which were found"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest mode cannot be told: modes decay "
-        "as the tail of the distribution of thresholds does, or too quickly to be followed; count_unstable() says 0"
+        f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest mode cannot be computed: modes "
+        "decay as the tail of the distribution of thresholds does, or too quickly to be followed; count_unstable() says 0"
     )
 
 

@@ -179,17 +179,10 @@ class Summary:
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """How far the sweep of a store is.
-
-    Attributes
-    ----------
-    summary : Summary
-    writer : str or None
-        The process that runs it; None if none does.
-    """
+    """Progress of the sweep of a store."""
 
     summary: Summary
-    writer: str | None
+    writer: str | None  #: the process that runs it; None if none does
 
     def __str__(self) -> str:
         at_it = f"running as {self.writer}" if self.writer else "not running; start it again to continue"

@@ -51,31 +51,15 @@ _SPACING = Key("linear", choices=("linear", "log"))
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A sweep of a rig.
-
-    Attributes
-    ----------
-    name : str
-    study : Study
-        The case.
-    axes : mapping
-        Values of each axis in the units of the rig, SI or natural; with a refinement, a `Span` of two parameters.
-    logarithmic : tuple of str
-        Axes that are ones of equal ratios.
-    measures : tuple of str
-        What is in the results of each case.
-    refinement : Refinement, optional
-    max_cases : int
-        Cases beyond which the sweep is refused.
-    """
+    """A sweep of a rig."""
 
     name: str
-    study: Study
-    axes: Mapping[str, Any]
-    logarithmic: tuple[str, ...]
-    measures: tuple[str, ...]
+    study: Study  #: the case
+    axes: Mapping[str, Any]  #: values in the units of the rig; with a refinement, a `Span` of two parameters
+    logarithmic: tuple[str, ...]  #: axes of equal ratios
+    measures: tuple[str, ...]  #: names of the results of each case
     refinement: Refinement | None
-    max_cases: int
+    max_cases: int  #: cases beyond which the sweep is refused
 
     @property
     def parameters(self) -> tuple[str, ...]:

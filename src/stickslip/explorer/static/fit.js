@@ -105,7 +105,7 @@ function showPosterior(reply) {
     const [word, ...rest] = says.split(": ");
     return [title, text, bar, element("span", {}, element("span", { className: "tells", textContent: word }), rest.length ? `: ${rest.join(": ")}` : "")];
   });
-  table("fit-parameters", rows, ["parameter", "median (90 %)", "within what was held possible", "what the trace tells"]);
+  table("fit-parameters", rows, ["parameter", "median (90 %)", "within what was held possible", "what the trace determines"]);
   table("fit-quantities", reply.quantities);
   list("fit-notes", reply.notes);
   $("fit-no-rig").textContent = reply.no_rig ? pretty(reply.no_rig) : "";
