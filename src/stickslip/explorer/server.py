@@ -13,20 +13,20 @@ import secrets
 import socket
 import threading
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import Callable, Collection
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketClose, WebSocketDisconnect
 
 from stickslip.errors import InputError, shown
 from stickslip.explorer import PORT, answers, documents, workers
@@ -78,6 +78,7 @@ def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None,
             ws_ping_timeout=120.0,  # on its way a large trace may hold up the answer
             log_level="warning",
             access_log=False,
+            headers=[*_HEADERS.items()],
             server_header=False,
             timeout_graceful_shutdown=2,
         )
@@ -122,19 +123,7 @@ class _House:
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
         mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
         self.hello = json.dumps({"kind": "hello", **mine, "largest": limits.trace, **documents.begun()})
-        self._windows: Counter[str] = Counter()
-
-    @contextmanager
-    def let_in(self, websocket: WebSocket) -> Iterator[bool]:
-        """Count a window by its address; whether there is room."""
-        who = websocket.client.host if websocket.client else ""
-        room = self._windows[who] < self.limits.windows and self._windows.total() < _MOST_WINDOWS
-        self._windows[who] += room
-        try:
-            yield room
-        finally:
-            self._windows[who] -= room
-            self._windows += Counter()  # forget those that have left
+        self.windows: Counter[str] = Counter()  # by address
 
 
 def application(begin: documents.Document, port: int, *, host: str = HOST, token: str = "") -> ASGIApp:
@@ -153,51 +142,33 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
         Mount("/plotly", StaticFiles(packages=[("plotly", "package_data")])),
         Mount("/", StaticFiles(directory=Path(__file__).parent / "static", html=True)),
     ]
-    return _Guard(Starlette(routes=routes, lifespan=lifespan), host, port, token)
+    root = f"/{token}/" if token else "/"
+    return _Guard(Starlette(routes=[Mount(root, routes=routes)], lifespan=lifespan), host, port, root)
 
 
 class _Guard:
-    """Refuses requests without the token, under a foreign name (DNS rebinding) or from a page of another site.
+    """Refuses requests without the token, under a foreign name (DNS rebinding) or from a page of another site."""
 
-    It adds headers of safety to all answers.
-    """
-
-    def __init__(self, app: ASGIApp, host: str, port: int, token: str) -> None:
-        self._app, self._token = app, token
+    def __init__(self, app: ASGIApp, host: str, port: int, root: str) -> None:
+        self._app, self._root = app, root.encode()
         names = (HOST, "localhost", "[::1]") if host == HOST else (host,)
         self._hosts = {f"{name}:{port}" for name in names} | (set(names) if port == 80 else set())
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what comes from our own pages."""
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-            return
+        refusal: ASGIApp = PlainTextResponse("This server answers its own pages only.\n", 403)
+        if scope["type"] == "websocket":
+            refusal = WebSocketClose(1008)  # before the handshake: status 403
+        await (self._app if scope["type"] == "lifespan" or self._is_ours(scope) else refusal)(scope, receive, send)
+
+    def _is_ours(self, scope: Scope) -> bool:
         headers = Headers(scope=scope)
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         # A browser names the origin of every websocket.
         ours = [origin.removeprefix("http://") for origin in origins] or hosts * (scope["type"] == "http")
-        path = self._without_token(scope["path"])
-        if len(hosts) != 1 or len(ours) != 1 or not {*hosts, *ours} <= self._hosts or path is None:
-            if scope["type"] == "websocket":
-                await send({"type": "websocket.close", "code": 1008})  # before the handshake: status 403
-            else:
-                await PlainTextResponse("This server answers its own pages only.\n", 403)(scope, receive, send)
-            return
-
-        async def safely(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(_HEADERS)
-            await send(message)
-
-        await self._app({**scope, "path": path, "raw_path": path.encode()}, receive, safely)
-
-    def _without_token(self, path: str) -> str | None:
-        """The path behind the token; None if the token is not there."""
-        if not self._token:
-            return path
-        given, slash, rest = path[1:].partition("/")
-        matches = hmac.compare_digest(given.encode(), self._token.encode())
-        return f"/{rest}" if matches and slash else None
+        root = scope["path"].encode()[: len(self._root)]
+        named = len(hosts) == len(ours) == 1 and {*hosts, *ours} <= self._hosts
+        return named and hmac.compare_digest(root, self._root)
 
 
 class _Lane:
@@ -229,13 +200,17 @@ class _Lane:
 
 
 async def _session(house: _House, websocket: WebSocket) -> None:
-    """Serve one window from its first to its last question."""
-    with house.let_in(websocket) as room:
-        if room:
-            await websocket.accept()
-            await _serve(house, websocket)
-        else:
-            await websocket.close(1013)  # try again later
+    """Serve one window from its first to its last question, if there is room for it."""
+    who, windows = websocket.client.host if websocket.client else "", house.windows
+    if windows[who] >= house.limits.windows or windows.total() >= _MOST_WINDOWS:
+        await websocket.close(1013)  # try again later
+        return
+    windows[who] += 1
+    try:
+        await websocket.accept()
+        await _serve(house, websocket)
+    finally:
+        windows[who] -= 1
 
 
 async def _serve(house: _House, websocket: WebSocket) -> None:
@@ -268,7 +243,7 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
                 continue
             task = asyncio.create_task(lane.ask(request))
             tasks.add(task)
-            task.add_done_callback(partial(_forget, tasks))
+            task.add_done_callback(tasks.discard)  # asyncio says on the terminal in what error it ended
     finally:
         for lane in lanes.values():
             lane.drop()
@@ -290,10 +265,3 @@ def _question(message: Message, kinds: Collection[str], largest: int) -> Plain:
     if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
         raise InputError(f"id = {shown(number)}: must be a whole number")
     return {**request, "content": content}
-
-
-def _forget(tasks: set[asyncio.Task[None]], task: asyncio.Task[None]) -> None:
-    """Let go of a task that is done; an error in it was told to the page and is worth a line on the terminal."""
-    tasks.discard(task)
-    if not task.cancelled() and (error := task.exception()) is not None:
-        asyncio.get_running_loop().call_exception_handler({"message": "an answer failed", "exception": error})

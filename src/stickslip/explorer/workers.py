@@ -1,13 +1,14 @@
 """Processes that compute: one question at a time each, bounded in time and memory, and killed if they do not stop.
 
 The server itself never computes, so that no question of one window can hold up another window's. Workers are forked
-from a process that has loaded the kernels already, so that a new one is ready at once, or spawned where there is none.
+from a process that has loaded the kernels already, so that a new one is ready at once.
 """
 
 import asyncio
 import multiprocessing
 import os
 import queue
+import resource
 import signal
 import threading
 import time
@@ -15,6 +16,7 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
@@ -29,8 +31,6 @@ Reply = Callable[[Any], object]
 GRACE = 1.0  # seconds that a worker has to stop by itself before it is killed
 MEMORY = 3_000_000_000  # bytes that a worker may take
 
-REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg.LinAlgError)
-"""What a question may end in without a fault of ours: the numbers of a document can be as far apart as they like."""
 _STOP = "stop"
 
 
@@ -87,9 +87,8 @@ class _Worker:
     """A process, and our end of the line to it."""
 
     def __init__(self, niceness: int) -> None:
-        context: Any = _context()
-        self._line, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, niceness), daemon=True)
+        self._line, theirs = _FORKS.Pipe()
+        self._process = _FORKS.Process(target=_serve, args=(theirs, niceness), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -100,9 +99,8 @@ class _Worker:
             self._line.send(job)
             while True:
                 if self._line.poll(0.05):
-                    word, content = self._line.recv()
-                    if word == "end":
-                        break
+                    if (content := self._line.recv()) is None:
+                        return True
                     if not dropped.is_set() and not late:
                         reply(content)
                 now = time.monotonic()
@@ -119,7 +117,6 @@ class _Worker:
             if not dropped.is_set():
                 reply(errors("the computation was killed, most likely for lack of memory"))
             return False
-        return True
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
@@ -127,21 +124,13 @@ class _Worker:
         self._line.close()
 
 
-def _context() -> Any:
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context: Any = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["stickslip.explorer.warm"])
-    return context
+_FORKS = multiprocessing.get_context("forkserver")
+_FORKS.set_forkserver_preload(["stickslip.explorer.warm"])
 
 
 def start() -> None:
     """Begin to load what workers need."""
-    if "forkserver" in multiprocessing.get_all_start_methods():
-        _context()
-        from multiprocessing.forkserver import ensure_running
-
-        ensure_running()
+    forkserver.ensure_running()
 
 
 class _StoppedError(Exception):
@@ -150,24 +139,15 @@ class _StoppedError(Exception):
 
 def _serve(line: Connection, niceness: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the server ends us
-    with suppress(OSError, AttributeError):
-        os.nice(niceness)
-    _bound_memory()
+    os.nice(niceness)
+    with suppress(ValueError, OSError):  # less is allowed already
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     with suppress(EOFError, OSError):
         while True:
             job = line.recv()
             if job != _STOP:  # else it came after the answer
                 _answer(line, job)
-                line.send(("end", None))
-
-
-def _bound_memory() -> None:
-    try:
-        import resource
-    except ImportError:
-        return
-    with suppress(ValueError, OSError):
-        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+                line.send(None)
 
 
 def _answer(line: Connection, job: Job) -> None:
@@ -180,32 +160,28 @@ def _answer(line: Connection, job: Job) -> None:
             raise _StoppedError
         if time.monotonic() - told > 0.2:
             told = time.monotonic()
-            line.send(("reply", {"progress": fraction}))
+            line.send({"progress": fraction})
 
     try:
         for content in answers.ANSWERS[job.kind](job.request, watch):
-            line.send(("reply", content))
-        line.send(("reply", {"done": True}))
+            line.send(content)
+        line.send({"done": True})
     except _StoppedError:
         return
-    except REFUSALS as error:
-        line.send(("reply", {"errors": _complaints(error)}))
+    except (InputError, UndecidedError) as error:
+        line.send({"errors": documents.complaints(error)})
+    except MemoryError:
+        line.send(errors("not enough memory for this case; take fewer contacts"))
+    except (ArithmeticError, np.linalg.LinAlgError) as error:  # no fault of ours: a document may hold any numbers
+        what = "cannot be computed: its parameters span too many orders of magnitude"
+        line.send(errors(f"{what} ({type(error).__name__})"))
     except (EOFError, OSError):
         raise
     except Exception as error:  # the page is to stay alive whatever happens; the terminal is told, too
         traceback.print_exc()
-        line.send(("reply", errors(f"this failed: {type(error).__name__}: {error}")))
+        line.send(errors(f"this failed: {type(error).__name__}: {error}"))
 
 
 def errors(message: str) -> Plain:
     """An answer that says what is wrong."""
     return {"errors": [{"key": "", "message": message}]}
-
-
-def _complaints(error: Exception) -> list[dict[str, str]]:
-    if isinstance(error, MemoryError):
-        return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
-    if not isinstance(error, (InputError, UndecidedError)):
-        what = "cannot be computed: its parameters span too many orders of magnitude"
-        return [{"key": "", "message": f"{what} ({type(error).__name__})"}]
-    return documents.complaints(error)
