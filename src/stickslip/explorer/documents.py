@@ -302,11 +302,5 @@ def warm() -> Document:
 def paper(case: PaperCase, name: str) -> Document:
     """Return a case of the paper as a document in natural units."""
     distance = 60.0 if case.interface.ageing is None else 30.0
-    rig = Rig(
-        case.interface,
-        case.slider,
-        constant(case.velocity, distance / case.velocity),
-        method=Contacts(case.contacts, seed=1),
-        name=name,
-    )
-    return rigs.to_document(rig, digits=12)
+    drive, method = constant(case.velocity, distance / case.velocity), Contacts(case.contacts, seed=1)
+    return rigs.to_document(replace(case.rig, drive=drive, method=method, name=name), digits=12)

@@ -5,9 +5,8 @@ where the slider moves fast, so that shown at an even pace they slow down throug
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,11 +15,11 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError, number
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, packed
-from stickslip.model import Contacts, Slider
+from stickslip.model import Contacts
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.simulation import simulate
-from stickslip.simulation.engines import Advance, Beginning, Engine, Individuals, Leg, engine_of
+from stickslip.simulation.engines import Advance, Beginning, Leg, engine_of
 from stickslip.simulation.follow import follow
 
 FRAMES = 1_200  # 40 s, at 30 a second
@@ -34,25 +33,17 @@ _SAMPLES = 20_000
 _CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
 
 
-@runtime_checkable
-class _Tells(Protocol):
-    """An engine that knows each of its contacts."""
-
-    def individuals(self) -> Individuals: ...
-
-
-def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
+def frames(rig: Rig, at: float, watch: Progress) -> Plain:
     """Frames from a fraction of the drive on; times and forces in the rig's units, displacements in ``x_s``."""
     case = rig.natural
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError("drive.pieces: the drawing follows drives whose pieces end at a given time only")
-    own = isinstance(case.method, Contacts)
     method = case.method if isinstance(case.method, Contacts) else Contacts(_CONTACTS, seed=1)
-    case = replace(case, method=method)
+    own, case = method is case.method, replace(case, method=method)
     begin, end = _window(case, at)
     times = _frame_times(case, begin, end, part(watch, 0.0, 0.5))
     slider, drive, stretching, flags = _look(case, method, times, part(watch, 0.5, 1.0))
-    yield {
+    return {
         "times": packed(times * rig.unit("time")),
         "force": packed(case.slider.stiffness * (drive - slider) * rig.unit("f_s")),
         "slider": packed(slider),
@@ -71,8 +62,6 @@ def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
 def _window(rig: Rig, at: float) -> tuple[float, float]:
     """From when to when: some cycles from a little before a time on."""
     slider, duration = rig.slider, rig.drive.duration
-    if not isinstance(slider, Slider):
-        raise InputError("slider: the drawing needs a slider with a mass")
     stretch = rig.interface.threshold_distribution.moment(1) * (1.0 + 1.0 / slider.stiffness)
     speed = max(abs(speed) for piece in rig.drive.pieces for speed in (piece.start, piece.end))
     span = min(CYCLES * stretch / speed, duration) if speed > 0 else duration
@@ -98,11 +87,8 @@ class _Followed:
 
     columns = ("displacement",)
 
-    def __init__(self, engine: Engine, shown: NDArray[np.intp]) -> None:
-        if not isinstance(engine, _Tells):
-            raise InputError("simulation.method: this solver does not know its contacts one by one")
+    def __init__(self, engine: Any, shown: NDArray[np.intp]) -> None:
         self.here, self.slider, self._engine, self._shown = engine.here, engine.slider, engine, shown
-        self._tells = engine.individuals
 
     def advance(self, leg: Leg) -> Advance:
         """Go on to the next sample, or to the end of the leg."""
@@ -113,7 +99,7 @@ class _Followed:
 
     def sample(self) -> Array:
         """Where the slider is, the stretchings of the contacts, and which are attached."""
-        now = self._tells()
+        now = self._engine.individuals()
         return np.concatenate([[self.here()[1]], now.stretching[self._shown], now.attached[self._shown]])
 
 

@@ -125,7 +125,7 @@ def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Frames of the contacts one by one, from the cursor on; see `replay`."""
     rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
     documents.check_size(rig, documents.seconds_of(request))
-    yield {"frames": next(replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), watch))}
+    yield {"frames": replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), watch)}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:

@@ -6,12 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, stability
+from stickslip import advise
 from stickslip.errors import InputError, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
-from stickslip.model.parameters import parameter_named
-from stickslip.model.rig import Rig
 
 _POINTS = 72  # of the map along each parameter, twice over
 _AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
@@ -47,16 +45,8 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],
         "here": [float(found[f"here_{name}"]) for name in over],
-        "summary": _about(rig),
+        "summary": found.attrs["summary"],
     }
-
-
-def _about(rig: Rig) -> str:
-    """Whether smooth sliding is stable where the rig stands, in words."""
-    modes = stability.count_unstable(rig.natural)
-    if not modes:
-        return "Smooth sliding is stable at this point."
-    return f"Smooth sliding is unstable at this point: {modes} growing mode{'s' if modes > 1 else ''}."
 
 
 def _map_axis(parameter: xr.DataArray) -> Plain:
@@ -83,18 +73,6 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
-    trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
-    mitigations = []
-    for each in found.mitigations:
-        change = f"{parameter_named(each.parameter).title} × {each.stops / each.value:.2g}"
-        before, after = (advise.say.amount(rig, each.parameter, value) for value in (each.value, each.stops))
-        mitigations.append(
-            {
-                "title": f"{change}: {trouble} decays even from a start at rest",
-                "to": f"{before} to {after}",
-                "values": {each.parameter: each.stops},
-            }
-        )
     yield {
         "name": rig.name,
         "verdict": found.verdict,
@@ -102,7 +80,10 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "evidence": str(found.regime).splitlines(),
         "numbers": [list(pair) for pair in advise.say.numbers(found)],
         "margins": [list(row) for row in advise.say.margins(found)],
-        "mitigations": mitigations,
+        "mitigations": [
+            {"title": sentence, "values": {each.parameter: each.stops}}
+            for sentence, each in zip(advise.say.mitigations(found), found.mitigations, strict=True)
+        ],
         "attempts": list(advise.say.attempts(found)),
         "not_searched": " ".join(advise.say.not_searched(found)),
         "assumed": {key: str(item) for key, item in rig.assumed.items()},

@@ -64,18 +64,15 @@ def fitted(found: Fit) -> Figure:
     # A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales.
     events, made = found.events, found.simulated()
     begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
-    time, words = made["time"].values - 0.4 * float(made["time"][-1]), f"force ({events.force_unit})"
+    time = made["time"].values - 0.4 * float(made["time"][-1])
+    units = {"time": events.time_unit, "force": events.force_unit}
+    along = [name if unit in ("", "1") else f"{name} ({unit})" for name, unit in units.items()]
     closest = "simulated, the draw nearest to the medians"
     shown = (measured, events.time - begin, events.force, style.BLACK, "measured")
     for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, style.BLUE, closest)):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
-        panel(
-            ax,
-            title,
-            f"time ({events.time_unit})" if events.time_unit else "time",
-            words.replace(" ()", "").replace(" (1)", ""),
-        )
+        panel(ax, title, *along)
     measured.label_outer()
     _draw_test(test, found)
     _draw_intervals(parameters, found)

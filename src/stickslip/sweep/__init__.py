@@ -13,19 +13,8 @@ from stickslip.sweep._refine import Refinement, Span
 from stickslip.sweep._run import MAX_CASES, Options, Processes, Progress, Runs, Threads
 from stickslip.sweep._table import is_store
 
-__all__ = [
-    "MAX_CASES",
-    "Failure",
-    "Options",
-    "Processes",
-    "Progress",
-    "Refinement",
-    "Runs",
-    "Span",
-    "Status",
-    "Summary",
-]
-__all__ += ["Threads", "failures", "is_store", "open_sweep", "run_cases", "status_of", "summary"]
+__all__ = ["MAX_CASES", "Failure", "Options", "Processes", "Progress", "Refinement", "Runs", "Span", "Status"]
+__all__ += ["Summary", "Threads", "failures", "is_store", "open_sweep", "run_cases", "status_of", "summary"]
 
 
 class _Callable(ModuleType):

@@ -34,7 +34,6 @@ from stickslip.sweep._table import Table, writer_of
 
 STATES = ("not run", "done", "failed")
 """What can become of a case; the place is the code in the results."""
-PROVENANCE = "provenance"
 
 Head = Mapping[str, Any]
 """What a sweep is made of, as it stands in its table: axes or a search, attributes, categories, notes."""
@@ -114,7 +113,15 @@ def run_cases(
         )
     takes_seed = check_function(function, axes)
     job = Job(function=function, seed=options.seed if takes_seed else None, categories=options.categories)
-    head: dict[str, Any] = {"axes": values, "total": total, **_about(function, axes, options)}
+    given = {name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})} for name, axis in axes.items()}
+    head: dict[str, Any] = {
+        "axes": values,
+        "total": total,
+        "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
+        "attributes": {**options.attributes, **given},
+        "categories": options.categories,
+        "notes": options.notes,
+    }
     if store is not None:
         head["identity"] = identity_of(function, axes, options.seed, options.fingerprint)
     if refinement is not None:
@@ -128,17 +135,6 @@ def run_cases(
         else:
             table.keep_head(**search(runner, spans, combinations(values), refinement))
         return dataset_of(table)
-
-
-def _about(function: Function, axes: Mapping[str, Any], options: Options) -> Head:
-    """What a table says of a sweep beside its cases."""
-    given = {name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})} for name, axis in axes.items()}
-    return {
-        "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
-        "attributes": {**options.attributes, **given},
-        "categories": options.categories,
-        "notes": options.notes,
-    }
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
@@ -268,7 +264,7 @@ def dataset_of(table: Table) -> xr.Dataset:
     dims = {name: "run" if "search" in head else name for name in axes}
     coordinates = {name: (dims[name], *_column(head, name, values)) for name, values in axes.items()}
     provenance = json.dumps(head["about"] | head.get("search", {}) | {"axes": sizes})
-    found = xr.Dataset(variables, coordinates, {**head["notes"], PROVENANCE: provenance})
+    found = xr.Dataset(variables, coordinates, {**head["notes"], "provenance": provenance})
     return _with_crossings(found, head) if "search" in head else found
 
 

@@ -6,7 +6,6 @@ A Dask client is one more executor: ``client.get_executor()``.
 import importlib
 import math
 import multiprocessing
-import multiprocessing.connection
 import os
 import pickle
 import signal
@@ -18,6 +17,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExec
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice, takewhile
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from stickslip.errors import InputError, instance, whole
@@ -166,14 +166,12 @@ def _start_worker() -> None:
     """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent decides), gone with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    if (parent := multiprocessing.parent_process()) is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+    threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
 
 
-def _follow(sentinel: int) -> None:
-    # Without this, workers whose parent was killed wait for work for ever.
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)
+def _follow(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)  # else it would wait for work for ever
 
 
 def _sent(job: Job, executor: Executor) -> Job | bytes:

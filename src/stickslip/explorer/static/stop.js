@@ -12,8 +12,8 @@ function show(found) {
   list("stop-evidence", found.evidence);
   table("numbers", found.numbers);
   table("margins", found.margins, ["parameter", "now", "limit below", "limit above"]);
-  const mitigations = found.mitigations.map(({ title, to, values }) => element("li", {},
-    element("p", {}, element("strong", { textContent: title }), ` (${pretty(to)}) `,
+  const mitigations = found.mitigations.map(({ title, values }) => element("li", {},
+    element("p", {}, element("strong", { textContent: pretty(title) }), " ",
       element("button", { type: "button", textContent: "Apply", ariaLabel: `Apply: ${title}`, onclick: () => ask("edit", { turn: values }) }))));
   const none = found.ill ? "No change within the ranges searched gives smooth sliding." : "None needed.";
   $("mitigations").replaceChildren(...(mitigations.length ? mitigations : [element("li", { textContent: none })]));
