@@ -201,10 +201,6 @@ def turned(document: Document, values: Mapping[str, Any]) -> Document:
     for name, value in values.items():
         if name not in NAMES:
             raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}")
-        if name == "velocity" and "pieces" in document["drive"]:
-            raise InputError(
-                "drive.pieces: this drive is a ramp; its velocity is not one number to turn", "drive.pieces"
-            )
         rig = rig.replace(**{name: number(name, value, above=0)})
     # A parameter is turned at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
