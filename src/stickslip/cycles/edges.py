@@ -104,10 +104,8 @@ class Span:
         self.rig, self.parameter, self.start = rig, parameter_named(parameter), start
         self.size, self.unit = rig.unit(self.parameter.unit), rig.unit_name(self.parameter.unit)
         self.low, self.high = (end * self.size for end in rig.span(self.parameter, between))
-        self.tolerance, self.step = (
-            number("tolerance", tolerance, above=0, below=1),
-            number("step", step, above=0, below=1),
-        )
+        self.tolerance = number("tolerance", tolerance, above=0, below=1)
+        self.step = number("step", step, above=0, below=1)
 
     def grid(self, count: int) -> list[float]:
         """So many values over the range."""

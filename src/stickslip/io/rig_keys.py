@@ -34,7 +34,6 @@ SHAPE = ("spacing", "width", "height")
 SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacement")
 """Keys that are 1 in natural units, or make up what is."""
 
-
 RULES: Mapping[str, tuple[Either, ...]] = {
     "slider": (Either("damping_ratio", "damping", needed=True),),
     **{

@@ -84,7 +84,9 @@ class _Reader:
         blocks = 1 if file.natural else blocks  # forces are those of all blocks in SI files only
         scales = self._scales(interface, pulled, blocks)
         interface["sliding_force"] /= blocks
-        method = self._method(simulation)
+        count = simulation.get("contacts", 10_000 if self.body == "slider" else 100)
+        of_method = simulation | {"count": count}
+        method = _made(METHODS[simulation["method"]], of_method, "simulation", {"count": "contacts"})
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
         operation, output = _made(Operation, speeds, "drive"), _made(Output, simulation, "simulation")
         contacts = _made(Interface, interface, "interface")
@@ -222,10 +224,6 @@ class _Reader:
         if isinstance(content, (list, Mapping)):
             raise _refused(place, content, f"must be speeds, as in {_SPEEDS}")
         return content, {}
-
-    def _method(self, values: Values) -> Any:
-        count = values.get("contacts", 10_000 if self.body == "slider" else 100)
-        return _made(METHODS[values["method"]], values | {"count": count}, "simulation", {"count": "contacts"})
 
     def _start(self, content: Any, blocks: int) -> Any:
         if not isinstance(content, Mapping):

@@ -160,11 +160,8 @@ class Window:
     def tests(self) -> dict[str, Criterion]:
         """The tests by name, but for those of what is not known."""
         trace, found, force, known = self.trace, self.found, self.trace.force, self.found.cycles
-        largest, mean, rest = (
-            abs(trace.largest) or 1.0,
-            abs(float(force.mean())) or 1e-300,
-            without_line(force, trace.t),
-        )
+        largest, mean = abs(trace.largest) or 1.0, abs(float(force.mean())) or 1e-300
+        rest = without_line(force, trace.t)
         scatter, swing, late = float(rest.std()), float(np.ptp(force)), float(force[force.size // 2 :].std())
         if self.cycles and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
             swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - found.noise**2, 0.0)))

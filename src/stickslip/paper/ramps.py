@@ -243,11 +243,8 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
         if np.isnan(ranges["sustained"]).any():
             ax.text(0.22, y, "none", va="center", fontsize=8, color=plot.BLUE)
     words, title = "std of the delays,\nnegative draws", f"(e) random delays of mean {_MEAN:g}"
-    velocity, within = (
-        data["v_cycle"].assign_attrs(spacing="log"),
-        {"xlim": (0.2, _TOP), "ylim": (len(names) - 0.3, -0.7)},
-    )
-    panel(ax, title, velocity, words, **within)
+    velocity = data["v_cycle"].assign_attrs(spacing="log")
+    panel(ax, title, velocity, words, xlim=(0.2, _TOP), ylim=(len(names) - 0.3, -0.7))
     ax.set_yticks(range(len(names)), names)
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
 

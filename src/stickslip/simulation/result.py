@@ -1,6 +1,6 @@
 """The Dataset that a run becomes: names, units and what they mean."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -73,7 +73,9 @@ def dataset_of(
     variables |= {name: labelled(name, "time", values[name]) for name in LABELS if name in values}
     if track.snapshots:
         times, seen = zip(*track.snapshots, strict=True)
-        edges = _edges(seen, bins)
+        low = min(float(one.stretching.min(initial=0.0)) for one in seen)
+        high = max(float(one.stretching.max(initial=0.0)) for one in seen)
+        edges = np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), bins + 1)
         densities = [_density(one, edges) for one in seen]
         variables["stretching_density"] = labelled("stretching_density", ("snapshot", "x"), densities)
         coordinates["snapshot"] = labelled("snapshot", "snapshot", times)
@@ -122,12 +124,6 @@ def _places(body: ElasticBody) -> dict[str, Labelled]:
         found["along"] = labelled("place along the drive", "block", number % body.along, "1")
         found["across"] = labelled("row", "block", number // body.along, "1")
     return found
-
-
-def _edges(seen: Iterable[Stretchings], bins: int) -> Array:
-    low = min(float(one.stretching.min(initial=0.0)) for one in seen)
-    high = max(float(one.stretching.max(initial=0.0)) for one in seen)
-    return np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), bins + 1)
 
 
 def _density(seen: Stretchings, edges: Array) -> Array:

@@ -187,10 +187,8 @@ def _series(distribution: Distribution) -> tuple[float, Array, Array]:
     factorial = np.cumprod(np.concatenate([[1.0], np.arange(1.0, 21.0)]))
     n = np.arange(19)
     signs = (-1.0) ** n
-    first, second = (
-        signs * moments[1:20] / factorial[1:20],
-        signs * moments[2:21] / (factorial[:19] * (n + 2)),
-    )
+    first = signs * moments[1:20] / factorial[1:20]
+    second = signs * moments[2:21] / (factorial[:19] * (n + 2))
     best, terms = 0.0, 2
     with np.errstate(all="ignore"):
         for count in range(3, 19):
