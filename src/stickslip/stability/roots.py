@@ -57,7 +57,8 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
         )
     raise UndecidedError(
         f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest mode cannot be computed: modes "
-        "decay as the tail of the distribution of thresholds does, or too quickly to be followed; count_unstable() says 0"
+        "decay as the tail of the distribution of thresholds does, or too quickly to be followed; count_unstable() "
+        "says 0"
     )
 
 
