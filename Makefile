@@ -1,13 +1,16 @@
 # Needs make, gcc, git or not, and any Python >= 3.11; everything else goes into $(VENV).
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint unit browser verify coverage bench docs pictures explore clean fuzz mutants lowest
+.PHONY: help demo test lint warm unit browser verify coverage bench docs pictures explore clean fuzz mutants lowest
 
 VENV ?= .venv
 WORKERS ?= 2
 # The first interpreter that starts and is recent enough. Name your own with `make PYTHON=/path/to/python ...`.
 PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
+
+# Byte code is kept whatever the shell says: the tests start many processes.
+unexport PYTHONDONTWRITEBYTECODE
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -39,7 +42,9 @@ demo: $(VENV)/.runtime
 	@echo 'The verdict is drawn in $(CURDIR)/demo/predict.png'
 	@echo 'The run is drawn in     $(CURDIR)/demo/run.png and kept in $(CURDIR)/demo/run.nc'
 
-test: lint unit
+test: $(VENV)/.dev
+	@$(MAKE) --no-print-directory -j2 lint warm
+	@$(MAKE) --no-print-directory unit
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -48,7 +53,11 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python tools/equations.py
 
-unit: $(VENV)/.dev
+# Kernels compile once, on the core that the checks of style leave free, before workers share them.
+warm: $(VENV)/.dev
+	$(BIN)/python tests/warm.py
+
+unit: warm
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow and not browser"
 
 browser: $(VENV)/.dev $(VENV)/.browser

@@ -7,6 +7,8 @@
 - ``>>>`` in a docstring is a doctest.
 
 A block after ``<!-- slow -->`` is marked slow.
+
+With ``--at-most SECONDS``, as `make unit` runs them, a quick test that takes more CPU time fails.
 """
 
 import atexit
@@ -19,10 +21,12 @@ import re
 import shlex
 import shutil
 import tempfile
+import time
 import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+import numba.core.event
 import pytest
 from sybil import Document, Example, Region, Sybil
 from sybil.document import PythonDocStringDocument
@@ -178,6 +182,51 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if isinstance(item, SybilItem) and _is_slow(item.example):
             item.add_marker("slow")
+
+
+MARGIN = 2.0
+"""How much longer than told a test may take: two threads that share a core take about half of it each."""
+
+
+def pytest_addoption(parser):
+    told = "CPU time that a test may take without the marker `takes`, twice as much on a machine that is shared"
+    parser.addoption("--at-most", type=float, metavar="SECONDS", help=told)
+
+
+class _Compiling(numba.core.event.Listener):
+    """The CPU time that went into kernels: which test compiles one is chance."""
+
+    seconds = 0.0
+    _depth = 0
+
+    def on_start(self, _event):
+        self._depth += 1
+        self.seconds -= time.process_time() if self._depth == 1 else 0.0
+
+    def on_end(self, _event):
+        self._depth -= 1
+        self.seconds += time.process_time() if self._depth == 0 else 0.0
+
+
+compiling = _Compiling()
+numba.core.event.register("numba:compile", compiling)
+
+
+def _used() -> float:
+    """CPU time of this process and of those it waited for, but for what compiled kernels, in s."""
+    return sum(os.times()[:4]) - compiling.seconds
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    begun = _used()
+    result = yield
+    most, took = item.config.getoption("--at-most"), _used() - begun
+    if marker := item.get_closest_marker("takes"):
+        most = marker.args[0]
+    if most is not None and took > MARGIN * most and not item.get_closest_marker("slow"):
+        pytest.fail(f"took {took:.1f} s of CPU time, more than {most:g}: make it smaller, or mark it", pytrace=False)
+    return result
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -240,13 +240,14 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.takes(8)  # the master equation at nodes of the stretching, and its response at many speeds
 def test_contacts_that_break_by_heat():
     """Static friction and the critical stiffness are those without heat; the rest knows of it."""
     thresholds = ss.Gaussian(mean=1.0, std=0.3)
     interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(0.5), temperature=ss.Bell(width=0.1, attempts=10.0))
     rig = ss.Rig(interface, ss.Slider(stiffness=0.5, mass=1e-3, damping=20.0), ss.constant(1.0))
     found = ss.predict(rig, fast=True)
-    assert (found.regime.kind, found.unstable_modes) == ("stick-slip", 2)
+    assert (found.regime.kind, found.unstable_modes, found.theory_note) == ("stick-slip", 2, "")
     cold = replace(interface, temperature=None)
     assert found.static_friction == ss.static_friction(cold)[0]
     assert found.kinetic_friction == ss.kinetic_friction(interface, 1.0) < ss.kinetic_friction(cold, 1.0)
@@ -283,18 +284,10 @@ def test_contacts_that_attach_on_arrest_are_judged_by_runs():
     assert "damping" not in {m.parameter for m in found.mitigations}
 
 
-@pytest.mark.parametrize(
-    ("delay", "temperature", "modes", "words"),
-    [
-        (0.0, None, 0, "cannot become unstable"),
-        (0.0, ss.Bell(width=0.1, attempts=1.0), 0, ""),
-        (math.inf, None, None, "never"),
-    ],
-)
-def test_only_contacts_without_any_response_cannot_become_unstable(delay, temperature, modes, words):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(delay), temperature=temperature)
+@pytest.mark.parametrize(("delay", "modes", "words"), [(0.0, 0, "cannot become unstable"), (math.inf, None, "never")])
+def test_contacts_without_any_response_cannot_become_unstable(delay, modes, words):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(delay))
     rig = ss.Rig(interface, ss.Slider(stiffness=0.3, mass=1e-3, damping=1.0), ss.constant(0.5))
     found = ss.predict(rig, fast=True)
     assert found.unstable_modes == modes
     assert words in found.theory_note
-    assert bool(words) is bool(found.theory_note)

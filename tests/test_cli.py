@@ -67,6 +67,7 @@ def refused(capsys, *arguments):
     return lines[0]
 
 
+@pytest.mark.takes(4)  # seven commands
 def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     one, two = tmp_path / "one.nc", tmp_path / "two.nc"
     assert run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png", "--json") == 0

@@ -242,6 +242,7 @@ def test_a_branch_that_is_not_there():
         cycle_branch(pulled(0.01), "velocity", begin=1.0, between=(0.5, 2.0))
 
 
+@pytest.mark.takes(6)  # a branch, a band and a window, twice
 def test_what_is_found_is_in_the_units_of_the_rig():
     plain = ss.Rig(delayed(0.1), ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(1.0))
     scaled = replace(plain, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))

@@ -146,6 +146,7 @@ def test_what_is_refused(name):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.takes(5)
 def test_of_a_long_trace_the_first_slips_are_fitted():
     found = ss.fit(bench(count=340, noise=0.002), prior=NARROW, draws=1500)
     assert len(found.events) == 307

@@ -244,14 +244,15 @@ def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_dampin
 # ---------------------------------------------------------------- steps of contacts
 
 
+@pytest.mark.takes(4)  # three runs of the master equation at a temperature
 def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
     """It lags behind by the force over the stiffness."""
     rigid, force = finite_step(AGEING, 1.0, 10.0, 2.0)
     away = []
-    for stiffness in (1e3, 1e5, 1e7):
+    for stiffness in (1e3, 1e7):
         lead, soft = finite_step(AGEING, 1.0, 10.0, 2.0, stiffness=stiffness)
         away.append(stiffness * np.abs(np.interp(rigid, lead, soft) - force).max())
-    assert away == pytest.approx([away[0]] * 3, rel=0.02)
+    assert away[1] == pytest.approx(away[0], rel=0.02)
     assert 0.0 < away[0] < 0.1
 
 
@@ -312,6 +313,7 @@ def test_small_steps_of_both_laws_are_the_linear_one(law):
 # ---------------------------------------------------------------- the verdict
 
 
+@pytest.mark.takes(5)  # two transforms of the response to a step
 def test_the_verdict_is_in_units_of_the_thresholds():
     one, four = fitted(AGEING), ss.rate_and_state(rescaled(AGEING, 4), 4)
     assert [four.a, four.b, four.distance] == pytest.approx([4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3)
@@ -541,6 +543,7 @@ BASALT = DATA / "giacomel_basalt_step.txt"
 STEP = ["--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s"]
 
 
+@pytest.mark.takes(5)  # a fit by both laws to a measured step, a response to a step
 def test_the_command_writes_pictures_and_scripts(warm, tmp_path, capsys):
     picture, script = tmp_path / "step.png", tmp_path / "qdyn.py"
     assert main(["rsf", str(BASALT), *STEP, "--law", "slip", "--plot", str(picture)]) == 0

@@ -88,6 +88,7 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
     return found
 
 
+@pytest.mark.takes(5)
 @pytest.mark.parametrize("method", ["Contacts", "MasterEquation", "Population", "QuasiStatic"])
 def test_runs_are_kept(method):
     runs = {name: run_of(name) for name in PAIRS if name.startswith(method)} | _more_runs(method)
@@ -115,6 +116,7 @@ def _theory(interface: ss.Interface) -> dict[str, object]:
     }
 
 
+@pytest.mark.takes(10)  # the theory of all interfaces
 def test_steady_sliding_is_kept():
     rows = {}
     for name, interface in KINDS.items():
@@ -125,6 +127,7 @@ def test_steady_sliding_is_kept():
     assert_kept(table(rows), "steady_sliding", rtol=ROUNDING, atol=1e-12)
 
 
+@pytest.mark.takes(10)  # of all distributions
 def test_rigid_motion_is_kept(distributions):
     rows = {}
     for name, thresholds in distributions.items():

@@ -26,10 +26,10 @@ from stickslip.theory import effective_potential
 
 READ, PRINTED, NOT = "reproduced under the stated reading", "reproduced", "not reproduced"
 
-# Quick versions of figures 9 to 11 take more than a few seconds, too: runs of some thousand time units.
-QUICKLY = [
-    pytest.param(name, marks=pytest.mark.slow) if name in ("fig9", "fig10", "fig11") else name for name in FIGURES
-]
+# Quick versions take their time, too: those of figures 9 to 11 for runs of some thousand time units.
+LONG = {name: pytest.mark.takes(seconds) for name, seconds in {"fig4": 3, "fig6": 7, "fig7": 9, "fig8": 6}.items()}
+LONG |= dict.fromkeys(("fig9", "fig10", "fig11"), pytest.mark.slow)
+QUICKLY = [pytest.param(name, marks=LONG.get(name, ())) for name in FIGURES]
 
 # Claims about oscillations of which rounding tells all but the first digits, and how far that goes.
 ROUNDED = {"fig4": {"atol": 1e-4}, "fig5": {"rtol": 0.03}}

@@ -415,6 +415,7 @@ def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
     assert read_provenance(found)["arguments"]["within"] == [[0.2, 10.0], [0.2, 10.0]]
 
 
+@pytest.mark.takes(4)
 def test_boundary_holds_the_limit_without_oscillation():
     grown = replace(case(delay=Delay(0)), ageing=ExponentialGrowth(rate=1.0, newborn=0.5))
     found = boundary(rig(on=grown, mass=0, damping=0), between=((0.05, 1.0), (0.5, 2.0)))
@@ -558,6 +559,7 @@ def test_a_spring_and_a_delay_of_ageing_contacts_are_critical_where_the_count_ch
     assert [count_unstable(held.replace(delay=factor * delay)) for factor in (0.9, 1.1)] == [0, 2]
 
 
+@pytest.mark.takes(7)
 def test_a_map_and_a_boundary_of_ageing_contacts():
     grids = np.array([0.5, 1.5]), np.array([0.8, 1.2, 2.5])
     found = stability_map(aged(1.5), values=grids, growth=True)

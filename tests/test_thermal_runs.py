@@ -191,6 +191,7 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
         np.testing.assert_allclose(pull - pull[0], force - force[0], atol=2e-6)
 
 
+@pytest.mark.takes(7)
 def test_exponential_thresholds_are_rate_and_state():
     """The force after a step is ``A/(1-A) ln 2 exp(-x)`` above that before, once the contacts' springs are taut."""
     interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), temperature=ss.Bell(width=0.03, attempts=1e6))
@@ -215,6 +216,7 @@ def test_contacts_heal_by_the_slope_of_their_growth(interface, healing):
 HOLDS = {"T": (T, -0.0874, 0.0048), "LT": (LT, -0.0461, 0.0889)}
 
 
+@pytest.mark.takes(4)
 @pytest.mark.parametrize("name", HOLDS)
 def test_slide_hold_slide(name):
     interface, relaxation, peak = HOLDS[name]
