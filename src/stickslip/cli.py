@@ -65,6 +65,31 @@ class Columns:
     step: Annotated[str | None, Parameter(help="Sampling interval, without a time column: 0.5 ms, or in s.")] = None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What is known of a bench besides the force; stiffness and velocity tell the motion of the slider."""
+
+    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None
+    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None
+    flip: Flip = False
+    stiffness: Annotated[str | None, Parameter(help="Of the driving spring: '350 N/m'.")] = None
+    velocity: Annotated[str | None, Parameter(help="Of the drive: '0.1 mm/s'.")] = None
+    mass: Annotated[str | None, Parameter(help="Of the slider, to compare with that of its slips: '75.6 g'.")] = None
+    contacts: Annotated[int | None, Parameter(help="Their number: their noise is no oscillation.")] = None
+
+    def read(self, data: Path, columns: Columns) -> xr.Dataset:
+        """Read a run, or a measured trace with what is known of its bench."""
+        trace = _read_data(data, columns, displacement=self.displacement, load=self.load, flip=self.flip)
+        if self.stiffness and self.velocity:
+            motion = ss.measure.motion
+            return motion(trace, stiffness=self.stiffness, velocity=self.velocity, contacts=self.contacts)
+        if self.stiffness or self.velocity or self.mass:
+            missing = "velocity" if self.stiffness else "stiffness"
+            raise InputError(f"--{missing}: is missing; the motion of the slider needs --stiffness and --velocity")
+        return trace if self.contacts is None else trace.assign_attrs(contacts=self.contacts)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
     try:
@@ -268,9 +293,7 @@ def measure(
     data: Annotated[Path, Parameter(help="A run (NetCDF), or a table in plain text with a column of force.")],
     *,
     columns: Columns = Columns(),
-    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
-    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
-    flip: Flip = False,
+    bench: Bench = Bench(),
     minimum_drop: Annotated[str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N.")] = None,
     after: Annotated[str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")] = None,
     events: Annotated[File, Parameter(help="Write the catalogue of slips as CSV.")] = None,
@@ -282,12 +305,13 @@ def measure(
     from stickslip.words import engineering
 
     _check_outputs(events, picture=plot, read=data)
-    trace = _read_data(data, columns, displacement=displacement, load=load, flip=flip)
+    trace = bench.read(data, columns)
     units = {name: str(trace[name].attrs.get("units", "")) for name in ("time", "spring_force")}
     since = _quantity("--after", after, "s", "10 s", unit=units["time"])
     smallest = _quantity("--minimum-drop", minimum_drop, "N", "5 mN", unit=units["spring_force"])
     seen, catalogue = ss.measure.regime_and_drops(trace, minimum_drop=smallest, after=since)
     about, note = catalogue.attrs, trace.attrs.get("note")
+    moves = ss.measure.kinematics(trace.sel(time=slice(since, None)), mass=bench.mass) if bench.velocity else None
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
     _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
@@ -297,12 +321,19 @@ def measure(
         "regime": plain(seen),
         "statistics": statistics | {"count": about["count"], "drops_are": about["drops_are"]},
         "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
+        "kinematics": plain(moves),
         "note": plain(note),
     }
     means = ss.measure.statistics(catalogue)
     where = "in all of the data" if since is None else f"after t = {engineering(since, units['time'])}"
     head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"
-    lines = [_motion(trace, seen), "", head, *(f"{name}: {text}" for name, text in means)]
+    lines = [
+        _motion(trace, seen),
+        *([str(moves)] if moves else []),
+        "",
+        head,
+        *(f"{name}: {text}" for name, text in means),
+    ]
     lines += [f"note: {note}"] if note else []
     _answer("\n".join(lines), told, json, **{about["drops_are"]: events, "picture": plot})
 

@@ -12,10 +12,23 @@ driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
 from stickslip.measure.evidence import Criterion
 from stickslip.measure.fronts import events, fronts
+from stickslip.measure.kinematics import Kinematics, kinematics, motion
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
 from stickslip.measure.verdict import Regime, regime
 
-__all__ = ["Criterion", "Cycles", "Regime", "counted", "drops", "events", "find_cycles", "fronts"]
+__all__ = [
+    "Criterion",
+    "Cycles",
+    "Kinematics",
+    "Regime",
+    "counted",
+    "drops",
+    "events",
+    "find_cycles",
+    "fronts",
+    "kinematics",
+    "motion",
+]
 __all__ += ["read_trace", "regime", "regime_and_drops", "statistics", "transitions"]

@@ -40,7 +40,7 @@ class Trace:
     """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
 
     `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
-    loading. `contacts` is their number in a run of so many.
+    loading. `contacts` is their number in a run of so many. A `measured` force has noise, and a bench behind it.
     """
 
     t: Array
@@ -52,6 +52,7 @@ class Trace:
     drive: Array | None = None
     displacement: Array | None = None
     contacts: int | None = None
+    measured: bool = False
     time_unit: str = ""
     force_unit: str = ""
     quantity: str = "force"
@@ -98,6 +99,7 @@ class Trace:
             sign=sign,
             largest=top if top > 0 else float(np.max(np.abs(force))),
             contacts=_contacts(data),
+            measured=drive is None or "stiffness" in data.attrs,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),
             quantity="coefficient of friction" if "coefficient" in str(told.get("long_name", "")) else "force",
@@ -122,8 +124,10 @@ def in_words(value: float, unit: str, digits: int = 4) -> str:
 
 
 def _contacts(data: xr.Dataset) -> int | None:
-    """How many contacts a run was made with, as its provenance says; None for other data."""
+    """How many contacts a run was made with, as its provenance says, or a bench has; None where it is not known."""
     try:
+        if "contacts" in data.attrs:
+            return int(data.attrs["contacts"])
         rig = read_provenance(data)["arguments"]["rig"]
         slider = rig["slider"]
         count: int = int(rig["method"]["count"]) * slider.get(

@@ -82,7 +82,7 @@ def regime_and_drops(
     if minimum_drop is not None:
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
     trace, seen = judged(data, after)
-    parts = (find_strokes(trace) if trace.drive is None else []) or [trace]
+    parts = (find_strokes(trace) if trace.measured else []) or [trace]
     tables = [_table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts]
     whole, along = xr.concat(tables, "event", combine_attrs="override"), 1.0
     whole = whole.assign_coords(event=("event", np.arange(whole.sizes["event"]), {"long_name": "number of the slip"}))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
 from stickslip.measure.arrays import Trace, mean_and_std, slope, without_line
+from stickslip.measure.kinematics import Motion, loading
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
 
@@ -23,9 +24,6 @@ SLIP_PHASE = 0.25  # held for the rest of the time, a slider slips at four times
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
 NORMAL = 2.25  # kurtosis half way from a sine (1.5) to noise (3) ...
 ENOUGH = math.ceil((3.0 / (3.0 - NORMAL)) ** 2)  # ... and cycles of narrow noise at which an error of that is as large
-
-_SLOPES = 0.1  # relative error to which a loading rate is read
-_MANY = 100_000  # slopes that are enough
 
 Source = Literal["theory", "statistics", "convention"]
 Row = tuple[str, float, float, Source]
@@ -80,7 +78,7 @@ class Window:
             return Cycles(period=period, variation=variation, correlation=regularity(variation), times=found.times)
         if known.periodic:
             return known
-        if found.size < FEWEST_CYCLES or trace.velocity is not None:
+        if found.size < FEWEST_CYCLES or not trace.measured:
             return None
         turning = np.sort(np.concatenate([found.peak, found.trough]))
         at, level = (0.5 * (values[turning[1:]] + values[turning[:-1]]) for values in (trace.t, trace.force))
@@ -137,6 +135,11 @@ class Window:
         return (math.nan, math.nan) if self.cycles else spectral_line(self.trace.t, self.trace.force, CHANCE)
 
     @cached_property
+    def motion(self) -> Motion | None:
+        """How the slider of a bench moves, where its motion is known."""
+        return Motion.of(self.trace)
+
+    @cached_property
     def fast(self) -> float:
         """Largest velocity of the slider in a typical drop, over that of the drive; NaN if it is not known."""
         return weighted_median(speeds(self.trace, self.found), self.found.drops**2)
@@ -154,7 +157,9 @@ class Window:
         phase = found.slip_phase(trace)
         if self.cycles or phase <= SLIP_PHASE or trace.contacts:
             return "part of the time not in drops", 1.0 - phase, 1.0 - SLIP_PHASE, "theory"
-        return "part of the time at the full loading rate", held(trace, found.noise), MOST, "convention"
+        step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
+        held = loading(trace.force, step, found.noise)[1]
+        return "part of the time at the full loading rate", held, MOST, "convention"
 
     @cached_property
     def tests(self) -> dict[str, Criterion]:
@@ -210,24 +215,5 @@ class Window:
             "noise": by_chance and ("normal" in facts or not self.cycles),
             "stops": "pauses" in facts and ("slips" in facts or self.cycles is not None),
         }
+        facts |= {self.motion.word} if self.motion else set()
         return facts | {name for name, holds in more.items() if holds}
-
-
-def held(trace: Trace, noise: float) -> float:
-    """Part of the time in which the force rises at its full rate, within a quarter: the slider is held then.
-
-    The rate is the median of the rises; slopes, differences of the means of two windows side by side, are taken over
-    as many samples as read it to a tenth. Not a number where the noise leaves none.
-    """
-    force, step, half = trace.force, (trace.t[-1] - trace.t[0]) / (trace.t.size - 1), 1
-    total = np.concatenate([[0.0], np.cumsum(force - force.mean())])
-    for _ in range(20):
-        if 24 * half > force.size:
-            return math.nan
-        begin = np.arange(0, total.size - 2 * half, max(1, force.size // _MANY))
-        slopes = (total[begin + 2 * half] - 2.0 * total[begin + half] + total[begin]) / (half**2 * step)
-        if not (slopes > 0).any():
-            return math.nan
-        rate = float(np.median(slopes[slopes > 0]))
-        half = max(math.ceil(0.5 * (16.0 * noise**2 / (_SLOPES * rate * step) ** 2) ** (1 / 3)), 1)
-    return float(np.mean(slopes > 0.75 * rate))

@@ -142,7 +142,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     criterion = "drops of at least the minimum_drop given"
     if minimum_drop is None:
         by_chance = _chance_drop(t.size, t.size, noise)
-        if trace.velocity is None:
+        if trace.measured:
             force, by_chance = _smoothed(force, noise)
         by_chance = max(by_chance, 2.5 * resolution(trace.force), 1e-7 * float(np.max(np.abs(force))), 1e-300)
         peaks, troughs = turning_points(force, by_chance)
@@ -161,7 +161,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     peak, trough = peaks[whole], troughs[whole]
     start, end = _edges(force, peak, trough, noise if force is trace.force else 0.5 * noise)
     before, after = trace.force[peak], trace.force[trough]
-    if trace.velocity is None and peak.size and noise > CORRECTED * float(np.median(before - after)):
+    if trace.measured and peak.size and noise > CORRECTED * float(np.median(before - after)):
         # The largest of many noisy samples lies above the force, and the smallest below it, by up to three standard
         # deviations of the noise: their difference overstates a drop. Lines through the loading beside it do not.
         most, beside = 3.0 * noise, (np.append(0, end)[:-1] + 1, np.append(start, t.size - 1)[1:])
@@ -219,7 +219,7 @@ def turning_points(values: Array, drop: float, rise: float | None = None) -> tup
 
 def _way_back(trace: Trace) -> Array | None:
     """The way of the slider against the drive's direction less that of the drive; None where it is not known."""
-    if trace.X is None or trace.drive is None:
+    if trace.X is None or trace.drive is None or trace.measured:
         return None
     return np.asarray(-trace.X - cumulative_trapezoid(np.abs(trace.drive), trace.t, initial=0))
 

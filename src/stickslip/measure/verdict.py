@@ -52,6 +52,11 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("stops", OPEN, "{pause}: judge each part by itself"),
     ("slips", SLIPS, "{manner} and persistent; {how}"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
+    ("sticks", SLIPS, "the slider {motion}"),
+    ("even", SMOOTH, "the slider {motion}"),
+    ("uneven", SMOOTH, "the slider {motion}"),
+    ("oscillates", OPEN, "the slider {motion}: by itself, or {shaken}"),
+    ("halts", OPEN, "the slider {motion}: by itself, or {shaken}"),
     ("line", OPEN, _HIDDEN),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
@@ -223,7 +228,7 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
         if trace.t.size < FEWEST_READINGS:
             least = f"fewer than {FEWEST_READINGS} samples lie after it"
             raise InputError(f"after = {begin:g}: {least}; the data end at t = {end:g}")
-    if trace.drive is None:
+    if trace.drive is None or trace.measured:
         seen = _of_a_bench(trace, whole=after is None)
     else:
         seen = _of_a_run(trace, trace.drive) if after is None else _judge(trace)
@@ -337,7 +342,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
 def _fault(seen: Window) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not constant; empty if it may have one."""
     trace = seen.trace
-    if trace.drive is None:
+    if trace.drive is None or trace.measured:
         if is_mirrored(trace, seen.found):
             return _TURNED
         return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
@@ -393,6 +398,8 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": how,
+        "motion": seen.motion,
+        "shaken": "shaken by few contacts? Their number would tell (--contacts, contacts= in motion)",
         "sticks": sticks,
         "changes": f"the amplitude {'decays' if seen.trend[0] < 1.0 else 'still grows'}, by a factor "
         f"{seen.trend[0]:.2g} from one half of the window to the other",

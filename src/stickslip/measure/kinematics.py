@@ -1,0 +1,282 @@
+"""The motion of a slider by the slope of its force: a slider that is held loads the spring at a full, known rate."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Self
+
+import numpy as np
+import xarray as xr
+from scipy.signal import oaconvolve, savgol_coeffs
+
+from stickslip.answers import Answer
+from stickslip.errors import InputError, whole
+from stickslip.measure.arrays import Array, Trace, mean_and_std
+from stickslip.measure.headings import ratio
+from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
+from stickslip.measure.slips import EDGE, find_slips, weighted_median, white_noise
+from stickslip.model.quantities import read_value
+from stickslip.simulation import labelled
+from stickslip.words import engineering
+
+SLOPE_ERROR = 0.1  # error of a slope, over that of the loading: its window is as long as that takes, and no longer
+RESTS = 0.25  # times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly
+HALF = 0.5  # of the time, and times the drive: a slider that sticks and slips is stuck, and off the drive, by more
+_WORDS = {
+    "sticks": "sticks and slips",
+    "even": "moves evenly",
+    "oscillates": "oscillates",
+    "halts": "stops and goes, without a period",
+    "uneven": "moves unevenly, without stops",
+}
+_STEADY = 1e-3  # relative change of a rate that is none
+_EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi  # part of half a cycle between the edges of a drop
+
+
+def slopes(force: Array, step: float, noise: float, rate: float) -> Array:
+    """Slopes of a force at its samples, by least squares over as many as tell a rate to a tenth.
+
+    Empty where that takes more than a twelfth of them.
+    """
+    width = max(math.ceil((12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)) | 1, 3)
+    if 12 * width > force.size:
+        return np.empty(0)
+    padded = np.pad(force - force.mean(), width // 2, "reflect", reflect_type="odd")  # a line goes on as a line
+    return np.asarray(oaconvolve(padded, savgol_coeffs(width, 1, deriv=1, delta=step), "valid"))
+
+
+def loading(force: Array, step: float, noise: float) -> tuple[float, float]:
+    """Rate at which a force rises where it rises at its full rate, and the part of the time in which it does.
+
+    The rate is the upper mode of the slopes. Not numbers where the noise leaves none.
+    """
+    rate = math.inf
+    for _ in range(20):
+        found = slopes(force, step, noise, rate)
+        if not found.size or not (top := float(np.quantile(found, 0.9))) > 0:
+            return math.nan, math.nan
+        settled, rate = abs(top - rate) <= _STEADY * top, top
+        if settled:
+            break
+    for _ in range(20):
+        near = found[np.abs(found - rate) < RESTS * rate]
+        rate = float(near.mean()) if near.size else rate
+    return rate, float(np.mean(found > (1.0 - RESTS) * rate))
+
+
+def motion(
+    data: xr.Dataset, *, stiffness: float | str, velocity: float | str, contacts: int | None = None
+) -> xr.Dataset:
+    """Return a measured trace with the motion of its slider, which the force of a known spring tells.
+
+    A drive at velocity ``V`` and a spring of stiffness ``K`` have the slider at ``X = V t - F/K``, so that its velocity
+    is ``V - (dF/dt)/K``. Slopes are read by least squares over as many samples as tell the velocity to a tenth of the
+    drive's, so that faster motion than that window is smoothed. `regime`, `drops` and pictures then know how fast the
+    slider moves, as they do of a run.
+
+    Parameters
+    ----------
+    data : Dataset
+        A measured trace, in units of force and time.
+    stiffness, velocity : float or str
+        Of all that gives way before the slider moves (the driving spring, machine and sensor, contacts that are held),
+        and of the drive: in N/m and m/s, or texts with a unit.
+    contacts : int, optional
+        How many contacts there are, if that is known: what is no more than their noise is no oscillation.
+
+    Returns
+    -------
+    Dataset
+        With `displacement` in m, `velocity` and `drive_velocity` in m/s.
+
+    Raises
+    ------
+    InputError
+        If the data know the motion already, or the force is no force, or its noise hides the motion.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr, stickslip as ss
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
+    >>> moving = ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s")
+    >>> round(float(moving["velocity"].median()), 6)  # held, most of the time
+    0.0
+    """
+    trace = Trace.of(data)
+    if trace.drive is not None or trace.velocity is not None:
+        raise InputError("motion: the data know the motion of the slider: leave out stiffness and velocity")
+    K = read_value("stiffness", stiffness, "N/m", "350 N/m")
+    V = read_value("velocity", velocity, "m/s", "0.1 mm/s")
+    newton, second = (ratio(unit or si, si) for unit, si in ((trace.force_unit, "N"), (trace.time_unit, "s")))
+    if not newton or not second:
+        given = f"spring_force is in {trace.force_unit!r} and time in {trace.time_unit!r}"
+        raise InputError(f"motion: {given}: must be units of force and of time; read the force, not a coefficient")
+    step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
+    even, rate = trace.t[0] + step * np.arange(trace.t.size), K * V * second / newton
+    noise = white_noise(trace.force)
+    slope = slopes(np.interp(even, trace.t, trace.force), step, noise, rate)
+    if not slope.size:
+        raise InputError(
+            f"motion: noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading by {1e6 * V:.4g} um/s: slopes "
+            "known to a tenth of that take more than a twelfth of the record; record longer, or with less noise"
+        )
+    v = trace.sign * V * (1.0 - np.interp(trace.t, even, slope) / rate)
+    X = trace.sign * (V * second * (trace.t - trace.t[0]) - (trace.force - trace.force[0]) * newton / K)
+    found = data.assign(
+        displacement=labelled("displacement of the slider", "time", X, "m"),
+        velocity=labelled("velocity of the slider", "time", v, "m/s"),
+        drive_velocity=labelled("velocity of the drive", "time", np.full_like(v, trace.sign * V), "m/s"),
+    )
+    known = {} if contacts is None else {"contacts": whole("contacts", contacts, at_least=1)}
+    return found.assign_attrs(stiffness=K, **known)
+
+
+class Motion(NamedTuple):
+    """How a slider moves: part of the time stuck, swing of its velocity about the drive's, cycles, and in a word.
+
+    A sine that just comes to rest is stuck for less than a quarter of the time, by the same measure.
+    """
+
+    stuck: float
+    swing: float
+    cycles: Cycles
+    word: Literal["sticks", "even", "oscillates", "halts", "uneven"]
+
+    @classmethod
+    def of(cls, trace: Trace) -> Self | None:
+        """Motion of a measured trace; None where it is not known."""
+        if not trace.measured or trace.velocity is None or trace.drive is None:
+            return None
+        v = trace.velocity / np.median(trace.drive)
+        stuck, cycles = float(np.mean(v < RESTS)), find_cycles(trace.t, v)
+        swing = math.sqrt(max(float(np.mean((v - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
+        by_chance = 1.0 / 3.0 + 2.0 / math.sqrt(2.0 * max(cycles.count, 1))
+        if stuck >= HALF and swing >= HALF:
+            return cls(stuck, swing, cycles, "sticks")
+        if swing < RESTS:
+            return cls(stuck, swing, cycles, "even")
+        if cycles.count >= FEWEST_CYCLES and cycles.correlation > by_chance:
+            return cls(stuck, swing, cycles, "oscillates")
+        return cls(stuck, swing, cycles, "halts" if stuck > RESTS else "uneven")
+
+    def __str__(self) -> str:
+        return (
+            f"{_WORDS[self.word]}: slower than a quarter of the drive for {100.0 * self.stuck:.3g} % of the time, "
+            f"{self.swing:.2g} times the drive's velocity off that (rms)"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Kinematics(Answer):
+    """How a slider moves, in units of its drive and in SI units.
+
+    Attributes
+    ----------
+    stiffness, velocity, mass : float
+        What was known, in N/m, m/s and kg; mass is NaN if it was not.
+    motion : str
+        The motion in words.
+    stuck : float
+        Fraction of the time in which the slider is slower than a quarter of the drive.
+    swing : float
+        Root mean square of the slider's velocity less the drive's, over the drive's, less the error of the slopes.
+    correlation, period : float
+        Height of the autocorrelation of the velocity at one period, and the period in s; 0 and NaN without one.
+    slips : int
+        Number of force drops.
+    recurrence, recurrence_variation, drop, drop_variation : float
+        Mean time between them in s, mean drop in m (over the stiffness), and their coefficients of variation.
+    loading : float
+        Rate at which the force rises where it rises at its full rate, over stiffness times velocity: 1 where the
+        slider sticks, .2 where it never does.
+    effective_mass : float
+        Mass in kg that a spring of this stiffness moves as quickly as the slips go, or as the oscillation does; NaN
+        where they are not resolved.
+    noise : float
+        Of the sensor, in m of the spring.
+    """
+
+    stiffness: float
+    velocity: float
+    mass: float
+    motion: str
+    stuck: float
+    swing: float
+    correlation: float
+    period: float
+    slips: int
+    recurrence: float
+    recurrence_variation: float
+    drop: float
+    drop_variation: float
+    loading: float
+    effective_mass: float
+    noise: float
+
+    def __str__(self) -> str:
+        lines = [f"the slider {self.motion}"]
+        if self.slips > 1:
+            drop, wait = engineering(self.drop, "m", 3), engineering(self.recurrence, "s", 3)
+            of_drops, of_waits = (f"(CV {each:.2g})" for each in (self.drop_variation, self.recurrence_variation))
+            lines.append(f"{self.slips} drops, slow ones too, of {drop} on average {of_drops}, every {wait} {of_waits}")
+        rate = f"{self.loading:.2g} of stiffness times velocity (1 where it sticks)"
+        lines.append(f"at its full rate the force rises at {rate}")
+        if math.isfinite(self.effective_mass):
+            of = f", {self.effective_mass / self.mass:.2g} of what it weighs" if math.isfinite(self.mass) else ""
+            lines.append(f"it moves as {engineering(1e3 * self.effective_mass, 'g', 3)} would on this spring{of}")
+        return "\n".join([*lines, f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring"])
+
+
+def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinematics:
+    """Return how a slider moves, from a trace with the motion that `motion` found.
+
+    Parameters
+    ----------
+    data : Dataset
+        As `motion` returns it, or a part of that.
+    mass : float or str, optional
+        Of the slider, in kg, or a text with a unit: what the effective mass is compared with.
+
+    Raises
+    ------
+    InputError
+        If the motion is not known.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr, stickslip as ss
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
+    >>> seen = ss.measure.kinematics(ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s"))
+    >>> seen.motion[:16], round(seen.stuck, 2), round(seen.loading, 2)
+    ('sticks and slips', 0.99, 1.0)
+    """
+    trace = Trace.of(data)
+    motion = Motion.of(trace)
+    if motion is None or trace.drive is None:
+        raise InputError("kinematics: needs a trace with the motion of its slider, as motion() returns it")
+    K, V = float(data.attrs["stiffness"]), float(np.median(trace.drive))
+    newton, second = ratio(trace.force_unit or "N", "N") or 1.0, ratio(trace.time_unit or "s", "s") or 1.0
+    found, step = find_slips(trace), (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
+    wait, _, of_waits = mean_and_std(np.diff(found.times))
+    drop, _, of_drops = mean_and_std(found.drops)
+    half = weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2) / _EDGES  # of a free oscillation
+    swings = motion.word in ("sticks", "oscillates") and half * RESTS >= 2.0 * step  # a mass known to a quarter
+    return Kinematics(
+        stiffness=K,
+        velocity=V,
+        mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
+        motion=str(motion),
+        stuck=motion.stuck,
+        swing=motion.swing,
+        correlation=motion.cycles.correlation,
+        period=second * motion.cycles.period if motion.word == "oscillates" else math.nan,
+        slips=found.size,
+        recurrence=second * wait,
+        recurrence_variation=of_waits,
+        drop=drop * newton / K,
+        drop_variation=of_drops,
+        loading=loading(trace.force, step, found.noise)[0] * newton / second / (K * V),
+        effective_mass=K * (second * half / math.pi) ** 2 if swings else math.nan,
+        noise=found.noise * newton / K,
+    )
