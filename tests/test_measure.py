@@ -207,9 +207,17 @@ FORCES = {
     "flipped": (lambda: (bench()[0] - 12.0).assign_attrs(flipped=1), "stick-slip", ""),  # by read_trace(flip=True)
     "smooth strokes": (lambda: to_and_fro(noisy_stroke, displacement=True), "smooth sliding", "6 strokes"),
     "strokes of slips": (lambda: to_and_fro(stroke_of_slips), "stick-slip", r"6 strokes .*\(6 stick-slip\)"),
-    "in parts": (alone(60.0, 0.01, in_parts, 0.01), "undecided", "no drops from t = 20 to 36: judge each part"),
-    "slips that stop": (alone(40.0, 0.01, stops(20.0), 0.01), "undecided", "no drops from t = 20 to 40"),
-    "that stop late": (alone(40.0, 0.01, stops(35.0)), "undecided", "no drops from t = 35 to 40"),
+    "in parts": (
+        alone(60.0, 0.01, in_parts, 0.01),
+        "undecided",
+        "stick-slip to t = 20, smooth sliding to t = 35, then stick-slip",
+    ),
+    "slips that stop": (
+        alone(40.0, 0.01, stops(20.0), 0.01),
+        "undecided",
+        "stick-slip to t = 20, then smooth sliding: judge",
+    ),
+    "that stop late": (alone(40.0, 0.01, stops(35.0)), "undecided", "stick-slip to t = 35, then smooth sliding: judge"),
     "smaller ones": (
         alone(60.0, 0.01, lambda t: 2 + np.where(t < 30, 1, 0.4) * (t % 1), 0.01),
         None,
@@ -421,6 +429,8 @@ def test_a_gap_in_a_record_is_told_and_no_slip():
     assert seen.window[0] > 25.0
     assert "no readings from t = 19.98 to 25" in str(seen)
     assert float(found["recurrence"].max()) < 1.0  # none is told across the gap
+    data["spring_force"][t < 20.0] = 2.5 + white(int((t < 20.0).sum()), std=0.01)
+    assert regime(data).reason.startswith("smooth sliding to t = 20, then stick-slip")
 
 
 def test_numbers_have_the_units_and_the_prefix_that_suit_them():

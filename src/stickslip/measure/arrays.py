@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -110,6 +111,12 @@ class Trace:
         """Samples before a gap: a step of more than 16 of those beside it, as many readings as a verdict needs."""
         step = np.diff(self.t)
         return 1 + np.flatnonzero(step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:]))
+
+    @property
+    def stretches(self) -> list[Self]:
+        """What lies between gaps, in turn."""
+        edges = [self.t[0], *self.t[self.gaps + 1], math.inf]
+        return [self.part(*pair) for pair in pairwise(edges)]
 
     def part(self, begin: float, end: float = math.inf) -> Self:
         """What comes from a time on, up to another."""

@@ -3,12 +3,13 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
-from stickslip.measure.arrays import Trace, mean_and_std, slope, without_line
+from stickslip.measure.arrays import FEWEST_READINGS, Trace, mean_and_std, slope, without_line
 from stickslip.measure.kinematics import Motion, loading
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
@@ -128,6 +129,21 @@ class Window:
         shape = 1.0 / max(variation, 0.01) ** 2
         chance = float(gammainccinv(shape, CHANCE / waits.size)) / shape
         return float(waits.max()) / usual, max(chance, float(FEWEST_CYCLES))
+
+    @property
+    def parts(self) -> list[Trace]:
+        """The parts with drops and those without, in turn: what follows a drop for longer than chance is one without.
+
+        The loading before the next drop belongs to that.
+        """
+        found, (t, times) = self.found, (self.trace.t, self.found.times)
+        waits = np.diff(np.append(times, t[-1]))
+        usual = weighted_median(np.diff(times), found.drops[1:] ** 2)
+        edges = [t[0]]
+        for i in np.flatnonzero(waits > self.pause[1] * usual).tolist():
+            edges += [t[found.end[i]], times[i + 1] - usual if i + 1 < times.size else math.inf]
+        parts = [self.trace.part(*pair) for pair in pairwise([*edges, *([] if edges[-1] == math.inf else [math.inf])])]
+        return [part for part in parts if part.t.size >= FEWEST_READINGS]
 
     @cached_property
     def line(self) -> tuple[float, float]:

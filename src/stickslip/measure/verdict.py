@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,7 +26,7 @@ Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecid
 
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
-MOST_STROKES = 0.75  # part of the strokes that must agree
+MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
 SMOOTH: Kind = "smooth sliding"
@@ -49,7 +50,7 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
     ("shrinks", OPEN, "{changes}; {more} whether it persists"),
     ("grows -slips", OPEN, "{changes}; {more}"),
-    ("stops", OPEN, "{pause}: judge each part by itself"),
+    ("stops", OPEN, "{turns}: judge each part by itself"),
     ("slips", SLIPS, "{manner} and persistent; {how}"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
     ("sticks", SLIPS, "the slider {motion}"),
@@ -108,7 +109,7 @@ class Regime(Answer):
         What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
         empty where the data do not say.
     notes : tuple of str
-        What a reader should know of the data: a saturated sensor or a reversed sign, reciprocating strokes.
+        What a reader should know of the data: a saturated sensor, gaps, a drift.
     table : tuple of Criterion
         The tests that kind and reason are read off: each with its statistic, its limit, where that comes from
         (theory, statistics, or a convention), and whether it was passed.
@@ -204,8 +205,8 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     after : float, optional
         Judge what comes after this time, in the unit of `t`. By default the last 40 % of the last stretch of
         constant driving, or the last 80 % if the last 40 % hold fewer than five drops; for a trace of the
-        force alone, everything after the first loading. The strokes of a reciprocating test are judged
-        apart.
+        force alone, everything after the first loading. What lies between gaps, the strokes of a reciprocating
+        test, and what comes before and after slips pause, is judged apart, and told in turn where it differs.
 
     Returns
     -------
@@ -259,50 +260,68 @@ def _of_a_run(trace: Trace, drive: Array) -> Regime:
 
 
 def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
-    """Judge a force alone: its longest stretch without a gap, once it is loaded, or its strokes; with notes."""
-    notes = []
-    if trace.gaps.size:
-        edges = [trace.t[0], *trace.t[trace.gaps + 1], math.inf]
-        begin, end = (words.number(trace.t[i]) for i in (trace.gaps[0], trace.gaps[0] + 1))
-        more = f", and {trace.gaps.size - 1} more gaps" * (trace.gaps.size > 1)
-        notes.append(f"no readings from t = {begin} to {end}{more}: the longest stretch without a gap was judged")
-        stretches = [trace.part(*pair) for pair in itertools.pairwise(edges)]
-        trace = max(stretches, key=lambda part: (part.t.size >= FEWEST_READINGS, float(np.ptp(part.t))))
+    """Judge a measured force: each stretch without a gap by itself; with notes."""
+    stretches, notes = trace.stretches, [*about_the_sensor(trace.force)]
+    if len(stretches) > 1:
+        begin, end = words.number(stretches[0].t[-1]), words.number(stretches[1].t[0])
+        more = f", and {len(stretches) - 2} more gaps" * (len(stretches) > 2)
+        notes.insert(0, f"no readings from t = {begin} to {end}{more}: each stretch without a gap was judged by itself")
+    long = [each for each in stretches if each.t.size >= FEWEST_READINGS]
+    parts = [_of_a_stretch(each, whole=whole) for each in long or [trace]]
+    seen, agree = _typical(parts)
+    if not agree:
+        told = f"{_in_turn(parts)}: judge each part by itself"
+        seen = replace(seen, kind=OPEN, reason=told, window=(parts[0].window[0], parts[-1].window[1]))
+    return replace(seen, notes=(*seen.notes, *notes))
+
+
+def _of_a_stretch(trace: Trace, *, whole: bool) -> Regime:
+    """Judge the strokes of a force without gaps, each by itself, or all of it once it is loaded."""
     if strokes := find_strokes(trace):
-        seen = _of_strokes(strokes)
-    else:
-        usual = float(np.median(trace.force[trace.force.size // 2 :]))
-        late = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
-        window = late if whole and late.t.size >= FEWEST_READINGS else trace
-        seen, rate = _judge(window), slope(window.force, window.t)
-        if seen.kind != OPEN and abs(rate) * np.ptp(window.t) > MOST * np.ptp(window.force):
-            unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-            notes.append(f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip())
-    return replace(seen, notes=(*seen.notes, *notes, *about_the_sensor(trace.force)))
+        parts = [_judge(stroke) for stroke in strokes]
+        seen, agree = _typical(parts)
+        told = ", ".join(f"{many} {kind}" for kind, many in Counter(each.kind for each in parts).most_common())
+        reason = f"reciprocating test, {len(parts)} strokes judged separately ({told}); {seen.reason}"
+        window = (parts[0].window[0], parts[-1].window[1])
+        if agree:
+            return replace(seen, reason=reason, window=window)
+        return replace(seen, kind=OPEN, reason=f"{reason}; judge a part of the strokes", window=window)
+    usual = float(np.median(trace.force[trace.force.size // 2 :]))
+    late = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
+    loaded = late if whole and late.t.size >= FEWEST_READINGS else trace
+    seen, rate = _judge(loaded), slope(loaded.force, loaded.t)
+    if seen.kind == OPEN or abs(rate) * np.ptp(loaded.t) <= MOST * np.ptp(loaded.force):
+        return seen
+    unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
+    return replace(seen, notes=(f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),))
 
 
-def _of_strokes(strokes: list[Trace]) -> Regime:
-    """Judge each stroke by itself, and sum up."""
-    seen = [_judge(stroke) for stroke in strokes]
-    count = Counter(each.kind for each in seen)
-    kind = next((kind for kind, _ in count.most_common() if kind != OPEN), OPEN)
-    typical = next(each for each in seen if each.kind == kind)
-    told = ", ".join(f"{many} {kind}" for kind, many in count.most_common())
-    reason = f"reciprocating test, {len(seen)} strokes judged separately ({told}); {typical.reason}"
-    if count[kind] < MOST_STROKES * len(seen):
-        kind, reason = OPEN, f"{reason}; judge a part of the strokes"
-    return replace(typical, kind=kind, reason=reason, window=(seen[0].window[0], seen[-1].window[1]))
+def _typical(parts: Sequence[Regime]) -> tuple[Regime, bool]:
+    """The longest part of the kind that lasts longest, and whether that is most of the time; undecided if all are."""
+    lasts = Counter[Kind]()
+    for each in parts:
+        lasts[each.kind] += np.ptp(each.window)
+    kind = max(lasts, key=lambda kind: (kind != OPEN, lasts[kind]))
+    longest = max((each for each in parts if each.kind == kind), key=lambda each: float(np.ptp(each.window)))
+    return longest, lasts[kind] >= MOST_PARTS * lasts.total()
 
 
-def _judge(trace: Trace, found: Slips | None = None) -> Regime:
-    """Weigh the evidence in a window, whose drops may have been found before."""
+def _in_turn(parts: Sequence[Regime]) -> str:
+    """Say which kinds of motion follow one another, and until when."""
+    runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
+    told = [f"{run[0].kind} to t = {in_words(run[-1].window[1], run[0].time_unit, 3)}" for run in runs[:-1]]
+    return f"{', '.join(told)}, then {runs[-1][0].kind}" if told else f"{runs[0][0].kind} with pauses"
+
+
+def _judge(trace: Trace, found: Slips | None = None, *, part: bool = False) -> Regime:
+    """Weigh the evidence in a window, whose drops may have been found before; part of one may stand still."""
     seen, largest, stuck, drive = Window(trace, found or find_slips(trace)), None, None, None
     if trace.drive is not None:
         drive = float(trace.drive.mean())
         if trace.velocity is not None and drive:
             largest = float(trace.velocity.max()) / drive
             stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    kind, reason = OPEN, _fault(seen)
+    kind, reason = OPEN, "" if part else _fault(seen)
     if not reason:
         kind, reason = next(
             (kind, reason.format_map(_in_words(seen, stuck)))
@@ -372,8 +391,6 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
         sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= STICKS else 'never sticks'}"
-    edges = np.concatenate([trace.t[:1], found.times, trace.t[-1:]])
-    longest = int(np.argmax(np.diff(edges)))
     # So long that there are enough cycles, and a trend shows.
     fewest = int(tests["cycles"].limit)
     needed = max((fewest + 1) / max(count, 1), 2.0)
@@ -403,6 +420,6 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
         "sticks": sticks,
         "changes": f"the amplitude {'decays' if seen.trend[0] < 1.0 else 'still grows'}, by a factor "
         f"{seen.trend[0]:.2g} from one half of the window to the other",
-        "pause": f"no drops from t = {time(edges[longest])} to {time(edges[longest + 1])}",
+        "turns": _in_turn([_judge(part, part=True) for part in seen.parts]) if "stops" in seen.facts else "",
         "more": more,
     }
