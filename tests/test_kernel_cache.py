@@ -13,7 +13,7 @@ import stickslip.kernels
 
 HERE = Path(stickslip.kernels.__file__).parent
 CALLEE = "from ._jit import {how}\n\n@{how}\ndef factor(x):\n    return {factor} * x\n"
-CALLER = "from ._jit import {how}\nfrom .callee import factor\n\n@{how}\ndef product(x):\n    return factor(x)\n"
+CALLER = "from ._jit import jit\nfrom .callee import factor\n\n@jit\ndef product(x):\n    return factor(x)\n"
 RUN = """
 import json
 from kernels import _jit, caller
@@ -32,7 +32,7 @@ def house(tmp_path):
 
 def write(house, factor=2.0, how="jit"):
     (house / "kernels" / "callee.py").write_text(CALLEE.format(how=how, factor=factor))
-    (house / "kernels" / "caller.py").write_text(CALLER.format(how=how))
+    (house / "kernels" / "caller.py").write_text(CALLER)
 
 
 def run(house, **environment):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.registry import CPUDispatcher
 from numba.misc.appdirs import AppDirs
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -64,11 +65,15 @@ def compiled_before() -> bool:
 
 
 def _compiled(function: F, **options: bool) -> F:
-    """Compile a kernel: without the GIL, numpy's rules for division by zero, machine code in our own folder."""
+    """Compile a kernel: without the GIL, numpy's rules for division by zero, machine code in our own folder.
+
+    No kernel is handed to another as an argument: what numba would make for that is left out.
+    """
     given = _numba.config.CACHE_DIR
     _numba.config.CACHE_DIR = str(_PLACE or "")
+    options = {"nogil": True, "no_cfunc_wrapper": True, "cache": _PLACE is not None, **options}
     try:
-        return cast(F, _numba.njit(nogil=True, error_model="numpy", cache=_PLACE is not None, **options)(function))
+        return cast(F, _numba.njit(error_model="numpy", **options)(function))
     finally:
         _numba.config.CACHE_DIR = given
 
@@ -91,6 +96,19 @@ def bare(function: F) -> F:
     return _compiled(function, _nrt=False)
 
 
+class _Inlined(CPUDispatcher):
+    """A kernel that other kernels call; what Python calls is the plain function."""
+
+    def __call__(self, *args: Any) -> Any:
+        return self.py_func(*args)
+
+
 def inlined(function: F) -> F:
-    """Compile a small `bare` kernel into its callers: a call costs more than its work (340, then 120 ns an event)."""
-    return _compiled(function, _nrt=False, forceinline=True)
+    """Compile a small `bare` kernel into its callers: a call costs more than its work (340, then 120 ns an event).
+
+    It is not compiled for Python, too: to unpack a state of many arrays takes longer to compile than the kernel.
+    """
+    kernel: Any = _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True)
+    if not _numba.config.DISABLE_JIT:
+        kernel.__class__ = _Inlined
+    return cast(F, kernel)

@@ -3,7 +3,7 @@
 What it costs to add an entry and to take the smallest does not grow with their number, as long as keys come from a
 range that moves on slowly. A bin is a list of short pieces of consecutive memory: taking a bin into use waits for the
 memory once, not once an entry, and adding an entry does not wait at all. An entry stays at its place until it is taken
-or dropped, so that it may hold more than key and slot, and be found again.
+or dropped, so that it may hold more than key and slot, and be found again: what a contact needs, two to a cache line.
 """
 
 import math
@@ -14,8 +14,8 @@ import numpy as np
 from ._jit import bare, inlined
 from .records import Counts, Floats, Indices, Records
 
-ENTRY = np.dtype([("key", np.float64), ("slot", np.int32), ("other", np.int32)])
-"""The least that an entry holds; `other` is the user's."""
+_ENTRY = np.dtype([("key", "f8"), ("slot", "i4"), ("other", "i4"), ("birth", "f8"), ("threshold", "f8")])
+"""Key and slot, and what the user wants to find at its place; one kind for all queues, compiled once."""
 
 _CHUNK = 4  # entries in a piece of memory; a power of two
 _SHIFT = 2  # its logarithm
@@ -48,13 +48,13 @@ LAST = 5
 MOVED = 6  # whether entries were moved to other places
 
 
-def make_queue(capacity: int, bins: int, width: float, entry: np.dtype[np.void] = ENTRY) -> Queue:
+def make_queue(capacity: int, bins: int, width: float) -> Queue:
     """Return an empty queue; `bins` is a power of two, and any `width` right; the best holds a dozen entries."""
     chunks = capacity // _CHUNK + min(bins, capacity) + capacity // (4 * _CHUNK) + 2  # one of them to move entries
     queue = Queue(
         newest=np.empty(bins, np.int32),
         before=np.empty(chunks, np.int32),
-        entries=np.empty(chunks * _CHUNK, entry),
+        entries=np.empty(chunks * _CHUNK, _ENTRY),
         front_key=np.empty(capacity),
         front_place=np.empty(capacity, np.int32),
         counts=np.zeros(7, np.int64),
@@ -177,7 +177,7 @@ def peek(queue: Queue) -> float:
     return float(queue.front_key[counts[FIRST]])
 
 
-@inlined
+@bare
 def _next_bin(queue: Queue) -> None:
     """Put the next bin with entries in use."""
     counts, last = queue.counts, queue.newest.size - 1
@@ -240,7 +240,7 @@ def _load(queue: Queue) -> None:
                 count += 1
         place = (queue.before[chunk] << _SHIFT) + _CHUNK - 1
     counts[LAST] = count
-    _sort_front(queue, count)
+    _sort_front(queue)
 
 
 @inlined
@@ -293,9 +293,9 @@ def _pack(queue: Queue) -> None:
 
 
 @inlined
-def _sort_front(queue: Queue, count: int) -> None:
+def _sort_front(queue: Queue) -> None:
     # A bin is read from its newest entry; times of re-attachment come in order, so reversed they are sorted already.
-    keys, places = queue.front_key, queue.front_place
+    keys, places, count = queue.front_key, queue.front_place, queue.counts[LAST]
     for i in range(count // 2):
         j = count - 1 - i
         keys[i], keys[j] = keys[j], keys[i]

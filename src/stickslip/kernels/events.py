@@ -29,7 +29,7 @@ from . import motion, shared_clock
 from ._jit import bare, inlined
 from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, threshold_now
 from .drive import ARRESTED, DRAWS_USED_UP, FINISHED, LOOK, PAUSED, STOPPED, Piece, Quadratic, Sampling
-from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
+from .event_queue import MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
 from .motion import Constants, Leg
@@ -38,8 +38,6 @@ from .records import Counts, Floats, Record, Records
 from .shared_clock import Clock, is_shared
 from .tournament import enter, smallest, tournaments, winner
 
-# Fields used together lie together: two contacts a cache line.
-CONTACT = np.dtype([*ENTRY.descr, ("birth", float), ("threshold", float)])
 # When a contact attached; how far its box reaches, and the largest rate there: 0 if the time of the contact is that of
 # the end of its box, below 0 if it breaks then; its place in the queue ahead.
 BOX = np.dtype([("since", float), ("reach", float), ("most", float), ("place", np.int64)])
@@ -123,17 +121,16 @@ def make_state(
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(
         size=N,
-        ahead=make_queue(N, bins, width, CONTACT),
+        ahead=make_queue(N, bins, width),
         behind=make_queue(N, bins, width),
         waiting=make_queue(N, _power_of_two(N / 8, N), time_width),
         motion=motion,
         cuts=np.zeros(16),
     )
     motion[0].attached = attached
-    for i in np.flatnonzero(np.isfinite(pending)):
-        push(state.waiting, float(pending[i]), attached + int(i))
     clear(state.ahead, motion[0].position)
-    _fill(state, birth[:attached], threshold)
+    ending = np.flatnonzero(np.isfinite(pending))
+    _fill(state, birth[:attached], threshold, attached + ending, pending[ending])
     _look_again(state, None)
     return state
 
@@ -155,13 +152,18 @@ def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
 
 
 @bare
-def _fill(state: State, birth: Floats, threshold: Floats) -> None:
-    """Put contacts where attached ones live; one whose threshold has grown may be stretched beyond its strength."""
+def _fill(state: State, birth: Floats, threshold: Floats, detached: Counts, until: Floats) -> None:
+    """Put contacts where attached ones live, and others where they wait to re-attach.
+
+    A contact whose threshold has grown may be stretched beyond its strength.
+    """
     for slot in range(birth.size):
         reach = max(threshold[slot], abs(state.motion[0].position - birth[slot]))
         place = push(state.ahead, reach + birth[slot], slot)
         state.ahead.entries[place]["birth"] = birth[slot]
         state.ahead.entries[place]["threshold"] = threshold[slot]
+    for i in range(detached.size):
+        push(state.waiting, until[i], detached[i])
 
 
 def force_of(state: State) -> float:
@@ -183,8 +185,8 @@ def re_attach_all(state: State) -> None:
     """Make all detached contacts re-attach now."""
     detached = np.ones(state.size, dtype=bool)
     detached[attached_contacts(state)["slot"]] = False
-    for slot in np.flatnonzero(detached):
-        push(state.waiting, float(state.motion[0].time), int(slot))
+    slots, nobody = np.flatnonzero(detached), np.empty(0)
+    _fill(state, nobody, nobody, slots, np.full(slots.size, state.motion[0].time))
 
 
 def _power_of_two(wanted: float, most: float) -> int:
@@ -356,7 +358,7 @@ def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Const
 def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
     """Break the contact at a place; without delay it re-attaches at once."""
     m, contact, k = state.motion[0], state.ahead.entries[place], 1.0
-    slot = contact["slot"]
+    slot = int(contact["slot"])
     if boxes is not None and boxes.rule.as_stiff:
         k = contact["threshold"]
     motion.count_out(m, contact["birth"], k, c)
@@ -381,7 +383,7 @@ def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -
         _break(state, place, draws, boxes, c)
         return
     contact = state.ahead.entries[place]
-    slot, birth, strength = contact["slot"], contact["birth"], contact["threshold"]
+    slot, birth, strength = int(contact["slot"]), contact["birth"], contact["threshold"]
     _drop(state, place)
     _hold(state, slot, birth, strength, draws, boxes)
 
@@ -475,14 +477,14 @@ def _yields(m: Record, edges: _Edges, side: int, first: float) -> bool:
 
 
 @bare
-def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Boxes | None, c: Constants) -> bool:
+def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Boxes, c: Constants) -> bool:
     """Take a slider without mass towards its balance; whether something happens on the way there."""
     m = state.motion[0]
     goal = motion.balance(m, drive, c)
     if m.slides * (goal - m.position) < 0.0:
         _holds_again(m)
         return True
-    edges, behind = _edges(m, False, boxes, c), _first_behind(state)
+    edges, behind = _edges(m, draws.arrests, boxes, c), _first_behind(state)
     side = int(goal > min(ahead, edges.ahead)) - int(goal < max(-behind, edges.behind))
     if side == 0:
         motion.leap(m, goal, c)
@@ -604,7 +606,8 @@ def advance(
     """Move the state on, event by event, until a reason to stop, or about `budget` events.
 
     The motion says how far the samples are filled and the draws used. Whether there are boxes numba knows as it
-    compiles: contacts without pay nothing for them.
+    compiles: contacts without pay nothing for them. A slider without mass needs them: under fixed thresholds it would
+    slip in no time.
     """
     m, acceleration, stiffest = state.motion[0], piece.drive.acceleration, 1.0
     if boxes is not None:
@@ -619,12 +622,13 @@ def advance(
             return PAUSED
         to_go -= 1
         ahead = peek(state.ahead)
-        if c.massless and _leaps(state, piece.drive, ahead, draws, boxes, c):
-            continue
-        if boxes is not None and not shared_clock.runs_evenly(boxes.clock, m):
-            behind = _first_behind(state)
-            if not shared_clock.wind(boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates):
-                return DRAWS_USED_UP
+        if boxes is not None:
+            if c.massless and _leaps(state, piece.drive, ahead, draws, boxes, c):
+                continue
+            if not shared_clock.runs_evenly(boxes.clock, m):
+                behind = _first_behind(state)
+                if not shared_clock.wind(boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates):
+                    return DRAWS_USED_UP
         leg, edges = _begin(m, piece.drive, draws.arrests, boxes, c)
         attachment, due, by = peek(state.waiting), np.inf, 0
         if boxes is not None:

@@ -7,7 +7,9 @@ the rest. Crossings need derivatives up to the jerk besides.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ._jit import bare, inlined
 from .records import Floats
@@ -43,6 +45,10 @@ NEAREST = 0.012  # up to here, six
 MIDDLE = 0.3  # and up to here, twelve
 _DIED_OUT = 40.0  # a free oscillation that has decayed by exp of this is less than rounding
 _LEGS = 16.0  # flights of more legs than this go through the closed form
+
+# Orders of derivatives; kernels are compiled once for numpy's integers, and for each of Python's constants anew.
+_ORDERS: Any = np.arange(3)
+_PLACE, _VELOCITY, _ACCELERATION = _ORDERS
 
 
 @inlined
@@ -214,7 +220,7 @@ def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
 @bare
 def heading(f: Flight) -> float:
     """Direction of the slider just after the start: a number of its sign, 0 if it stays."""
-    return _start(f, 1)
+    return _start(f, _VELOCITY)
 
 
 @bare
@@ -241,14 +247,14 @@ def first_turn(f: Flight, most: float, cuts: Floats) -> float:
     """First time up to `most`, within what `first_crossing` has searched, at which the slider stops, or infinity."""
     if f.w2 == 0.0:  # rigid motion
         return math.inf
-    count = _parts(f, most, 2, cuts)
-    left = _start(f, 1)
+    count = _parts(f, most, _ACCELERATION, cuts)
+    left = _start(f, _VELOCITY)
     for i in range(count - 1):
-        right = derivative(f, 1, cuts[i + 1])[0]
+        right = derivative(f, _VELOCITY, cuts[i + 1])[0]
         if right == 0.0 and left != 0.0 and (i > 0 or f.v != 0.0):
             return float(cuts[i + 1])
         if left * right < 0.0:
-            return _root(f, 1, 0.0, cuts[i], cuts[i + 1])
+            return _root(f, _VELOCITY, 0.0, cuts[i], cuts[i + 1])
         left = right
     return math.inf
 
@@ -271,12 +277,12 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
         most = min(most, 0.5 * math.pi / math.sqrt(g2))
     if f.v != 0.0:  # most often the crossing comes soon: a short stretch has no turns and needs no roots
         most = min(most, 4.0 * distance / abs(f.v))
-    for i in range(_parts(f, most, 1, cuts) - 1):
-        y = derivative(f, 0, cuts[i + 1])[0]
+    for i in range(_parts(f, most, _VELOCITY, cuts) - 1):
+        y = derivative(f, _PLACE, cuts[i + 1])[0]
         if y >= to_ahead:
-            return _root(f, 0, to_ahead, cuts[i], cuts[i + 1]), 1
+            return _root(f, _PLACE, to_ahead, cuts[i], cuts[i + 1]), 1
         if y <= -to_behind:
-            return _root(f, 0, -to_behind, cuts[i], cuts[i + 1]), -1
+            return _root(f, _PLACE, -to_behind, cuts[i], cuts[i + 1]), -1
     return most, 0
 
 
