@@ -39,6 +39,7 @@ def test_every_figure_has_its_page():
     assert {path.name for path in (EXAMPLES / "figures").glob("*.py")} == pages
 
 
+@pytest.mark.takes(6)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in PAGES]
 )

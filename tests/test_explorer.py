@@ -116,7 +116,7 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
 @pytest.mark.takes(5)  # a boundary
 @pytest.mark.parametrize(
     ("document", "over"),
-    [(small(), ["stiffness", "velocity"]), (documents.of(rigs.example("pmma_slider")), ["mass", "damping"])],
+    [(small(), ["velocity", "delay"]), (documents.of(rigs.example("pmma_slider")), ["stiffness", "velocity"])],
     ids=["natural", "SI"],
 )
 def test_the_rig_stands_on_the_map_where_its_fields_say(document, over):

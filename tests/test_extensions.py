@@ -275,6 +275,7 @@ def test_a_rig_file_names_a_distribution_and_a_sweep_varies_its_rig(tmp_path):
 units = "natural"
 slider = { mass = 1e-4, stiffness = 2.0, damping = 42.4 }
 drive = { velocity = 1.0, distance = 2.0 }
+simulation = { contacts = 200 }
 [interface]
 thresholds = { distribution = "triangle of a test", mean = 1.0, half_width = 0.25 }
 delay = 0.1

@@ -149,6 +149,7 @@ def plain(case, birth, threshold, newborn, delay, times):
     return np.array(rows)
 
 
+@pytest.mark.takes(4)  # the loop is plain Python
 @every_rig
 @pytest.mark.eq(11)
 def test_contacts_move_as_in_a_plain_loop(seed):
