@@ -308,6 +308,8 @@ def _typical(parts: Sequence[Regime]) -> tuple[Regime, bool]:
 
 def _in_turn(parts: Sequence[Regime]) -> str:
     """Say which kinds of motion follow one another, and until when."""
+    if not parts:
+        return "slips with pauses"
     runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
     told = [f"{run[0].kind} to t = {in_words(run[-1].window[1], run[0].time_unit, 3)}" for run in runs[:-1]]
     return f"{', '.join(told)}, then {runs[-1][0].kind}" if told else f"{runs[0][0].kind} with pauses"
@@ -324,7 +326,7 @@ def _judge(trace: Trace, found: Slips | None = None, *, part: bool = False) -> R
     kind, reason = OPEN, "" if part else _fault(seen)
     if not reason:
         kind, reason = next(
-            (kind, reason.format_map(_in_words(seen, stuck)))
+            (kind, reason.format_map(_in_words(seen, stuck, within=part)))
             for conditions, kind, reason in RULES
             if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
         )
@@ -372,7 +374,7 @@ def _fault(seen: Window) -> str:
     return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
 
 
-def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
+def _in_words(seen: Window, stuck: float | None, *, within: bool) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
     trace, found, tests, span, count = seen.trace, seen.found, seen.tests, float(np.ptp(seen.trace.t)), seen.count
 
@@ -420,6 +422,6 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
         "sticks": sticks,
         "changes": f"the amplitude {'decays' if seen.trend[0] < 1.0 else 'still grows'}, by a factor "
         f"{seen.trend[0]:.2g} from one half of the window to the other",
-        "turns": _in_turn([_judge(part, part=True) for part in seen.parts]) if "stops" in seen.facts else "",
+        "turns": _in_turn([_judge(each, part=True) for each in seen.parts if not within and "stops" in seen.facts]),
         "more": more,
     }
