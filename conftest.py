@@ -186,6 +186,8 @@ def pytest_collection_modifyitems(items):
 
 MARGIN = 2.0
 """How much longer than told a test may take: two threads that share a core take about half of it each."""
+BLOCK = 10.0
+"""CPU time that a block of a page may take, in s: it shows the real thing."""
 
 
 def pytest_addoption(parser):
@@ -222,10 +224,11 @@ def pytest_runtest_call(item):
     begun = _used()
     result = yield
     most, took = item.config.getoption("--at-most"), _used() - begun
-    if marker := item.get_closest_marker("takes"):
-        most = marker.args[0]
-    if most is not None and took > MARGIN * most and not item.get_closest_marker("slow"):
-        pytest.fail(f"took {took:.1f} s of CPU time, more than {most:g}: make it smaller, or mark it", pytrace=False)
+    if most is not None and not item.get_closest_marker("slow"):
+        longer = item.get_closest_marker("takes")
+        most = longer.args[0] if longer else BLOCK if isinstance(item, SybilItem) else most
+        if took > MARGIN * most:
+            pytest.fail(f"took {took:.1f} s of CPU time, not {most:g}: make it smaller, or mark it", pytrace=False)
     return result
 
 
