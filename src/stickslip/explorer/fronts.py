@@ -31,8 +31,10 @@ _DECADES = 3.0  # of velocity below the largest
 def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Run a bar; return its force, its pictures in space and time, and its events with extent and speed."""
     rig = documents.any_rig_of(request.get("chain"))
-    body = _bar(rig)
-    _check(rig, body, float(request.get("seconds", documents.LONGEST)))
+    body = rig.slider
+    if not isinstance(body, Chain):
+        raise InputError("chain: this rig has no bar of blocks; give [chain] in place of [slider]", "chain")
+    _check(rig, body, documents.seconds_of(request))
     duration = rig.drive.duration
     samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
     run = simulate(replace(rig, output=Output(interval=duration / max(samples, 100.0))), progress=watch)
@@ -70,13 +72,6 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
         "left_out": len(events) - len(longest),
         "toml": rigs.to_toml(rig),
     }
-
-
-def _bar(rig: Rig) -> Chain:
-    body = rig.slider
-    if not isinstance(body, Chain):
-        raise InputError("chain: this rig has no bar of blocks; give [chain] in place of [slider]", "chain")
-    return body
 
 
 def _check(rig: Rig, body: Chain, seconds: float) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import plot, rigid, sliding
+from stickslip import advise, plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents, replay
 from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, in_unit, packed, width_of, within
@@ -71,8 +71,7 @@ def _in_hertz(regime: Plain, rig: Rig) -> str:
     period = regime["period"]
     if period is None or regime["kind"] == "smooth sliding":
         return ""
-    often = 1.0 / period
-    return f"{often:.3g} Hz" if rig.scales is not None else f"{often:.3g} per time unit"
+    return f"{1.0 / period:.3g} {advise.say.frequency_unit(rig)}"
 
 
 def law(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -114,11 +113,9 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The distribution of stretchings at another time of the same run."""
-    rig = documents.rig_of(request.get("document"))
-    rig = documents.of_duration(rig, request.get("duration"))
-    yield {
-        "stretchings": _stretchings(_run(rig, watch, documents.seconds_of(request), snapshots=(_look(request, rig),)))
-    }
+    rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
+    made = _run(rig, watch, documents.seconds_of(request), snapshots=(_look(request, rig),))
+    yield {"stretchings": _stretchings(made)}
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:

@@ -35,7 +35,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "rate": [[f"{value:.3g}" for value in row] for row in values],
         "rate_unit": str(rate.attrs.get("units", "")),
         "levels": {"at": floats(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
-        "frequency_unit": "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit",
+        "frequency_unit": advise.say.frequency_unit(rig),
         "curves": [
             {
                 "x": floats(found[f"edge_{over[0]}"].to_numpy()[mine]),

@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 from stickslip.measure import regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import FromRest, FromSliding, Method, Rig, Slider, Start, constant
+from stickslip.model import FromRest, FromSliding, Rig, Slider, constant
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import simulate
 
@@ -31,12 +31,12 @@ class Study:
     def __call__(self, *, seed: int = 0, **values: Any) -> dict[str, float | str]:
         """Run one case; return all of `MEASURES`, in the rig's own units."""
         seed = seed >> 10 if seed >= 2**53 else seed
-        start, count = values.pop("start", self.start), values.pop("contacts", None)
-        method = self.rig.method
+        start = values.pop("start", self.start)
+        method, sliding = self.rig.method, FromSliding(perturbation=PERTURBATION)
         if isinstance(method, DRAWN):
-            method = replace(method, count=method.count if count is None else count, seed=seed)
+            method, sliding = replace(method, count=values.pop("contacts", method.count), seed=seed), FromSliding()
         varied = self.rig.replace(**values)
-        rig = replace(varied.natural, method=method, start=_beginning(start, method))
+        rig = replace(varied.natural, method=method, start=FromRest() if start == FROM_REST else sliding)
         slider = rig.slider
         stiffness = slider.stiffness if isinstance(slider, Slider) else float(slider.pulled.mean())
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
@@ -59,12 +59,6 @@ class Study:
     def start(self) -> str:
         """How a run starts unless that is an axis."""
         return FROM_REST if isinstance(self.rig.start, FromRest) else FROM_SLIDING
-
-
-def _beginning(start: str, method: Method) -> Start:
-    if start == FROM_REST:
-        return FromRest()
-    return FromSliding() if isinstance(method, DRAWN) else FromSliding(perturbation=PERTURBATION)
 
 
 MEASURES: dict[str, tuple[str, str]] = {
