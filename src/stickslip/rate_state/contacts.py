@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import interpolate, special
 
+from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import instance
-from stickslip.measure.arrays import Array
 from stickslip.model import Barrier, Delay, Interface, Langevin, MasterEquation, Parabolic
+from stickslip.model.records import hashable
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
 
@@ -39,12 +41,29 @@ def small_step(
     ndarray, shape (n,)
         Per contact, in ``f_s``.
     """
+    y, kappa = _answer(hashable(interface), velocity, coarse)
+    if math.isfinite(stiffness):
+        kappa = kappa * stiffness / (kappa + stiffness)
+    factor = np.asarray(kappa).imag / y
+    # Below the first frequency the factor is dF/dln v.
+    y, factor = np.append(0.0, y), np.append(factor[0], factor)
+    x = slip[:, None]
+    inner = special.sici(y * x)[0]
+    steep = np.diff(factor) / np.diff(y)
+    level = factor[:-1] - steep * y[:-1]
+    found = np.diff(inner, axis=1) @ level - (np.diff(np.cos(y * x), axis=1) / x) @ steep
+    return np.asarray(2.0 / math.pi * found)
+
+
+@lru_cache(maxsize=16)
+def _answer(interface: Interface, velocity: float, coarse: float) -> tuple[Array, ComplexArray]:
+    """Wave numbers that follow every turn of the response, and ``kappa`` there."""
     response, thresholds = respond(interface), interface.threshold_distribution
     mean = thresholds.moment(1)
 
-    def stiffness_at(wave: Array) -> Array:
+    def stiffness_at(wave: Array) -> ComplexArray:
         """By wave number, in units of one over the mean threshold."""
-        return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity))
+        return response.stiffness(velocity, 1j * wave / mean * velocity)
 
     # Contacts that are nearly alike break together, life after life: a resonance of this width, from its first on.
     away, cv = velocity * interface.delay.longest / mean, thresholds.standard_deviation() / mean
@@ -59,21 +78,8 @@ def small_step(
         # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
         middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
         known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
-        kappa = interpolate.CubicSpline(np.log1p(known), stiffness_at(known))(np.log1p(y))
-    else:
-        kappa = stiffness_at(y)
-    y = y / mean
-    if math.isfinite(stiffness):
-        kappa = kappa * stiffness / (kappa + stiffness)
-    factor = np.asarray(kappa).imag / y
-    # Below the first frequency the factor is dF/dln v.
-    y, factor = np.append(0.0, y), np.append(factor[0], factor)
-    x = slip[:, None]
-    inner = special.sici(y * x)[0]
-    steep = np.diff(factor) / np.diff(y)
-    level = factor[:-1] - steep * y[:-1]
-    found = np.diff(inner, axis=1) @ level - (np.diff(np.cos(y * x), axis=1) / x) @ steep
-    return np.asarray(2.0 / math.pi * found)
+        return y / mean, interpolate.CubicSpline(np.log1p(known), stiffness_at(known))(np.log1p(y))
+    return y / mean, stiffness_at(y)
 
 
 def finite_step(

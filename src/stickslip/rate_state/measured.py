@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -136,25 +137,28 @@ def _fitted(
     starts: Sequence[Array],
     *,
     trend: bool,
+    quick: Mapping[str, Any] | None = None,
     **how: Any,
 ) -> tuple[AnyFit, Array]:
     """Fit a step of some kind beside a line, and when it came; and the covariance of what was fitted.
 
     Fields of the kind are given, or fitted within their `ranges`; how late the step came follows these in `starts`.
+    With the fields that are `quick` it is nearly the same: derivatives are taken of that.
     """
     low, high = np.array([*ranges.values(), (-step.near, step.near)]).T
     lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
     of_line = np.linalg.pinv(lines)
 
-    def above(value: Array) -> Array:
+    def above(value: Array, given: Mapping[str, Any] = given) -> Array:
         late = float(value[-1])
         return kind(step=step, late=late, **given, **dict(zip(ranges, value[:-1], strict=True)))._rise(step.since(late))
 
-    def beside_a_line(value: Array) -> Array:
-        up = above(value)
+    def beside_a_line(value: Array, given: Mapping[str, Any] = given) -> Array:
+        up = above(value, given)
         return up + lines @ (of_line @ (step.friction - up))
 
-    fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
+    like = None if quick is None else partial(beside_a_line, given=quick)
+    fit = least_squares(beside_a_line, step.friction, starts, low, high, like=like, **how)
     # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not less than one for each parameter.
     count, alike = step.friction.size, memory(step.friction - fit.curve)
     inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
@@ -324,11 +328,11 @@ def fit_contacts(
         "breaking_displacement": (0.2 * D, 20 * D),
         "stiffness": (0.1 * spring, 10 * spring),
     }
-    starts = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
-    given = {"thresholds": thresholds, "linear": True}
+    tried = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
+    given, quick = {"thresholds": thresholds, "linear": False}, {"thresholds": thresholds, "linear": True}
     how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4}
-    found, _ = _fitted(ContactsFit, step, given, ranges, starts, most=50, **how)
+    found, _ = _fitted(ContactsFit, step, quick, ranges, [], tried=tried, most=50, **how)
     if not linear:
         start = np.array([*(getattr(found, name) for name in ranges), found.late])
-        found, _ = _fitted(ContactsFit, step, given | {"linear": False}, ranges, [start], most=20, **how)
+        found, _ = _fitted(ContactsFit, step, given, ranges, [start], quick=quick, most=20, **how)
     return found

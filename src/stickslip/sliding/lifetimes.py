@@ -238,13 +238,12 @@ def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
     return z, weight * np.exp(z - np.exp(z))
 
 
-def blurred_survival(distribution: Distribution, width: float, u: Array) -> Array:
+def blurred_survival(survival: Callable[[Array], Array], width: float, u: Array) -> Array:
     """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds blurred by a Gumbel distribution.
 
-    The mean of the survival ``J_c(u - A s)`` over ``s = ln E``, ``E`` drawn from ``exp(-E)``.
+    The mean of their survival ``J_c(u - A s)`` over ``s = ln E``, ``E`` drawn from ``exp(-E)``.
     """
     # Between these the weight exp(s - exp(s)) is more than rounding.
     s, weight = gauss_nodes(np.linspace(-38.0, 3.7, 140), 6)
     weight = weight * np.exp(s - np.exp(s))
-    survival = distribution.survival(np.maximum(u[..., None] - width * s, 0.0))
-    return np.asarray(survival @ (weight / weight.sum()))
+    return np.asarray(survival(np.maximum(u[..., None] - width * s, 0.0)) @ (weight / weight.sum()))

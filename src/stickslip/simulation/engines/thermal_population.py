@@ -7,7 +7,7 @@ import numpy as np
 
 from stickslip.kernels import thermal_cohorts as kernel
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
-from stickslip.kernels.survival import Table, tabulate
+from stickslip.kernels.survival import Table, tabulate, values_at
 from stickslip.kernels.thermal_cohorts import advance
 from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, MasterEquation, Parabolic
 from stickslip.model.distributions import Distribution
@@ -38,7 +38,7 @@ class ThermalPopulation(Cohorts):
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         interface = beginning.interface
         self._method, self.slider = method, slider_constants(beginning.slider)
-        model, mean = _model(interface), interface.threshold_distribution.moment(1)
+        model, mean = _model(interface, method.rtol), interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
         coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
         reach = 0.5 * coarser
@@ -84,14 +84,14 @@ class ThermalPopulation(Cohorts):
         return Stretchings(self.state.motion.position - place, alive, cells=True)
 
 
-def _model(interface: Interface) -> kernel.Model:
+def _model(interface: Interface, rtol: float) -> kernel.Model:
     """Return how contacts break, with its tables or nodes."""
     distribution, width = interface.threshold_distribution, activation_width(interface)
     hazard = hazard_of(interface.temperature)
     thresholds = survival_of(distribution)
     low, thermal, node, weight = 0.0, thresholds, np.empty(0), np.empty(0)
     if _is_one_number(interface):
-        low, thermal = _thermal_table(hashable(distribution), hazard.scale)
+        low, thermal = _thermal_table(hashable(distribution), hazard.scale, 1e-4 * rtol)
     elif interface.temperature is not None:
         node, weight = _threshold_nodes(distribution, width)
     return kernel.Model(hazard, growth_of(interface.ageing), thresholds, thermal, low, node, weight, width)
@@ -120,13 +120,15 @@ def activation_width(interface: Interface) -> float:
 
 
 @lru_cache(maxsize=64)
-def _thermal_table(distribution: Distribution, width: float) -> tuple[float, Table]:
+def _thermal_table(distribution: Distribution, width: float, tolerance: float) -> tuple[float, Table]:
     """Tabulate ``J(u)``, from its smallest ``u`` on."""
     low, high = -38.0 * width, distribution.support[1] + 3.8 * width
-    table = tabulate(
-        lambda x: blurred_survival(distribution, width, x + low), high - low, np.empty(0), tolerance=1e-10, most=4096
-    )
-    return low, table
+    known = survival_of(distribution)
+
+    def blurred(x: Array) -> Array:
+        return blurred_survival(lambda at: values_at(known, at.ravel()).reshape(at.shape), width, x + low)
+
+    return low, tabulate(blurred, high - low, np.empty(0), tolerance=tolerance, most=4096)
 
 
 def _threshold_nodes(distribution: Distribution, width: float) -> tuple[Array, Array]:
