@@ -338,7 +338,7 @@ def test_readings_are_those_of_the_trace(slips, monkeypatch, tmp_path):
     assert float(first["readings"]["static"]) == pytest.approx(peaks.mean(), rel=1e-3)
     assert float(first["readings"]["rate"]) == pytest.approx(0.5, rel=0.02)  # the truth of the sample
     assert "the stiffness of the driving spring, its speed and the mass of the slider" in missing["missing"]
-    assert [size["draws"] for size in plan["table"]["sizes"]] == [2_000, 20_000]
+    assert [size["draws"] for size in plan["table"]["sizes"]] == [2_000, 6_000]
     assert plan["table"]["sizes"][1]["seconds"] > plan["table"]["sizes"][0]["seconds"] > 0  # nothing is kept yet
 
 
@@ -394,7 +394,7 @@ def test_a_trace_that_cannot_be_read_names_the_fields_of_the_page(content, field
 def test_a_shared_explorer_makes_no_table(slips, monkeypatch, tmp_path):
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # a table that is kept already would be taken
     with pytest.raises(InputError, match="a shared explorer does not make it"):
-        list(traces.posterior(slips | {"options": BENCH, "draws": 20_000}, silent))
+        list(traces.posterior(slips | {"options": BENCH, "draws": 6_000}, silent))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -417,7 +417,7 @@ def test_intervals_say_what_the_trace_tells_and_can_be_stopped(browser, server, 
     with headless.window(browser, server) as page:
         page.click("#tab-fit")
         page.click("#sample")
-        page.wait_for_selector("#fit-full:has-text('20,000 simulations, about')")
+        page.wait_for_selector("#fit-full:has-text('6,000 simulations, about')")
         page.click("#fit-full")
         page.wait_for_selector("#posterior-progress[value]")
         page.click("#posterior-stop")

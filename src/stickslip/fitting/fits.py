@@ -262,7 +262,7 @@ def fit(
 
     The model is the limit of slow driving with re-attachment on arrest: six numbers without a unit. Series of slips are
     simulated over the whole prior, sampled and picked as the trace was, and those like the trace are kept. The
-    simulations are made once and kept in the user's cache; that takes minutes, a fit then some seconds.
+    simulations are made once and kept in the user's cache; that takes a minute, a fit then some seconds.
 
     A trace alone constrains some parameters weakly and others not at all; the fit says which, and guesses nothing.
 

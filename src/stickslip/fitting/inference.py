@@ -19,6 +19,7 @@ from stickslip.fitting.tables import Observation, Table
 from stickslip.measure.arrays import Array
 
 NEAREST = 300
+_AGREE = 100  # draws that agree with what is known, at least: ten for each coefficient of the regression
 EDGE, BEYOND = 95.0, 99.9
 """Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
 _NEIGHBOUR, _COMPARED = 10, 1000
@@ -78,15 +79,15 @@ def infer(
             "something else made the trace"
         )
     weights = likelihood(table.prior.values(parts))
-    if (agree := int((weights > _LITTLE).sum())) < nearest:
+    if (agree := int((weights > _LITTLE).sum())) < min(nearest, _AGREE):
         raise InputError(
-            f"fit: {agree} of {len(parts)} draws agree with what is known, at least {nearest} are needed; check the "
-            "known values, give their errors as (value, error), or take more draws"
+            f"fit: {agree} of {len(parts)} draws agree with what is known, at least {min(nearest, _AGREE)} are needed; "
+            "check the known values, give their errors as (value, error), or take more draws"
         )
     away = found - target
     distance = np.sqrt(((away / scale) ** 2).sum(axis=1))
-    distance[weights <= _LITTLE * weights.max()] = np.inf
-    kept = np.argsort(distance)[:nearest]
+    distance[weights <= _LITTLE] = np.inf
+    kept = np.argsort(distance)[: min(nearest, agree)]
     weights = weights[kept] * (1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2)
     return Sample(
         parts=parts[kept] if edge > EDGE else _adjusted(parts[kept], weights, away[kept]),

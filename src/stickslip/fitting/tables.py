@@ -28,7 +28,7 @@ from stickslip.io import files
 from stickslip.kernels.turning_points import Sampling, observe, pick
 from stickslip.measure.arrays import Array
 
-DRAWS, SLIPS = 20_000, 384
+DRAWS, SLIPS = 6_000, 384
 """Usual size: draws from the prior, and slips of each."""
 
 _BLOCK, _SHARES, _AT_A_TIME = 250, 8, 500
