@@ -24,7 +24,17 @@ from stickslip.kernels import lifetimes as kernel
 from stickslip.kernels.lifetimes import perturbed
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lifetimes import growth_of, hazard_of, lifetimes_of, threshold_nodes
-from stickslip.sliding.response import STEP, Array, ComplexArray, MeanLifetimes, Perturbed, Response, Scales
+from stickslip.sliding.response import (
+    STEP,
+    Array,
+    ComplexArray,
+    Fluctuations,
+    MeanLifetimes,
+    Perturbed,
+    Response,
+    Scales,
+    Unperturbed,
+)
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
@@ -63,10 +73,16 @@ class ActivatedResponse(Response):
     accuracy: ClassVar[float] = 1e-8
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        delay, rest = self.interface.delay, float(mean_lives(self.interface, velocity).distance[0])
-        missing, away = np.asarray(delay.absence(s)), velocity * delay.moment(1)
-        life = Perturbed(*self._transforms(velocity, s / velocity))
-        return life.kappa(s / velocity, missing, rest, away, self.interface.sliding_force)
+        return self.fluctuations(velocity, s).kappa
+
+    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
+        delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity
+        mean = mean_lives(self.interface, velocity)
+        rest, missing, away = float(mean.distance[0]), np.asarray(delay.absence(s)), velocity * delay.moment(1)
+        answer = Perturbed(*self._transforms(velocity, q))
+        life = Unperturbed(answer.lost, answer.work, rest, float(mean.work[0]))
+        noise = life.noise(q, missing, away, force) / velocity
+        return Fluctuations(answer.kappa(q, missing, rest, away, force), noise)
 
     def _transforms(self, v: float, q: ComplexArray) -> ComplexArray:
         """`Perturbed` of a life, as one array."""

@@ -20,7 +20,7 @@ from stickslip.kernels.langevin_response import Excursions, excursions, life_tra
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.sliding.lifetimes import hazard_of
-from stickslip.sliding.response import Array, ComplexArray, Perturbed, Response, Scales
+from stickslip.sliding.response import Array, ComplexArray, Fluctuations, Perturbed, Response, Scales, Unperturbed
 
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
@@ -37,19 +37,25 @@ class AgedResponse(Response):
     accuracy: ClassVar[float] = 1e-3
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        return self.fluctuations(velocity, s).kappa
+
+    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         u, p = self._reduced(velocity), s / self._square
         top = 1j * self._highest(u)
         fast = np.abs(p) > abs(top)
         points = np.append(np.where(fast, top, p), top)
-        (life, work, less, lost), rest = _life(u, *self._shape, points)
+        (life, work, less, lost), (rest, done) = _life(u, *self._shape, points)
         missing, away = np.asarray(self.delay.absence(points * self._square)), self.delay.moment(1) * self._square
         found = Perturbed(rest - life, work, -less, -lost).kappa(points, missing, rest, away, force=0.0)
+        noise = Unperturbed(rest - life, work / u, rest, done / u).noise(points, missing, away, force=0.0)
+        noise *= (u * self.constants.mean) ** 2 / self._square
         # A fast perturbation finds the attached contacts as springs, but for those next to their thresholds, which
-        # diffuse: kappa falls short by C/sqrt(p) + D/p, with real C and D.
+        # diffuse: kappa falls short by C/sqrt(p) + D/p, with real C and D. Noise falls with the frequency squared.
         attached = rest / (rest + away)
         short = attached - found[-1]
         first, second = short.real * np.sqrt(2.0 * abs(top)), -(short.real + short.imag) * abs(top)
-        return np.where(fast, attached - first / np.sqrt(p) - second / p, found[:-1])
+        kappa = np.where(fast, attached - first / np.sqrt(p) - second / p, found[:-1])
+        return Fluctuations(kappa, np.where(fast, noise[-1] * np.abs(top / p) ** 2, noise[:-1]))
 
     def _highest(self, u: float) -> float:
         """Frequency, in units of ``rate**2``, up to which the panels of a life resolve a perturbation."""
@@ -120,13 +126,13 @@ def _known(u: float, delta: float, newborn: float) -> Excursions:
         ) from None
 
 
-def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[ComplexArray, float]:
-    """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength)."""
+def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[ComplexArray, tuple[float, float]]:
+    """Transforms of one life, shape (4, n), its mean length (1 for newborns without strength) and work."""
     points = np.append(np.asarray(p, dtype=np.complex128).ravel(), 0.0)
     parts = life_transforms(_known(u, delta, newborn), points)
     if newborn == 0:  # lifetimes from the boundary are known up to a factor
         parts /= parts[0, -1].real
-    return parts[:, :-1].reshape(4, *p.shape), float(parts[0, -1].real)
+    return parts[:, :-1].reshape(4, *p.shape), (float(parts[0, -1].real), float(parts[1, -1].real))
 
 
 def ageing_constants(interface: Interface) -> Constants:

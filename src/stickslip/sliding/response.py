@@ -41,6 +41,14 @@ class Parts(NamedTuple):
     denominator: ComplexArray
 
 
+class Fluctuations(NamedTuple):
+    """What the contacts of steady sliding answer, and what each of them does by itself, at some frequencies."""
+
+    kappa: ComplexArray
+    noise: Array
+    """Two-sided spectrum of the force of one contact; no number where it is not known."""
+
+
 class Scales(NamedTuple):
     """Times and frequencies of a response at one speed."""
 
@@ -82,6 +90,10 @@ class Response(ABC):
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""
         raise NotImplementedError
 
+    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
+        """What the contacts answer and what they do by themselves, at `s` on the imaginary axis that are not 0."""
+        return Fluctuations(self.kappa(velocity, s), np.full(np.shape(s), np.nan))
+
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         """Numerator and denominator of ``kappa(s)``, which is 0 at 0; here ``kappa`` and 1."""
         speed, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
@@ -99,7 +111,8 @@ class Response(ABC):
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies that follow every turn of kappa, up to `top` at least, and its parts there."""
         del top  # known to where it turns no more
-        return whole_axis(self, velocity)
+        omega, (kappa, _) = whole_axis(self, velocity)
+        return omega, Parts(kappa, np.ones_like(kappa))
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)``, at 0 as well; `velocity` and `s` broadcast.
@@ -122,10 +135,36 @@ class Response(ABC):
 
 
 @lru_cache(maxsize=64)
-def whole_axis(response: Response, velocity: float) -> tuple[Array, Parts]:
-    """Return `Response.sampled`, the same for all rigs."""
+def whole_axis(response: Response, velocity: float) -> tuple[Array, Fluctuations]:
+    """Return frequencies that follow every turn of kappa, and the fluctuations there, the same for all rigs."""
     omega = response.frequencies(velocity, math.inf)
-    return omega, response.parts(velocity, 1j * omega)
+    return omega, response.fluctuations(velocity, 1j * omega)
+
+
+class Unperturbed(NamedTuple):
+    """Transforms of a life at wave numbers ``q = i y``, of a contact whose force is the way ``x`` since it attached.
+
+    What the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and ``M_0, M_1``, both at ``q = 0``.
+    """
+
+    lost: ComplexArray
+    work: ComplexArray
+    rest: float
+    done: float
+
+    def noise(self, q: ComplexArray, missing: ComplexArray, away: float, force: float) -> Array:
+        """Two-sided spectrum of the force of a contact at ``q = i y != 0``, along ``x``: a renewal process.
+
+        ``1 - E`` is `missing`, the mean delay `away` in ``x``, and `force` that of a detached contact. With ``G`` the
+        transform of the force in a life and the delay after it, of the length ``L``, and ``P = <exp(-q L)>``,
+        ``S = (<|G|^2> + 2 Re(<conj(G) exp(-q L)> <G>/(1 - P)))/<L>``.
+        """
+        lost, work, rest, done = self
+        square, back, broken = np.abs(q) ** 2, 1.0 - missing, q * (rest - lost)
+        until, pulled = lost / q, force * missing / q  # <conj(G) exp(-q l)> of the life alone, and G of the delay
+        each = 2.0 * ((done - work.real + force**2 * missing.real) / square + (until * pulled).real)
+        after = (until * back + pulled) * (work + (1.0 - broken) * pulled) / (missing + back * broken)
+        return np.asarray((each + 2.0 * after.real) / (rest + away))
 
 
 class Perturbed(NamedTuple):

@@ -29,7 +29,18 @@ from stickslip.model import DelayModel, Interface
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.records import hashable
-from stickslip.sliding.response import SCAN_LIMIT, STEP, Array, ComplexArray, MeanLifetimes, Parts, Response, Scales
+from stickslip.sliding.response import (
+    SCAN_LIMIT,
+    STEP,
+    Array,
+    ComplexArray,
+    Fluctuations,
+    MeanLifetimes,
+    Parts,
+    Response,
+    Scales,
+    Unperturbed,
+)
 
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
@@ -74,6 +85,15 @@ class UnagedResponse(Response):
         missing = np.asarray(self.delay.absence(s))
         given_up = self.sliding_force * complement - shape
         return Parts(given_up * missing / self._path(velocity), missing + (1.0 - missing) * complement)
+
+    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
+        q, away = s / velocity, velocity * self.delay.moment(1)
+        complement, shape = transforms(self.distribution, q)
+        numerator, denominator = self._joined(velocity, s, complement, shape)
+        mean, half_square = self.distribution.moment(1), 0.5 * self.distribution.moment(2)
+        life = Unperturbed(mean - complement / q, shape / q, mean, half_square)
+        noise = life.noise(q, self.delay.absence(s), away, self.sliding_force) / velocity
+        return Fluctuations(numerator / denominator, noise)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies up to `top` or just beyond, and parts there from a table of the distribution."""

@@ -79,7 +79,7 @@ def count_unstable(rig: Rig) -> int:
         If a root lies on the imaginary axis to within the accuracy of the response: rounding, or with thresholds that
         age by `Langevin` 1e-3 of the stiffness of the contacts.
     """
-    speed, response, z = _parts(rig)
+    speed, response, z = rig_parts(rig)
     return roots.count(response, z, speed)
 
 
@@ -119,11 +119,11 @@ def growth_rate(rig: Rig) -> complex:
 
 def rightmost_root(rig: Rig) -> complex:
     """Return the `growth_rate` of a rig in natural units."""
-    speed, response, z = _parts(rig)
+    speed, response, z = rig_parts(rig)
     return roots.rightmost(response, z, speed)
 
 
-def _parts(rig: Rig) -> tuple[float, Response, Impedance]:
+def rig_parts(rig: Rig) -> tuple[float, Response, Impedance]:
     """Speed of smooth sliding, response of the contacts and impedance of the body, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     natural = rig.natural

@@ -1,0 +1,332 @@
+"""The noise of N contacts: how much a rig moves in smooth sliding that is stable, because its contacts are few.
+
+In steady sliding each contact is a renewal process: it is pulled, breaks, waits for its delay and starts anew, and its
+force has the spectrum ``S_1`` (`stickslip.sliding.response.Unperturbed.noise`). Contacts break independently, and the
+slider answers to the sum of them by its own response,
+
+    S_X(w) = S_1(w)/(N |Z(i w) + kappa(i w)|^2),   variance = (1/pi) Int_0^inf S dw
+
+per contact; the spring force is ``K`` times the displacement. It is not in the paper: leading order in ``1/N``.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from stickslip.answers import Answer, plain
+from stickslip.arrays import Array, ComplexArray
+from stickslip.errors import InputError, UndecidedError, number
+from stickslip.model.methods import DRAWN
+from stickslip.model.quadrature import nodes_between
+from stickslip.model.rig import Rig
+from stickslip.sliding import Response, kinetic_friction
+from stickslip.sliding.response import Fluctuations, whole_axis
+from stickslip.stability import roots
+from stickslip.stability.impedances import Impedance
+from stickslip.stability.modes import growth_rate, rig_parts
+from stickslip.words import number as digits
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+_LOST = 1e-4  # of each variance, at most, where a panel is halved no more, and beyond the ends
+_OCTAVES = np.arange(-44.0, 45.0)  # of the frequency, in units of one over the mean cycle of a contact
+_NODE = np.polynomial.legendre.leggauss(16)[0]
+_ROUGH = np.zeros(16)  # weights of every other node of `nodes_between`, exact to degree 7: what they miss is no panel's
+_ROUGH[::2] = np.linalg.solve(np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0])
+_KNOWN = 1e-4, 1e5  # in the same unit: below, noise is white and kappa goes with the frequency; above, only jumps are left
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ContactNoise(Answer):
+    """What the noise of N contacts makes of smooth sliding, in the rig's own units.
+
+    Attributes
+    ----------
+    contacts : int
+        Their number ``N``.
+    spring_force, velocity : float
+        Root mean square of what the spring force and the slider's velocity deviate from their means.
+    mean_spring_force, mean_velocity : float
+        The means, that of the velocity being the drive's.
+    memory : float
+        Time over which the deviations of the spring force are alike: the integral of the square of their correlation.
+        A run of time ``T`` holds ``T/memory`` independent ones; of a mode that decays at the rate ``g`` it is
+        ``1/(2 g)``.
+    spectrum : Dataset
+        One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural units): their integrals are the
+        squares of the above.
+    rig : Rig
+        Whose noise it is.
+    """
+
+    contacts: int
+    spring_force: float
+    velocity: float
+    mean_spring_force: float
+    mean_velocity: float
+    memory: float
+    spectrum: "xr.Dataset" = field(compare=False)
+    rig: Rig = field(compare=False)
+
+    @property
+    def relative_force(self) -> float:
+        """Root mean square of the spring force over its mean."""
+        return self.spring_force / self.mean_spring_force
+
+    @property
+    def relative_velocity(self) -> float:
+        """Root mean square of the slider's velocity about the drive's, over the drive's."""
+        return self.velocity / self.mean_velocity
+
+    @property
+    def linear(self) -> bool:
+        """Whether the slider deviates little from its mean velocity: by less than that, root mean square.
+
+        Beyond, it stops and turns back at times, where contacts answer otherwise than to a small perturbation.
+        """
+        return self.relative_velocity < 1.0
+
+    @cached_property
+    def growth_rate(self) -> float:
+        """Rate of the slowest mode, below 0; no number where no mode decays exponentially. See `growth_rate`.
+
+        A run from a steady state has the noise when this times its length is below some -10.
+        """
+        try:
+            return growth_rate(self.rig).real
+        except UndecidedError:
+            return math.nan
+
+    def contacts_for(self, fraction: float, *, of: str = "force") -> int:
+        """Return from how many contacts on the noise is below a fraction of the mean.
+
+        Parameters
+        ----------
+        fraction : float
+            Root mean square over the mean: 0.05 is 5 %.
+        of : {"force", "velocity"}
+            The spring force, or the slider's velocity.
+
+        Raises
+        ------
+        InputError
+            If the fraction is not above 0, or `of` is neither.
+        """
+        relative = {"force": self.relative_force, "velocity": self.relative_velocity}
+        if of not in relative:
+            raise InputError(f"contacts_for: of = {of!r}: must be 'force' or 'velocity'")
+        most = number("contacts_for: fraction", fraction, above=0, hint="0.05 for 5 %")
+        return max(math.ceil(self.contacts * (relative[of] / most) ** 2), 1)
+
+    def error(self, duration: float) -> float:
+        """Return the standard error of the root mean square of the spring force in one run of a duration, relative.
+
+        Raises
+        ------
+        InputError
+            If the duration is not above 0.
+        """
+        return math.sqrt(0.5 * self.memory / number("error: duration", duration, above=0))
+
+    def __str__(self) -> str:
+        rig, natural = self.rig, {"f_s": self.spring_force, "x_s/time": self.velocity, "time": self.memory}
+        force, velocity, memory = (rig.in_units(each / rig.unit(unit), unit, 2) for unit, each in natural.items())
+        per_contact = " per contact" if rig.scales is None else ""
+        lines = [
+            f"smooth sliding with {self.contacts} contacts: the spring force fluctuates by "
+            f"{_percent(self.relative_force)} of its mean ({force}{per_contact} rms), the slider's velocity by "
+            f"{_percent(self.relative_velocity)} ({velocity} rms)",
+            f"below 5 % of the mean spring force from {self.contacts_for(0.05)} contacts on",
+            f"fluctuations are alike over {memory}: a run of {_AT_LEAST} times that knows their size to 5 %",
+        ]
+        if not self.linear:
+            lines.append(
+                "beyond linear theory: the velocity would fluctuate by more than the drive's, so the slider stops at "
+                f"times; within it from {self.contacts_for(1.0, of='velocity')} contacts on"
+            )
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the numbers, in the rig's own units, without the spectrum."""
+        named = ("contacts", "spring_force", "velocity", "mean_spring_force", "mean_velocity", "memory")
+        named += ("relative_force", "relative_velocity", "linear")
+        found: dict[str, Any] = plain({name: getattr(self, name) for name in named})
+        return found | {"contacts_for_5_percent": self.contacts_for(0.05)}
+
+    def plot(self) -> "Figure":
+        """Draw both spectra."""
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+
+        with mpl.style.context("stickslip.plot.house"):
+            figure = Figure(figsize=(7.0, 2.6), layout="constrained")
+            for ax, name in zip(figure.subplots(1, 2), ("spring_force", "velocity"), strict=True):
+                self.spectrum[name].plot(ax=ax, xscale="log", yscale="log")
+                ax.set_ylim(bottom=1e-8 * float(self.spectrum[name].max()))
+        return figure
+
+
+_AT_LEAST = 200  # times the memory: sqrt(1/(2 * 200)) is 5 %
+
+
+def _percent(part: float) -> str:
+    return f"{digits(100.0 * part, 2)} %"
+
+
+def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
+    """Return how much the spring force and the slider's velocity fluctuate in smooth sliding, for N contacts.
+
+    Linear theory, without a run: each contact is pulled, breaks and re-attaches at random, and the slider answers to
+    their sum by its own response. So a stable rig oscillates, and the more so the nearer to its stability limit.
+
+    Parameters
+    ----------
+    rig : Rig
+        Interface, slider (or an impedance with a spring) and velocity.
+    contacts : int, optional
+        Number of contacts ``N``; by default that of the rig's method.
+
+    Returns
+    -------
+    ContactNoise
+        Root mean squares in the rig's own units, spectra, and their range of validity.
+
+    Raises
+    ------
+    InputError
+        If smooth sliding is unstable, or there is none; if the rig's method has no number of contacts and none is
+        given; if the slider is elastic, or has no mass; if contacts differ in area, re-attach with stretchings that
+        scatter, or age by a rule of your own.
+    UndecidedError
+        If smooth sliding is neutral to within rounding.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.1))
+    >>> slider = ss.Slider(stiffness=2.0, mass=1e-3, damping=40.0)
+    >>> noise = ss.stability.contact_noise(ss.Rig(interface, slider, ss.constant(1.0)), contacts=1000)
+    >>> print(f"{noise.relative_force:.4f} {noise.contacts_for(0.01)}")
+    """
+    velocity, response, body = rig_parts(rig)
+    count, stiffness = _number_of(rig, contacts), getattr(body, "stiffness", 0.0)
+    if not stiffness > 0:
+        raise InputError(f"Rig.slider = {body!r}: no driving spring, whose force could be told; give it a stiffness")
+    if growing := roots.count(response, body, velocity):
+        raise InputError(
+            f"contact_noise: smooth sliding at velocity {rig.in_units(velocity, 'x_s/time')} is unstable, with "
+            f"{growing} growing modes: the rig leaves it, however many its contacts; simulate(rig) shows for what"
+        )
+    omega, weight, displaced = _spectrum(response, body, velocity)
+    moved, pulled = omega**2 * displaced, stiffness**2 * displaced
+    variance, memory = weight @ pulled / math.pi, math.pi * (weight @ pulled**2) / (weight @ pulled) ** 2
+    slow = 1e-6 / memory
+    drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)
+    force, speed, time = (rig.unit(unit) for unit in ("f_s", "x_s/time", "time"))
+    per_hertz = 2.0 * time / count
+    return ContactNoise(
+        contacts=count,
+        spring_force=force * math.sqrt(variance / count),
+        velocity=speed * math.sqrt(weight @ moved / math.pi / count),
+        mean_spring_force=force * (kinetic_friction(rig.interface, velocity) + drag),
+        mean_velocity=speed * velocity,
+        memory=time * memory,
+        spectrum=_dataset(rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved),
+        rig=rig,
+    )
+
+
+def _number_of(rig: Rig, contacts: int | None) -> int:
+    if contacts is not None:
+        return int(number("contacts", contacts, at_least=1, hint="number of contacts N"))
+    if not isinstance(rig.method, DRAWN):
+        raise InputError(
+            f"contact_noise: contacts: the rig's method, {rig.method}, stands for infinitely many, which make no noise; "
+            "give their number, such as contacts=1000"
+        )
+    return rig.method.count
+
+
+def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuations]:
+    """Fluctuations at any frequencies, from a table of them where they are dear."""
+    lowest, highest = (end / response.scales(velocity).cycle for end in _KNOWN)
+    if response.certain:
+
+        def between(omega: Array) -> Fluctuations:
+            return response.fluctuations(velocity, 1j * omega)
+    else:
+        known, (kappa, noise) = whole_axis(response, velocity)
+        lowest, highest = float(known[0]), float(known[-1])
+        table = CubicSpline(np.log(known), np.stack([kappa.real, kappa.imag, np.log(noise)]), axis=1)
+
+        def between(omega: Array) -> Fluctuations:
+            real, imaginary, noise = table(np.log(omega))
+            return Fluctuations(real + 1j * imaginary, np.exp(noise))
+
+    def everywhere(omega: Array) -> Fluctuations:
+        inside, whose = np.unique(np.clip(omega, lowest, highest), return_inverse=True)
+        kappa, noise = (each[whose] for each in between(inside))
+        inside = inside[whose]
+        return Fluctuations(kappa * np.minimum(omega / lowest, 1.0), noise * (inside / np.maximum(omega, inside)) ** 2)
+
+    return everywhere
+
+
+def _spectrum(response: Response, body: Impedance, velocity: float) -> tuple[Array, Array, Array]:
+    """Frequencies, their weights in an integral, and the spectrum of the displacement there for one contact.
+
+    On panels that are halved until that changes neither the variance of the displacement nor that of the velocity.
+    """
+    known = _known(response, velocity)
+
+    def displaced(omega: Array) -> Array:
+        kappa, noise = known(omega.ravel())
+        if np.isnan(noise).any():
+            raise InputError("Interface.ageing: the noise of contacts that age by a rule of your own is not known")
+        return np.asarray(noise / np.abs(body(1j * omega.ravel()) + kappa) ** 2).reshape(omega.shape)
+
+    octaves = np.exp2(_OCTAVES) / response.scales(velocity).cycle
+    part = octaves * displaced(octaves) * np.stack([np.ones_like(octaves), octaves**2])
+    part /= part.max(axis=1, keepdims=True)
+    last = int(np.flatnonzero(np.any(part > 0.1 * _LOST, axis=0))[-1])
+    if last == octaves.size - 1:
+        raise InputError(f"Rig.slider = {body!r}: without mass it would jump at each break; give it one")
+    edges = np.append(0.0, octaves[int(np.argmax(np.any(part > 0.01, axis=0))) : last + 2])
+    left, right, kept, total = edges[:-1], edges[1:], [], np.zeros((2, 1))
+    while left.size:
+        omega, weight = nodes_between(left, right)
+        value = displaced(omega)
+        both = np.stack([value, omega**2 * value])
+        fine, rough = np.sum(weight * both, axis=2), 0.5 * (right - left) * (both @ _ROUGH)
+        sure = np.all(np.abs(fine - rough) < _LOST * (total + fine.sum(axis=1, keepdims=True)), axis=0)
+        sure |= right - left < 1e-13 * right
+        total = total + fine[:, sure].sum(axis=1, keepdims=True)
+        kept.append(np.stack([omega[sure], weight[sure], value[sure]]).reshape(3, -1))
+        middle = 0.5 * (left + right)[~sure]
+        left, right = np.append(left[~sure], middle), np.append(middle, right[~sure])
+    found = np.concatenate(kept, axis=1)
+    return tuple(found[:, np.argsort(found[0])])
+
+
+def _dataset(rig: Rig, omega: Array, spring_force: Array, velocity: Array) -> "xr.Dataset":
+    """Spectra in the rig's own units."""
+    import xarray as xr
+
+    frequency = omega / (2.0 * math.pi * rig.unit("time"))
+    per = "Hz" if rig.scales is not None else "(1/time)"
+    values = {"spring_force": ("spring force", "f_s", spring_force), "velocity": ("velocity", "x_s/time", velocity)}
+    per_contact = "" if rig.scales is not None else " per contact"
+    return xr.Dataset(
+        {
+            name: ("frequency", value, {"units": f"({rig.unit_name(unit)})^2/{per}", "long_name": f"spectrum of the {said}"})
+            for name, (said, unit, value) in values.items()
+        },
+        {"frequency": ("frequency", frequency, {"units": "Hz" if rig.scales is not None else "1/time", "long_name": "frequency"})},
+    )
