@@ -33,7 +33,7 @@ from stickslip.sliding.response import (
     Perturbed,
     Response,
     Scales,
-    Unperturbed,
+    stretched,
 )
 
 
@@ -80,7 +80,7 @@ class ActivatedResponse(Response):
         mean = mean_lives(self.interface, velocity)
         rest, missing, away = float(mean.distance[0]), np.asarray(delay.absence(s)), velocity * delay.moment(1)
         answer = Perturbed(*self._transforms(velocity, q))
-        life = Unperturbed(answer.lost, answer.work, rest, float(mean.work[0]))
+        life = stretched(q, answer.lost, answer.work, rest, float(mean.work[0]))
         noise = life.noise(q, missing, away, force) / velocity
         return Fluctuations(answer.kappa(q, missing, rest, away, force), noise)
 

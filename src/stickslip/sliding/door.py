@@ -80,10 +80,11 @@ def _kind(interface: Interface) -> Sliding:
         laws = _by_force(lambda velocity: np.array([own.friction(*contacts, v) for v in velocity.tolist()]))
         who = f"{who} of thresholds that age by a rule of your own"
         return Sliding(who, ("ageing",), *laws, lambda: own.response(*contacts))
-    from stickslip.sliding import activated
+    from stickslip.sliding import activated, drawn
 
     if interface.areas is not None:
-        who, own_mechanism, lives = f"{who} of areas", "areas", activated.mean_lives_of_areas
+        takes, laws = ("areas", "temperature", "sliding_force"), _by_lifetimes(interface, activated.mean_lives_of_areas)
+        return Sliding(f"{who} of areas", takes, *laws, lambda: drawn.response_of_areas(interface))
     else:
         who += " of thresholds that grow" if interface.temperature is None else " with temperature"
         own_mechanism, lives = "ageing", activated.mean_lives
@@ -108,7 +109,6 @@ def respond(interface: Interface) -> Response:
 @lru_cache(maxsize=256)
 def _response(interface: Interface) -> Response:
     found = sliding_of(interface)
-    interface.allow(interface.mechanisms - {"areas"}, "the linear response")
     if not math.isfinite(interface.delay.moment(1)):
         raise InputError(
             "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "

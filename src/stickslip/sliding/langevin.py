@@ -20,7 +20,7 @@ from stickslip.kernels.langevin_response import Excursions, excursions, life_tra
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.sliding.lifetimes import hazard_of
-from stickslip.sliding.response import Array, ComplexArray, Fluctuations, Perturbed, Response, Scales, Unperturbed
+from stickslip.sliding.response import Array, ComplexArray, Fluctuations, Perturbed, Response, Scales, stretched
 
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
@@ -47,7 +47,7 @@ class AgedResponse(Response):
         (life, work, less, lost), (rest, done) = _life(u, *self._shape, points)
         missing, away = np.asarray(self.delay.absence(points * self._square)), self.delay.moment(1) * self._square
         found = Perturbed(rest - life, work, -less, -lost).kappa(points, missing, rest, away, force=0.0)
-        noise = Unperturbed(rest - life, work / u, rest, done / u).noise(points, missing, away, force=0.0)
+        noise = stretched(points, rest - life, work / u, rest, done / u).noise(points, missing, away, force=0.0)
         noise *= (u * self.constants.mean) ** 2 / self._square
         # A fast perturbation finds the attached contacts as springs, but for those next to their thresholds, which
         # diffuse: kappa falls short by C/sqrt(p) + D/p, with real C and D. Noise falls with the frequency squared.

@@ -142,29 +142,35 @@ def whole_axis(response: Response, velocity: float) -> tuple[Array, Fluctuations
 
 
 class Unperturbed(NamedTuple):
-    """Transforms of a life at wave numbers ``q = i y``, of a contact whose force is the way ``x`` since it attached.
+    """Transforms of a life in steady sliding, of length `l` along the way ``x``, at wave numbers ``q = i y``.
 
-    What the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and ``M_0, M_1``, both at ``q = 0``.
+    ``1 - <exp(-q l)>``; of the force ``f``, with ``G = Int f exp(-q x) dx`` over the life, ``<conj(G) exp(-q l)>``,
+    ``<G>`` and ``<|G|^2>``; and ``<l>``.
     """
 
-    lost: ComplexArray
-    work: ComplexArray
+    broken: ComplexArray
+    until: ComplexArray
+    whole: ComplexArray
+    each: Array
     rest: float
-    done: float
 
     def noise(self, q: ComplexArray, missing: ComplexArray, away: float, force: float) -> Array:
         """Two-sided spectrum of the force of a contact at ``q = i y != 0``, along ``x``: a renewal process.
 
-        ``1 - E`` is `missing`, the mean delay `away` in ``x``, and `force` that of a detached contact. With ``G`` the
-        transform of the force in a life and the delay after it, of the length ``L``, and ``P = <exp(-q L)>``,
-        ``S = (<|G|^2> + 2 Re(<conj(G) exp(-q L)> <G>/(1 - P)))/<L>``.
+        ``1 - E`` is `missing`, the mean delay `away` in ``x``, and `force` that of a detached contact. With ``G`` and
+        ``l`` those of a life and the delay after it, ``S = (<|G|^2> + 2 Re(<conj(G) exp(-q l)> <G>/<1 - exp(-q
+        l)>))/<l>``.
         """
-        lost, work, rest, done = self
-        square, back, broken = np.abs(q) ** 2, 1.0 - missing, q * (rest - lost)
-        until, pulled = lost / q, force * missing / q  # <conj(G) exp(-q l)> of the life alone, and G of the delay
-        each = 2.0 * ((done - work.real + force**2 * missing.real) / square + (until * pulled).real)
-        after = (until * back + pulled) * (work + (1.0 - broken) * pulled) / (missing + back * broken)
+        broken, until, whole, each, rest = self
+        back, pulled = 1.0 - missing, force * missing / q  # E, and G of the delay
+        each = each + 2.0 * (until * pulled).real + 2.0 * force**2 * missing.real / np.abs(q) ** 2
+        after = (until * back + pulled) * (whole + (1.0 - broken) * pulled) / (missing + back * broken)
         return np.asarray((each + 2.0 * after.real) / (rest + away))
+
+
+def stretched(q: ComplexArray, lost: ComplexArray, work: ComplexArray, rest: float, done: float) -> Unperturbed:
+    """A life in which the force is ``x``, from what the survival loses, ``M_0 - S^``, and ``W``; ``M_0, M_1`` at 0."""
+    return Unperturbed(q * (rest - lost), lost / q, work, 2.0 * (done - work.real) / np.abs(q) ** 2, rest)
 
 
 class Perturbed(NamedTuple):

@@ -39,7 +39,7 @@ from stickslip.sliding.response import (
     Parts,
     Response,
     Scales,
-    Unperturbed,
+    stretched,
 )
 
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
@@ -91,7 +91,7 @@ class UnagedResponse(Response):
         complement, shape = transforms(self.distribution, q)
         numerator, denominator = self._joined(velocity, s, complement, shape)
         mean, half_square = self.distribution.moment(1), 0.5 * self.distribution.moment(2)
-        life = Unperturbed(mean - complement / q, shape / q, mean, half_square)
+        life = stretched(q, mean - complement / q, shape / q, mean, half_square)
         noise = life.noise(q, self.delay.absence(s), away, self.sliding_force) / velocity
         return Fluctuations(numerator / denominator, noise)
 
@@ -158,8 +158,12 @@ def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
     return MeanLifetimes(*np.array([[*mean_life(interface), 0.0, 0.0, 1.0]]).T)
 
 
-def response(interface: Interface) -> UnagedResponse:
+def response(interface: Interface) -> Response:
     """Return the linear response; raises `InputError` if all contacts share one threshold and re-attach later."""
+    if interface.newborn is not None and interface.newborn.standard_deviation() > 0:
+        from stickslip.sliding.drawn import DrawnResponse
+
+        return DrawnResponse(interface)
     thresholds, sliding_force = as_unstretched(interface)
     delay = interface.delay
     if delay.moment(1) > 0 and thresholds.single:

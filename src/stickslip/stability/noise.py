@@ -40,7 +40,10 @@ _OCTAVES = np.arange(-44.0, 45.0)  # of the frequency, in units of one over the 
 _NODE = np.polynomial.legendre.leggauss(16)[0]
 _ROUGH = np.zeros(16)  # weights of every other node of `nodes_between`, exact to degree 7: what they miss is no panel's
 _ROUGH[::2] = np.linalg.solve(np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0])
-_KNOWN = 1e-4, 1e5  # in the same unit: below, noise is white and kappa goes with the frequency; above, only jumps are left
+_KNOWN = (
+    1e-4,
+    1e5,
+)  # in the same unit: below, noise is white and kappa goes with the frequency; above, only jumps are left
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -325,8 +328,18 @@ def _dataset(rig: Rig, omega: Array, spring_force: Array, velocity: Array) -> "x
     per_contact = "" if rig.scales is not None else " per contact"
     return xr.Dataset(
         {
-            name: ("frequency", value, {"units": f"({rig.unit_name(unit)})^2/{per}", "long_name": f"spectrum of the {said}"})
+            name: (
+                "frequency",
+                value,
+                {"units": f"({rig.unit_name(unit)})^2/{per}", "long_name": f"spectrum of the {said}"},
+            )
             for name, (said, unit, value) in values.items()
         },
-        {"frequency": ("frequency", frequency, {"units": "Hz" if rig.scales is not None else "1/time", "long_name": "frequency"})},
+        {
+            "frequency": (
+                "frequency",
+                frequency,
+                {"units": "Hz" if rig.scales is not None else "1/time", "long_name": "frequency"},
+            )
+        },
     )

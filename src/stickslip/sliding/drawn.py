@@ -1,0 +1,134 @@
+"""The linear response and the noise of contacts that draw, with each life, how they pull: stretched or larger ones.
+
+While it holds such a contact pulls with ``f = a + b x``, with ``x`` the way since it attached: newborns stretched by
+``a``, or contacts of the area ``b**2``. Without ageing and temperature a life depends on the way alone, so that
+
+    kappa(s) = (1 - E) [f_d (1 - P^) - q <Int f exp(-q x) dx>]/[(<l> + v <tau>) (1 - E P^)]
+
+per contact, as of equal contacts; `l` is the way to the break and ``P^`` its transform. Integrals over a life are sums
+over panels of the way, with what is left of the contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from stickslip.errors import InputError
+from stickslip.model import Interface
+from stickslip.model.newborn import stretching_nodes
+from stickslip.model.quadrature import nodes_between, partial_moment_of
+from stickslip.sliding.response import STEP, Array, ComplexArray, Fluctuations, Response, Scales, Unperturbed
+
+_FINEST = 40.0  # wave number, over one over the standard deviation, up to which anything of a life is remembered
+_PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
+
+
+class Lives(NamedTuple):
+    """What is left of contacts along their way: of their number, and of their `f`, `a`, `b`, ``a f`` and ``b f``."""
+
+    held: Array
+    """At nodes, times the weights of these, shape (n, 6)."""
+    newborn: Array
+    """Of newborns, and its slope along the way, shape (2, 6)."""
+    x: Array
+    """Nodes, shape (n,)."""
+    highest: float
+    """Wave number that the nodes resolve; a faster perturbation finds newborns alone."""
+
+
+@lru_cache(maxsize=32)
+def lives_of(interface: Interface) -> Lives:
+    """Return the lives of contacts that draw their areas, or their stretchings at birth."""
+    thresholds, newborn = interface.threshold_distribution, interface.newborn
+    largest, knots = float(thresholds.inverse_survival(1e-10)), np.array(thresholds.knots)
+    if newborn is None:
+        std = math.sqrt(thresholds.moment(1) - float(partial_moment_of(thresholds, 0.0, 0.5)) ** 2)
+        end, breaks = math.sqrt(largest), np.sqrt(knots[knots > 0])
+
+        def left(x: Array) -> list[Array]:
+            number, b, square = (partial_moment_of(thresholds, x * x, 0.5 * order) for order in range(3))
+            return [number, x * b, 0.0 * x, b, 0.0 * x, x * square]
+    else:
+        born, part = stretching_nodes(newborn, thresholds)
+        std = math.hypot(thresholds.standard_deviation(), newborn.standard_deviation())
+        end, breaks = largest - float(born.min()), np.empty(0)
+
+        def left(x: Array) -> list[Array]:
+            beyond = np.maximum(x[:, None] + born, np.abs(born))
+            holds = part * thresholds.survival(beyond) / thresholds.survival(np.abs(born))
+            number, a, square = (holds @ born**order for order in range(3))
+            return [number, a + x * number, a, number, square + x * a, a + x * number]
+
+    highest = _FINEST / std
+    even = np.linspace(0.0, end, math.ceil(end * highest / _PHASE) + 1)
+    edges = np.union1d(even, breaks[breaks < end])
+    x, weight = (each.ravel() for each in nodes_between(edges[:-1], edges[1:]))
+    begin = np.stack(left(np.array([0.0, step := 1e-6 * std])), axis=1)
+    newborn_too = np.stack([begin[0], (begin[1] - begin[0]) / step])
+    return Lives(weight[:, None] * np.stack(left(x), axis=1), newborn_too, x, highest)
+
+
+def response_of_areas(interface: Interface) -> "DrawnResponse":
+    """Return the linear response of contacts that draw their areas; of others raises `InputError`."""
+    who = "the linear response of areas"
+    interface.allow(interface.mechanisms - {"temperature"}, who)
+    if interface.areas != "fresh" or interface.thresholds.single:
+        raise InputError(
+            f"Interface.areas = {interface.areas!r}: not available with {who} that contacts keep, or that are all "
+            "alike: they are slow to forget how they started; simulate with Contacts",
+            "Interface.areas",
+        )
+    return DrawnResponse(interface)
+
+
+@dataclass(frozen=True)
+class DrawnResponse(Response):
+    """The linear response of contacts that draw their areas, or their stretchings at birth."""
+
+    interface: Interface
+
+    accuracy: ClassVar[float] = 1e-6
+
+    @property
+    def inert(self) -> bool:
+        """Whether contacts come back at once."""
+        return self.interface.delay.moment(1) == 0
+
+    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        return self.fluctuations(velocity, s).kappa
+
+    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
+        delay, force, q = self.interface.delay, self.interface.sliding_force, np.asarray(s, dtype=complex) / velocity
+        missing, away = np.asarray(delay.absence(s)), velocity * delay.moment(1)
+        life = self._life(q)
+        pulled = missing * (force * life.broken - q * life.whole)
+        kappa = pulled / ((life.rest + away) * (missing + (1.0 - missing) * life.broken))
+        return Fluctuations(kappa, life.noise(q, missing, away, force) / velocity)
+
+    def _life(self, q: ComplexArray) -> Unperturbed:
+        held, newborn, x, highest = lives_of(self.interface)
+        found, slow = np.empty((q.size, 6), dtype=complex), np.abs(q) <= highest
+        found[slow] = np.exp(-np.multiply.outer(q[slow], x)) @ held
+        fast = q[~slow, None]
+        found[~slow] = newborn[0] / fast + newborn[1] / fast**2
+        survival, whole, a_left, b_left, a_pull, b_pull = found.T
+        rest, _, _, b, _, b_sum = held.sum(axis=0).tolist()
+        square = np.abs(q) ** 2
+        each = 2.0 * ((b_sum - b_pull.real) / square - a_pull.imag / np.abs(q))
+        return Unperturbed(q * survival, a_left + (b - b_left) / q, whole, each, rest)
+
+    def frequencies(self, velocity: float, top: float) -> Array:
+        del top
+        lives = lives_of(self.interface)
+        step = STEP / (lives.x[-1] + velocity * self.interface.delay.longest)
+        step = max(step, lives.highest / 8000.0)
+        slow = np.geomspace(1e-4 * step, step, 60, endpoint=False)
+        fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90)
+        return np.asarray(velocity * np.concatenate([slow, np.arange(step, lives.highest, step), fast]))
+
+    def scales(self, velocity: float) -> Scales:
+        cycle = float(lives_of(self.interface).held[:, 0].sum()) / velocity + self.interface.delay.moment(1)
+        return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
