@@ -11,15 +11,15 @@ over panels of the way, with what is left of the contacts, and of their `a`, `b`
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from functools import lru_cache, partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.model import Interface
+from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.newborn import stretching_nodes
-from stickslip.model.quadrature import nodes_between, partial_moment_of
 from stickslip.sliding.response import STEP, Array, ComplexArray, Fluctuations, Response, Scales, Unperturbed
 
 _FINEST = 40.0  # wave number, over one over the standard deviation, up to which anything of a life is remembered
@@ -45,11 +45,12 @@ def lives_of(interface: Interface) -> Lives:
     thresholds, newborn = interface.threshold_distribution, interface.newborn
     largest, knots = float(thresholds.inverse_survival(1e-10)), np.array(thresholds.knots)
     if newborn is None:
-        std = math.sqrt(thresholds.moment(1) - float(partial_moment_of(thresholds, 0.0, 0.5)) ** 2)
+        beyond: Any = partial(Distribution.partial_moment, thresholds)  # by quadrature, of roots as well
+        std = math.sqrt(thresholds.moment(1) - float(beyond(0.0, 0.5)) ** 2)
         end, breaks = math.sqrt(largest), np.sqrt(knots[knots > 0])
 
         def left(x: Array) -> list[Array]:
-            number, b, square = (partial_moment_of(thresholds, x * x, 0.5 * order) for order in range(3))
+            number, b, square = (beyond(x * x, 0.5 * order) for order in range(3))
             return [number, x * b, 0.0 * x, b, 0.0 * x, x * square]
     else:
         born, part = stretching_nodes(newborn, thresholds)
@@ -57,8 +58,8 @@ def lives_of(interface: Interface) -> Lives:
         end, breaks = largest - float(born.min()), np.empty(0)
 
         def left(x: Array) -> list[Array]:
-            beyond = np.maximum(x[:, None] + born, np.abs(born))
-            holds = part * thresholds.survival(beyond) / thresholds.survival(np.abs(born))
+            reached = np.maximum(x[:, None] + born, np.abs(born))
+            holds = part * thresholds.survival(reached) / thresholds.survival(np.abs(born))
             number, a, square = (holds @ born**order for order in range(3))
             return [number, a + x * number, a, number, square + x * a, a + x * number]
 
@@ -101,9 +102,8 @@ class DrawnResponse(Response):
         return self.fluctuations(velocity, s).kappa
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        delay, force, q = self.interface.delay, self.interface.sliding_force, np.asarray(s, dtype=complex) / velocity
-        missing, away = np.asarray(delay.absence(s)), velocity * delay.moment(1)
-        life = self._life(q)
+        delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity
+        missing, away, life = np.asarray(delay.absence(s)), velocity * delay.moment(1), self._life(q)
         pulled = missing * (force * life.broken - q * life.whole)
         kappa = pulled / ((life.rest + away) * (missing + (1.0 - missing) * life.broken))
         return Fluctuations(kappa, life.noise(q, missing, away, force) / velocity)

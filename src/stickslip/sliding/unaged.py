@@ -87,7 +87,7 @@ class UnagedResponse(Response):
         return Parts(given_up * missing / self._path(velocity), missing + (1.0 - missing) * complement)
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        q, away = s / velocity, velocity * self.delay.moment(1)
+        q, away = np.asarray(s / velocity, dtype=np.complex128), velocity * self.delay.moment(1)
         complement, shape = transforms(self.distribution, q)
         numerator, denominator = self._joined(velocity, s, complement, shape)
         mean, half_square = self.distribution.moment(1), 0.5 * self.distribution.moment(2)

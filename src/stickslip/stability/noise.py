@@ -19,16 +19,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stickslip.answers import Answer, plain
-from stickslip.arrays import Array, ComplexArray
+from stickslip.arrays import Array
 from stickslip.errors import InputError, UndecidedError, number
-from stickslip.model.methods import DRAWN
-from stickslip.model.quadrature import nodes_between
+from stickslip.model.distribution import nodes_between
+from stickslip.model.methods import DRAWN, Contacts
 from stickslip.model.rig import Rig
 from stickslip.sliding import Response, kinetic_friction
 from stickslip.sliding.response import Fluctuations, whole_axis
-from stickslip.stability import roots
+from stickslip.stability import modes, roots
 from stickslip.stability.impedances import Impedance
-from stickslip.stability.modes import growth_rate, rig_parts
 from stickslip.words import number as digits
 
 if TYPE_CHECKING:
@@ -38,12 +37,9 @@ if TYPE_CHECKING:
 _LOST = 1e-4  # of each variance, at most, where a panel is halved no more, and beyond the ends
 _OCTAVES = np.arange(-44.0, 45.0)  # of the frequency, in units of one over the mean cycle of a contact
 _NODE = np.polynomial.legendre.leggauss(16)[0]
-_ROUGH = np.zeros(16)  # weights of every other node of `nodes_between`, exact to degree 7: what they miss is no panel's
+_ROUGH = np.zeros(16)  # a rule on every other node of `nodes_between`: where it will do, that on all of them does well
 _ROUGH[::2] = np.linalg.solve(np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0])
-_KNOWN = (
-    1e-4,
-    1e5,
-)  # in the same unit: below, noise is white and kappa goes with the frequency; above, only jumps are left
+_KNOWN = 1e-4, 1e5  # in the same unit: below, noise is white and kappa goes with the frequency; above, jumps are left
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -103,7 +99,7 @@ class ContactNoise(Answer):
         A run from a steady state has the noise when this times its length is below some -10.
         """
         try:
-            return growth_rate(self.rig).real
+            return modes.growth_rate(self.rig).real
         except UndecidedError:
             return math.nan
 
@@ -158,8 +154,8 @@ class ContactNoise(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers, in the rig's own units, without the spectrum."""
-        named = ("contacts", "spring_force", "velocity", "mean_spring_force", "mean_velocity", "memory")
-        named += ("relative_force", "relative_velocity", "linear")
+        named = [name for name in self.__dataclass_fields__ if name not in ("spectrum", "rig")]
+        named += ["relative_force", "relative_velocity", "linear"]
         found: dict[str, Any] = plain({name: getattr(self, name) for name in named})
         return found | {"contacts_for_5_percent": self.contacts_for(0.05)}
 
@@ -168,7 +164,8 @@ class ContactNoise(Answer):
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        with mpl.style.context("stickslip.plot.house"):
+        in_style: Any = mpl.style.context
+        with in_style("stickslip.plot.house"):  # by its name: pictures are of a higher layer
             figure = Figure(figsize=(7.0, 2.6), layout="constrained")
             for ax, name in zip(figure.subplots(1, 2), ("spring_force", "velocity"), strict=True):
                 self.spectrum[name].plot(ax=ax, xscale="log", yscale="log")
@@ -218,7 +215,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     >>> noise = ss.stability.contact_noise(ss.Rig(interface, slider, ss.constant(1.0)), contacts=1000)
     >>> print(f"{noise.relative_force:.4f} {noise.contacts_for(0.01)}")
     """
-    velocity, response, body = rig_parts(rig)
+    velocity, response, body = modes.rig_parts(rig)
     count, stiffness = _number_of(rig, contacts), getattr(body, "stiffness", 0.0)
     if not stiffness > 0:
         raise InputError(f"Rig.slider = {body!r}: no driving spring, whose force could be told; give it a stiffness")
@@ -248,10 +245,10 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
 
 def _number_of(rig: Rig, contacts: int | None) -> int:
     if contacts is not None:
-        return int(number("contacts", contacts, at_least=1, hint="number of contacts N"))
+        return Contacts(contacts).count
     if not isinstance(rig.method, DRAWN):
         raise InputError(
-            f"contact_noise: contacts: the rig's method, {rig.method}, stands for infinitely many, which make no noise; "
+            f"contact_noise: contacts: the rig's method, {rig.method}, stands for infinitely many, without noise; "
             "give their number, such as contacts=1000"
         )
     return rig.method.count
@@ -275,9 +272,9 @@ def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuation
 
     def everywhere(omega: Array) -> Fluctuations:
         inside, whose = np.unique(np.clip(omega, lowest, highest), return_inverse=True)
-        kappa, noise = (each[whose] for each in between(inside))
-        inside = inside[whose]
-        return Fluctuations(kappa * np.minimum(omega / lowest, 1.0), noise * (inside / np.maximum(omega, inside)) ** 2)
+        kappa, noise = between(inside)
+        fall = np.minimum(highest / omega, 1.0) ** 2
+        return Fluctuations(kappa[whose] * np.minimum(omega / lowest, 1.0), noise[whose] * fall)
 
     return everywhere
 
@@ -322,24 +319,10 @@ def _dataset(rig: Rig, omega: Array, spring_force: Array, velocity: Array) -> "x
     """Spectra in the rig's own units."""
     import xarray as xr
 
+    hertz, per = ("Hz", " / Hz") if rig.scales is not None else ("1/time", " time")
     frequency = omega / (2.0 * math.pi * rig.unit("time"))
-    per = "Hz" if rig.scales is not None else "(1/time)"
-    values = {"spring_force": ("spring force", "f_s", spring_force), "velocity": ("velocity", "x_s/time", velocity)}
-    per_contact = "" if rig.scales is not None else " per contact"
-    return xr.Dataset(
-        {
-            name: (
-                "frequency",
-                value,
-                {"units": f"({rig.unit_name(unit)})^2/{per}", "long_name": f"spectrum of the {said}"},
-            )
-            for name, (said, unit, value) in values.items()
-        },
-        {
-            "frequency": (
-                "frequency",
-                frequency,
-                {"units": "Hz" if rig.scales is not None else "1/time", "long_name": "frequency"},
-            )
-        },
-    )
+    found = {}
+    for name, unit, value in (("spring_force", "f_s", spring_force), ("velocity", "x_s/time", velocity)):
+        named = {"units": f"({rig.unit_name(unit)})^2{per}", "long_name": f"spectrum of the {name.replace('_', ' ')}"}
+        found[name] = ("frequency", value, named)
+    return xr.Dataset(found, {"frequency": ("frequency", frequency, {"units": hertz, "long_name": "frequency"})})
