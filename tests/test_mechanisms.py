@@ -379,7 +379,6 @@ def response(interface):
         ({"track_scatter": 1.5}, simulated, "Interface.track_scatter = 1.5: must be .* at most 1"),
         ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with smooth sliding"),
         ({"track_scatter": 0.1}, ss.static_friction, "track_scatter = 0.1: not available with static_friction"),
-        ({"newborn": STRETCHED}, response, "stretched all alike"),
         ({"delay": ss.OnArrest()}, response, "delay = .*: not available"),
         ({"sliding_force": 0.1, "ageing": ss.Langevin(rate=1.5)}, ss.kinetic_friction, "sliding_force = 0.1: not"),
     ],

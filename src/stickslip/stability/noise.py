@@ -164,11 +164,11 @@ class ContactNoise(Answer):
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        in_style: Any = mpl.style.context
-        with in_style("stickslip.plot.house"):  # by its name: pictures are of a higher layer
+        with mpl.style.context("stickslip.plot.house"):  # by its name: pictures are of a higher layer
             figure = Figure(figsize=(7.0, 2.6), layout="constrained")
             for ax, name in zip(figure.subplots(1, 2), ("spring_force", "velocity"), strict=True):
-                self.spectrum[name].plot(ax=ax, xscale="log", yscale="log")
+                draw: Any = self.spectrum[name].plot
+                draw(ax=ax, xscale="log", yscale="log")
                 ax.set_ylim(bottom=1e-8 * float(self.spectrum[name].max()))
         return figure
 
