@@ -42,6 +42,9 @@ from stickslip.sliding.response import (
     stretched,
 )
 
+_REMEMBERED = (
+    100.0  # wave number, over one over the standard deviation of thresholds, beyond which nothing is left of P^
+)
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
 
@@ -88,7 +91,9 @@ class UnagedResponse(Response):
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         q, away = np.asarray(s / velocity, dtype=np.complex128), velocity * self.delay.moment(1)
-        complement, shape = transforms(self.distribution, q)
+        remembered = np.abs(q) * self.distribution.standard_deviation() < _REMEMBERED
+        complement, shape = np.ones_like(q), 1.0 / q
+        complement[remembered], shape[remembered] = transforms(self.distribution, q[remembered])
         numerator, denominator = self._joined(velocity, s, complement, shape)
         mean, half_square = self.distribution.moment(1), 0.5 * self.distribution.moment(2)
         life = stretched(q, mean - complement / q, shape / q, mean, half_square)

@@ -1,4 +1,4 @@
-"""Linear stability of smooth sliding: growth rates, critical values, maps and boundaries, computed and not swept.
+"""Linear stability of smooth sliding: growth rates, critical values, maps, noise of N contacts, computed and not swept.
 
 A slider that moves at a steady speed is perturbed a little, ``exp(s t)``. The rig answers with its impedance
 ``Z(s)``, the interface with its dynamic stiffness ``kappa(s)`` (`dynamic_stiffness`), and smooth sliding is
@@ -15,8 +15,10 @@ from stickslip.stability.critical import Crossing, Crossings, critical, critical
 from stickslip.stability.impedances import Impedance, Modes, RadiationDamping
 from stickslip.stability.maps import boundary, stability_map
 from stickslip.stability.modes import count_unstable, dynamic_stiffness, growth_rate
+from stickslip.stability.noise import ContactNoise, contact_noise
 
 __all__ = ["AGEING", "DAMPING", "DELAY", "MASS", "PARAMETERS", "STD", "STIFFNESS", "VELOCITY", "Parameter"]
 __all__ += ["TurningVelocity", "dynamic_stiffness", "friction_slope", "turning_velocities"]
 __all__ += ["Crossing", "Crossings", "count_unstable", "critical", "critical_spring", "growth_rate", "onset"]
+__all__ += ["ContactNoise", "contact_noise"]
 __all__ += ["Impedance", "Modes", "RadiationDamping", "boundary", "stability_map"]

@@ -34,12 +34,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_LOST = 1e-4  # of each variance, at most, where a panel is halved no more, and beyond the ends
+_LOST = 1e-5  # of each variance, at most, where a panel is halved no more, and beyond the ends
 _OCTAVES = np.arange(-44.0, 45.0)  # of the frequency, in units of one over the mean cycle of a contact
 _NODE = np.polynomial.legendre.leggauss(16)[0]
 _ROUGH = np.zeros(16)  # a rule on every other node of `nodes_between`: where it will do, that on all of them does well
 _ROUGH[::2] = np.linalg.solve(np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0])
-_KNOWN = 1e-4, 1e5  # in the same unit: below, noise is white and kappa goes with the frequency; above, jumps are left
+_ERROR = 0.05  # of the size of fluctuations in a run, for which a run is said to be long enough
+_SLOWEST = 1e-4  # in the same unit, below which the noise is white and kappa goes with the frequency
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -135,20 +136,21 @@ class ContactNoise(Answer):
         return math.sqrt(0.5 * self.memory / number("error: duration", duration, above=0))
 
     def __str__(self) -> str:
-        rig, natural = self.rig, {"f_s": self.spring_force, "x_s/time": self.velocity, "time": self.memory}
-        force, velocity, memory = (rig.in_units(each / rig.unit(unit), unit, 2) for unit, each in natural.items())
-        per_contact = " per contact" if rig.scales is None else ""
+        rig, slow = self.rig, self.relative_velocity < 1.0
+        natural = ((self.spring_force, "f_s"), (self.velocity, "x_s/time"), (self.memory / _ERROR**2 / 2.0, "time"))
+        force, velocity, run = (rig.in_units(value / rig.unit(unit), unit, 2) for value, unit in natural)
+        by = f"{_percent(self.relative_velocity)}" if slow else f"{digits(self.relative_velocity, 2)} times the drive's"
         lines = [
             f"smooth sliding with {self.contacts} contacts: the spring force fluctuates by "
-            f"{_percent(self.relative_force)} of its mean ({force}{per_contact} rms), the slider's velocity by "
-            f"{_percent(self.relative_velocity)} ({velocity} rms)",
-            f"below 5 % of the mean spring force from {self.contacts_for(0.05)} contacts on",
-            f"fluctuations are alike over {memory}: a run of {_AT_LEAST} times that knows their size to 5 %",
+            f"{_percent(self.relative_force)} of its mean ({force} rms), the velocity by {by} ({velocity} rms)",
+            f"below 5 % of the mean spring force from {digits(self.contacts_for(0.05), 3)} contacts on",
+            f"a run of {run} shows the size of the fluctuations to {_percent(_ERROR)}",
         ]
         if not self.linear:
+            least = digits(self.contacts_for(1.0, of="velocity"), 3)
             lines.append(
-                "beyond linear theory: the velocity would fluctuate by more than the drive's, so the slider stops at "
-                f"times; within it from {self.contacts_for(1.0, of='velocity')} contacts on"
+                "beyond linear theory: where the velocity fluctuates by more than the drive's, the slider stops; "
+                f"theory holds from {least} contacts on"
             )
         return "\n".join(lines)
 
@@ -161,19 +163,16 @@ class ContactNoise(Answer):
 
     def plot(self) -> "Figure":
         """Draw both spectra."""
-        import matplotlib as mpl
+        import matplotlib.style
         from matplotlib.figure import Figure
 
-        with mpl.style.context("stickslip.plot.house"):  # by its name: pictures are of a higher layer
+        with matplotlib.style.context("stickslip.plot.house"):  # by its name: pictures are of a higher layer
             figure = Figure(figsize=(7.0, 2.6), layout="constrained")
             for ax, name in zip(figure.subplots(1, 2), ("spring_force", "velocity"), strict=True):
                 draw: Any = self.spectrum[name].plot
                 draw(ax=ax, xscale="log", yscale="log")
                 ax.set_ylim(bottom=1e-8 * float(self.spectrum[name].max()))
         return figure
-
-
-_AT_LEAST = 200  # times the memory: sqrt(1/(2 * 200)) is 5 %
 
 
 def _percent(part: float) -> str:
@@ -226,16 +225,18 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         )
     omega, weight, displaced = _spectrum(response, body, velocity)
     moved, pulled = omega**2 * displaced, stiffness**2 * displaced
-    variance, memory = weight @ pulled / math.pi, math.pi * (weight @ pulled**2) / (weight @ pulled) ** 2
+    whole, square, fast = (float(weight @ each) / math.pi for each in (pulled, pulled**2, moved))
+    memory = square / whole**2
     slow = 1e-6 / memory
     drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)
+    mean = kinetic_friction(rig.interface, velocity) + drag
     force, speed, time = (rig.unit(unit) for unit in ("f_s", "x_s/time", "time"))
     per_hertz = 2.0 * time / count
     return ContactNoise(
         contacts=count,
-        spring_force=force * math.sqrt(variance / count),
-        velocity=speed * math.sqrt(weight @ moved / math.pi / count),
-        mean_spring_force=force * (kinetic_friction(rig.interface, velocity) + drag),
+        spring_force=force * math.sqrt(whole / count),
+        velocity=speed * math.sqrt(fast / count),
+        mean_spring_force=force * mean,
         mean_velocity=speed * velocity,
         memory=time * memory,
         spectrum=_dataset(rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved),
@@ -256,7 +257,7 @@ def _number_of(rig: Rig, contacts: int | None) -> int:
 
 def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuations]:
     """Fluctuations at any frequencies, from a table of them where they are dear."""
-    lowest, highest = (end / response.scales(velocity).cycle for end in _KNOWN)
+    lowest, highest = _SLOWEST / response.scales(velocity).cycle, math.inf
     if response.certain:
 
         def between(omega: Array) -> Fluctuations:
