@@ -6,7 +6,7 @@ named, and writes one report. Bands come from theory or from the settled numbers
 
 from __future__ import annotations
 
-from verification import advice, closed_forms, convergence, figures, fits, solvers
+from verification import advice, closed_forms, convergence, figures, fits, noise, solvers
 from verification.study import Study
 
 STUDIES: dict[str, Study] = {
@@ -15,6 +15,7 @@ STUDIES: dict[str, Study] = {
         *figures.STUDIES,
         *closed_forms.STUDIES,
         *solvers.STUDIES,
+        *noise.STUDIES,
         *convergence.STUDIES,
         *fits.STUDIES,
         *advice.STUDIES,

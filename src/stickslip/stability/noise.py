@@ -213,6 +213,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     >>> slider = ss.Slider(stiffness=2.0, mass=1e-3, damping=40.0)
     >>> noise = ss.stability.contact_noise(ss.Rig(interface, slider, ss.constant(1.0)), contacts=1000)
     >>> print(f"{noise.relative_force:.4f} {noise.contacts_for(0.01)}")
+    0.0227 5165
     """
     velocity, response, body = modes.rig_parts(rig)
     count, stiffness = _number_of(rig, contacts), getattr(body, "stiffness", 0.0)

@@ -1,0 +1,114 @@
+"""The noise of N contacts: theory against runs of as many contacts, on random rigs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import stickslip as ss
+from stickslip.errors import InputError, UndecidedError
+from stickslip.paper import Claim
+from stickslip.paper.figure import near
+from stickslip.stability import ContactNoise, contact_noise
+from verification.study import Study, finding
+
+_RIGS, _SEEDS, _ERROR = 30, 3, 0.012
+_MOST_BREAKS = 3e6  # of all runs of a rig
+
+
+def _thresholds(rng: np.random.Generator) -> Any:
+    kinds = (
+        lambda: ss.Gaussian(1.0, _between(rng, 0.1, 0.5)),
+        lambda: ss.Gamma(mean=1.0, std=_between(rng, 0.2, 0.9)),
+        lambda: ss.LogNormal(mean=1.0, std=_between(rng, 0.2, 0.7)),
+        lambda: ss.Uniform(low=rng.uniform(0.3, 0.8), high=rng.uniform(1.1, 1.7)),
+        lambda: ss.Weibull(scale=1.0, shape=_between(rng, 1.2, 4.0)),
+        lambda: ss.Exponential(mean=1.0),
+    )
+    return kinds[rng.integers(len(kinds))]()
+
+
+def _mechanism(rng: np.random.Generator) -> dict[str, Any]:
+    pull = float(rng.uniform(0.05, 0.4))
+    growth = ss.LogarithmicGrowth(slope=_between(rng, 0.005, 0.03), time=1e-3)
+    heat = ss.Bell(width=_between(rng, 0.005, 0.05), attempts=_between(rng, 1e3, 1e6))
+    newborn = ss.Uniform(low=-0.1, high=float(rng.uniform(0.0, 0.4)))
+    kinds: tuple[dict[str, Any], ...] = (
+        {},
+        {"sliding_force": pull},
+        {"newborn": newborn, "sliding_force": pull},
+        {"areas": "fresh", "sliding_force": pull},
+        {"ageing": growth},
+        {"ageing": ss.ExponentialGrowth(rate=_between(rng, 0.3, 3.0), newborn=float(rng.uniform(0.1, 0.8)))},
+        {"temperature": heat},
+        {"temperature": heat, "ageing": growth, "sliding_force": pull},
+    )
+    return kinds[rng.integers(len(kinds))]
+
+
+def _between(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
+    """Yield stable rigs within the range of theory, the velocity fluctuating by less than half the drive's."""
+    rng = np.random.default_rng(seed)
+    while True:
+        velocity, delay = _between(rng, 0.3, 3.0), _between(rng, 0.01, 0.3)
+        stiffness, mass, ratio = _between(rng, 0.3, 8.0), _between(rng, 1e-4, 1e-2), _between(rng, 0.05, 2.0)
+        delays = (
+            ss.Delay(0.0),
+            ss.Delay(delay / velocity),
+            ss.RandomDelay(mean=delay / velocity, std=0.3 * delay / velocity),
+        )
+        slider = ss.Slider(
+            stiffness=stiffness, mass=mass / velocity**2, damping=2.0 * ratio * velocity * math.sqrt(stiffness / mass)
+        )
+        try:
+            interface = ss.Interface(thresholds=_thresholds(rng), delay=delays[rng.integers(3)], **_mechanism(rng))
+            method = ss.Contacts(int(_between(rng, 200.0, 5000.0)))
+            rig = ss.Rig(interface, slider, ss.constant(velocity), method=method, start=ss.FromSliding())
+            noise = contact_noise(rig)
+        except (InputError, UndecidedError):  # unstable, or newborns beyond the thresholds
+            continue
+        if noise.relative_velocity < 0.5 and _SEEDS * _duration(noise) * velocity * noise.contacts < _MOST_BREAKS:
+            yield rig, noise
+
+
+def _duration(noise: ContactNoise) -> float:
+    """Length of a run, such that all of them know the size of the fluctuations to an error."""
+    return noise.memory / (2.0 * _ERROR**2 * _SEEDS)
+
+
+def _ratio(rig: ss.Rig, noise: ContactNoise) -> float:
+    """Return the root mean square of the spring force in runs, over theory."""
+    duration, warm = _duration(noise), 20.0 * noise.memory
+    taken = float(noise.spectrum.spring_force[0]) / 2.0 / duration  # what the mean of a run takes of its variance
+    interval = min(noise.memory / 15.0, 0.05 / rig.velocity)
+    drive = ss.constant(rig.velocity, warm + duration)
+    squares = []
+    for seed in range(_SEEDS):
+        method = ss.Contacts(noise.contacts, seed=seed)
+        run = ss.simulate(rig.replace(drive=drive), method=method, output=ss.Output(interval=interval))
+        squares.append(float(run.spring_force.sel(time=slice(warm, None)).var()) + taken)
+    return math.sqrt(np.mean(squares)) / noise.spring_force
+
+
+def _noise() -> tuple[Claim, ...]:
+    measured = []
+    for _, (rig, noise) in zip(range(_RIGS), _random_rigs(2026), strict=False):
+        said = f"{rig.interface.thresholds}, {noise.contacts} contacts, velocity {noise.relative_velocity:.0%} rms"
+        measured.append(near(said, _ratio(rig, noise), 1.0, 0.05, "of theory"))
+    return (
+        finding(
+            "the spring force of stable rigs fluctuates as the noise of their contacts makes it",
+            *measured,
+            evidence=f"{_SEEDS} runs of each of {_RIGS} random rigs, long enough to know it to {_ERROR:.1%}",
+        ),
+    )
+
+
+STUDIES = (Study(name="noise", group="Solver against solver", title="Noise of N contacts", run=_noise),)
