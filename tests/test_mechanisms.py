@@ -204,10 +204,11 @@ def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(newborn,
     assert friction[back + 1] - friction[back] == pytest.approx(-let_go * (1.0 - attached[back]), abs=0.02)
 
 
-def test_peaks_of_slips_follow_the_factor_of_their_track():
+@pytest.mark.parametrize("areas", [None, "fresh"])
+def test_peaks_of_slips_follow_the_factor_of_their_track(areas):
     peaks = {}
     for scatter in (0.0, 0.15):
-        interface = replace(RE_STUCK, thresholds=ss.Gaussian(mean=1.0, std=0.02), track_scatter=scatter)
+        interface = replace(RE_STUCK, thresholds=ss.Gaussian(mean=1.0, std=0.02), track_scatter=scatter, areas=areas)
         run = stick_slip(interface, count=200)
         peaks[scatter] = ss.drops(run)["force_before"].to_numpy()[1:]
     n = peaks[0.15].size
@@ -376,6 +377,7 @@ def response(interface):
         ),
         ({"newborn": STRETCHED, "track_scatter": 0.1, "delay": ss.Delay(0.0)}, simulated, "delay = .*above 0"),
         ({"sliding_force": -0.1}, simulated, "Interface.sliding_force = -0.1: must be .* at least 0"),
+        ({"areas": "site", "track_scatter": 0.1}, simulated, "track_scatter = 0.1: contacts that keep their areas"),
         ({"track_scatter": 1.5}, simulated, "Interface.track_scatter = 1.5: must be .* at most 1"),
         ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with smooth sliding"),
         ({"track_scatter": 0.1}, ss.static_friction, "track_scatter = 0.1: not available with static_friction"),

@@ -45,9 +45,8 @@ def newborns(
         x = stretchings_within(interface.newborn, newborns, size, _largest(interface))
         return x, _thresholds_of(interface, thresholds, x, factor)
     drawn = interface.threshold_distribution.sample(thresholds, size)
-    if interface.areas is not None:
-        drawn = np.sqrt(drawn)
-    return np.empty(0), drawn if factor == 1.0 else factor * drawn
+    drawn = drawn if factor == 1.0 else factor * drawn
+    return np.empty(0), drawn if interface.areas is None else np.sqrt(drawn)
 
 
 def _largest(interface: Interface) -> float:
@@ -60,7 +59,7 @@ def _thresholds_of(interface: Interface, rng: np.random.Generator, x: Array, fac
     """Draw thresholds that hold contacts of these stretchings."""
     if interface.areas is None:
         return thresholds_beyond(interface.threshold_distribution, rng, x, factor)
-    return np.sqrt(thresholds_beyond(interface.threshold_distribution, rng, x * x))
+    return np.sqrt(thresholds_beyond(interface.threshold_distribution, rng, x * x, factor))
 
 
 def lives_met(

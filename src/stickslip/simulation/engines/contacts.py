@@ -90,6 +90,7 @@ class EventByEvent(Engine):
         if self._rule is not None:
             own = strength if interface.areas == "site" else np.empty(0)
             self._boxes = kernel.boxed(self._state, self._rule, since, own)
+            self._stiffest = self._boxes.stiffest / math.sqrt(self._factor)
         fixed = self._delay.moment(1) if isinstance(self._delay, Delay | OnArrest) else math.nan
         arrests = bool(interface.mechanisms & {"track_scatter", "on_arrest"})
         self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, arrests=arrests))
@@ -99,11 +100,11 @@ class EventByEvent(Engine):
         """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
         if interface.temperature is not None:
             check_newborns(interface)
-        if interface.areas is not None and interface.track_scatter > 0:
-            scatter = f"track_scatter = {interface.track_scatter:g}"
+        if interface.areas == "site" and interface.track_scatter > 0:
             raise InputError(
-                f"Interface.areas = {interface.areas!r}: not available together with {scatter}; leave one out",
-                "Interface.areas",
+                f"Interface.track_scatter = {interface.track_scatter:g}: contacts that keep their areas draw no "
+                'thresholds that a track could have in common; leave it out, or give areas = "fresh"',
+                "Interface.track_scatter",
             )
         if interface.newborn is None:
             return
@@ -117,7 +118,8 @@ class EventByEvent(Engine):
                 )
         if interface.delay.moment(1) == 0 and (interface.track_scatter > 0 or interface.areas == "site"):
             raise InputError(
-                f"Interface.delay = {interface.delay}: with newborn stretchings, tracks and sites need one above 0",
+                f"Interface.delay = {interface.delay}: must be above 0 with newborn stretchings that a weak track or a "
+                "small site does not hold",
                 "Interface.delay",
             )
 
@@ -226,6 +228,9 @@ class EventByEvent(Engine):
         if self._interface.track_scatter:
             self._factor = self._next_track()
             self._draws = self._with_thresholds(self._draws)
+            if self._boxes is not None and self._interface.areas:  # those of a strong track are stiffer, too
+                stiffest = max(self._boxes.stiffest, self._stiffest * math.sqrt(self._factor))
+                self._boxes = self._boxes._replace(stiffest=stiffest)
         if isinstance(self._delay, OnArrest):
             re_attach_all(self._state)
 
