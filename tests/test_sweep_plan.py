@@ -292,7 +292,7 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     for arguments, words in (
         ((other, "--store", store), "holds another sweep; what differs: what the function does or holds"),
         (("--status", "--store", nowhere), "there is no such file"),
-        (("--store", store), "name a sweep file"),
+        (("--store", store), "give a sweep file"),
         ((file, "--store", store, "--scheduler", "tcp://a:1", "--processes"), "leave out"),
         ((file, "--store", store, "--workers", 0), "Threads.workers = 0"),
     ):
