@@ -80,8 +80,6 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         bands = stability_along(rig, VELOCITY, low, high)
     report(0.2)
     recording, seen, state = _watch(rig, part(report, 0.2, 1.0))
-    if modes:  # what grows is no transient
-        seen = replace(seen, reason=seen.reason.split(" (seen for")[0])
     late = recording.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
     # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
     # slider that never stops attaches none that wait for its arrest.

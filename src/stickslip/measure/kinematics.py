@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import xarray as xr
@@ -140,7 +140,7 @@ class Motion(NamedTuple):
     stuck: float
     swing: float
     cycles: Cycles
-    word: Literal["sticks", "even", "oscillates", "halts", "uneven"]
+    word: str
 
     @classmethod
     def of(cls, trace: Trace) -> Self | None:
@@ -151,13 +151,14 @@ class Motion(NamedTuple):
         stuck, cycles = float(np.mean(v < RESTS)), find_cycles(trace.t, v)
         swing = math.sqrt(max(float(np.mean((v - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
         by_chance = 1.0 / 3.0 + 2.0 / math.sqrt(2.0 * max(cycles.count, 1))
-        if stuck >= HALF and swing >= HALF:
-            return cls(stuck, swing, cycles, "sticks")
-        if swing < RESTS:
-            return cls(stuck, swing, cycles, "even")
-        if cycles.count >= FEWEST_CYCLES and cycles.correlation > by_chance:
-            return cls(stuck, swing, cycles, "oscillates")
-        return cls(stuck, swing, cycles, "halts" if stuck > RESTS else "uneven")
+        words = {
+            "sticks": stuck >= HALF and swing >= HALF,
+            "even": swing < RESTS,
+            "oscillates": cycles.count >= FEWEST_CYCLES and cycles.correlation > by_chance,
+            "halts": stuck > RESTS,
+            "uneven": True,
+        }
+        return cls(stuck, swing, cycles, next(word for word, holds in words.items() if holds))
 
     def __str__(self) -> str:
         return (
@@ -172,8 +173,8 @@ class Kinematics(Answer):
 
     Attributes
     ----------
-    stiffness, velocity, mass : float
-        What was known, in N/m, m/s and kg; mass is NaN if it was not.
+    mass : float
+        What is given, in kg; NaN if nothing is.
     motion : str
         The motion in words.
     stuck : float
@@ -196,8 +197,6 @@ class Kinematics(Answer):
         Of the sensor, in m of the spring.
     """
 
-    stiffness: float
-    velocity: float
     mass: float
     motion: str
     stuck: float
@@ -263,8 +262,6 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     half = weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2) / _EDGES  # of a free oscillation
     swings = motion.word in ("sticks", "oscillates") and half * RESTS >= 2.0 * step  # a mass known to a quarter
     return Kinematics(
-        stiffness=K,
-        velocity=V,
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
         motion=str(motion),
         stuck=motion.stuck,

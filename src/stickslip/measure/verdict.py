@@ -25,7 +25,6 @@ __all__ = ["TINY", "Kind", "Regime", "regime"]
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
-LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
 MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
@@ -252,11 +251,7 @@ def _of_a_run(trace: Trace, drive: Array) -> Regime:
         found = find_slips(late)
         if late.t.size >= FEWEST_READINGS and not 0 < found.size <= FEWEST_CYCLES:
             break
-    seen = _judge(late, found)
-    if seen.kind not in (SLIPS, LASTS) or not end - begin < LONG_TRANSIENT * seen.period:
-        return seen
-    caution = f"seen for {(end - begin) / seen.period:.0f} cycles only; run longer to rule out a transient"
-    return replace(seen, reason=f"{seen.reason} ({caution})")
+    return _judge(late, found)
 
 
 def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
