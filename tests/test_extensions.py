@@ -358,7 +358,8 @@ def test_an_ageing_of_ones_own():
 
 
 def test_a_barrier_of_ones_own():
-    rig, bell = rig_with(ss.Delay(0.1), distance=2.0), ss.Bell(width=0.01, attempts=1e6)
+    rig = rig_with(ss.Delay(0.1), ss.Gaussian(mean=1.0, std=0.1), distance=1.0)
+    bell = ss.Bell(width=0.01, attempts=1e6)
     own, known = (
         replace(rig, interface=replace(rig.interface, temperature=each))
         for each in (Steep(slope=100.0, period=1e-6), bell)

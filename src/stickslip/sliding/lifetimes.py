@@ -6,7 +6,7 @@ interface and a speed; `stickslip.sliding.activated` reads them.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -238,12 +238,20 @@ def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
     return z, weight * np.exp(z - np.exp(z))
 
 
-def blurred_survival(survival: Callable[[Array], Array], width: float, u: Array) -> Array:
+def blurred_survival(survival: Callable[[Array], Array], width: float, u: Array, knots: Sequence[float]) -> Array:
     """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds blurred by a Gumbel distribution.
 
-    The mean of their survival ``J_c(u - A s)`` over ``s = ln E``, ``E`` drawn from ``exp(-E)``.
+    The mean of their survival ``J_c(u - A s)``, a function of flat arrays, over ``s = ln E``, ``E`` drawn from
+    ``exp(-E)``; it has corners where the density jumps, at the `knots`.
     """
-    # Between these the weight exp(s - exp(s)) is more than rounding.
-    s, weight = gauss_nodes(np.linspace(-38.0, 3.7, 140), 6)
-    weight = weight * np.exp(s - np.exp(s))
-    return np.asarray(survival(np.maximum(u[..., None] - width * s, 0.0)) @ (weight / weight.sum()))
+    low, high, corners = -38.0, 3.7, np.array([knot for knot in knots if math.isfinite(knot)])
+    found = np.empty(u.size)  # between these the weight exp(s - exp(s)) is more than rounding
+    for part in np.array_split(np.arange(u.size), 1 + u.size // 512):
+        at = u.ravel()[part, None]
+        edges = np.tile(np.linspace(low, high, 140), (part.size, 1))
+        edges = np.sort(np.concatenate([edges, np.clip((at - corners) / width, low, high)], axis=1), axis=1)
+        s, weight = gauss_nodes(edges, 6)
+        weight = weight * np.exp(s - np.exp(s))
+        known = survival(np.maximum(at - width * s, 0.0).ravel()).reshape(s.shape)
+        found[part] = np.sum(known * weight, axis=1) / weight.sum(axis=1)
+    return found.reshape(u.shape)

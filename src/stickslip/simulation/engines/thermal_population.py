@@ -126,7 +126,7 @@ def _thermal_table(distribution: Distribution, width: float, tolerance: float) -
     known = survival_of(distribution)
 
     def blurred(x: Array) -> Array:
-        return blurred_survival(lambda at: values_at(known, at.ravel()).reshape(at.shape), width, x + low)
+        return blurred_survival(lambda at: values_at(known, at), width, x + low, distribution.knots)
 
     return low, tabulate(blurred, high - low, np.empty(0), tolerance=tolerance, most=4096)
 
