@@ -652,6 +652,8 @@ FOUR_MODES = ss.Gamma(mean=1.0, std=0.077), 0.03931, (0.39341, 0.0055601, 0.5526
 TWO_DROPS = ss.Gamma(mean=1.0, std=0.2978), 0.85202, (0.47383, 0.026935, 0.042596), 120.0, 2000, 70
 NO_DELAY = ss.Weibull(scale=1.0874688, shape=5.1335692), 0.0, (0.1806, 1.2771e-6, 5.8861), 120.0, 2000, 3
 AMPLIFIES = uniform(0.335), 0.746365, (3.695489, 8.567306e-4, 1.688416), 360.0, 2000, 5
+NARROW = uniform(0.2713), 0.16456, (1.84587, 0.0589937, 0.250851), 133.0, 1062, 1047
+SHAKEN = ss.LogNormal(mean=1.0, std=0.27266), 0.0756861, (0.2054, 0.03459, 0.653982), 85.7, 114, 5054
 RINGS = uniform(0.0363), 0.28133, (0.10183, 2.3339e-5, 4.4319), 151.5, 2000, 56
 AGED = ss.Interface(thresholds=gaussian(0.3106), ageing=ss.Langevin(rate=0.30041))
 
@@ -682,6 +684,9 @@ AGED = ss.Interface(thresholds=gaussian(0.3106), ageing=ss.Langevin(rate=0.30041
         (delayed(*NO_DELAY), SMOOTH, {}),
         # Stable, and so lightly damped that it amplifies the noise of its contacts, in proportion to it.
         (delayed(*AMPLIFIES), SMOOTH, {}),
+        # The same, four times what evenly stretched contacts make; with few contacts, but unstable: no noise.
+        (delayed(*NARROW), SMOOTH, {}),
+        (delayed(*SHAKEN), SUSTAINED, {}),
         # Four growing modes; the noise of the contacts shakes a sustained oscillation.
         (delayed(*FOUR_MODES, 2000, 67), SUSTAINED, {}),
         (delayed(*FOUR_MODES, 10_000, 1), SUSTAINED, {"period": (0.727, 0.757)}),

@@ -1,6 +1,7 @@
 """The arrays of a Dataset as the measures need them, and the turning points of a force."""
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array as Array
 from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
-from stickslip.io.datasets import read_provenance
+from stickslip.model import Rig
+from stickslip.model.methods import DRAWN
+from stickslip.simulation import rig_of
 from stickslip.words import engineering
 
 FEWEST_READINGS = 16
@@ -41,7 +44,8 @@ class Trace:
     """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
 
     `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
-    loading. `contacts` is their number in a run of so many. A `measured` force has noise, and a bench behind it.
+    loading. `rig` is that of a run, `contacts` their number, where it is known. A `measured` force has noise, and a
+    bench behind it.
     """
 
     t: Array
@@ -52,6 +56,7 @@ class Trace:
     velocity: Array | None = None
     drive: Array | None = None
     displacement: Array | None = None
+    rig: Rig | None = None
     contacts: int | None = None
     measured: bool = False
     time_unit: str = ""
@@ -95,11 +100,18 @@ class Trace:
         arrays |= {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if key in arrays}
         top = float(np.max(arrays["force"]))  # of a force that never pulls that way, the largest in size
         time, told = data["time"].attrs, data["spring_force"].attrs
+        rig = None  # not every run says what it was made of
+        with suppress(InputError):
+            rig = rig_of(data)
+        contacts = data.attrs.get("contacts")
+        if rig is not None and isinstance(rig.method, DRAWN):
+            contacts = rig.method.count * getattr(rig.slider, "size", 1)
         return cls(
             **arrays,
             sign=sign,
             largest=top if top > 0 else float(np.max(np.abs(force))),
-            contacts=_contacts(data),
+            rig=rig,
+            contacts=None if contacts is None else int(contacts),
             measured=drive is None or "stiffness" in data.attrs,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),
@@ -128,21 +140,6 @@ class Trace:
 def in_words(value: float, unit: str, digits: int = 4) -> str:
     """A value with its unit, of time too."""
     return engineering(value, "time units" if unit == "time" else unit, digits)
-
-
-def _contacts(data: xr.Dataset) -> int | None:
-    """How many contacts a run was made with, as its provenance says, or a bench has; None where it is not known."""
-    try:
-        if "contacts" in data.attrs:
-            return int(data.attrs["contacts"])
-        rig = read_provenance(data)["arguments"]["rig"]
-        slider = rig["slider"]
-        count: int = int(rig["method"]["count"]) * slider.get(
-            "blocks", slider.get("along", 1) * slider.get("across", 1)
-        )
-    except (InputError, KeyError, TypeError, ValueError, AttributeError):
-        return None
-    return max(count, 0)
 
 
 def without_line(values: Array, at: Array) -> Array:

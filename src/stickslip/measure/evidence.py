@@ -9,10 +9,12 @@ from typing import Literal
 import numpy as np
 from scipy.special import gammainccinv, ndtr, stdtrit
 
+from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.arrays import FEWEST_READINGS, Trace, mean_and_std, slope, without_line
 from stickslip.measure.kinematics import Motion, loading
 from stickslip.measure.periods import FEWEST_CYCLES, JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
+from stickslip.stability import contact_noise, count_unstable
 
 # With those of a period and of the velocity of a slip, these are all the numbers that decide.
 ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
@@ -23,8 +25,7 @@ MOST = 0.5  # of the time, or of a force
 STEADY = 0.05  # change of the logarithm of the amplitude that is none
 SLIP_PHASE = 0.25  # held for the rest of the time, a slider slips at four times the drive on average
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
-NORMAL = 2.25  # kurtosis half way from a sine (1.5) to noise (3) ...
-ENOUGH = math.ceil((3.0 / (3.0 - NORMAL)) ** 2)  # ... and cycles of narrow noise at which an error of that is as large
+NORMAL = 2.25  # kurtosis half way from a sine (1.5) to noise (3)
 
 Source = Literal["theory", "statistics", "convention"]
 Row = tuple[str, float, float, Source]
@@ -178,6 +179,24 @@ class Window:
         return "part of the time at the full loading rate", held, MOST, "convention"
 
     @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the force that contacts make in smooth sliding; NaN if it is unstable, or not known.
+
+        By theory where the rig is known; where only their number is, as much as evenly stretched ones make at most.
+        """
+        trace, count = self.trace, self.trace.contacts
+        if not count or not self.found.size:
+            return math.nan
+        try:
+            if trace.rig is not None:
+                rig = trace.rig if trace.drive is None else trace.rig.replace(velocity=float(np.mean(trace.drive)))
+                return math.nan if count_unstable(rig) else contact_noise(rig).spring_force
+        except (InputError, UndecidedError):
+            pass  # of what theory does not take
+        mean = abs(float(trace.force.mean())) or 1e-300
+        return min(NOISE_OF_CONTACTS * (abs(trace.largest) or 1.0), mean) / math.sqrt(count)
+
+    @cached_property
     def tests(self) -> dict[str, Criterion]:
         """The tests by name, but for those of what is not known."""
         trace, found, force, known = self.trace, self.found, self.trace.force, self.found.cycles
@@ -188,25 +207,20 @@ class Window:
             swing = min(swing, 2.0 * math.sqrt(2.0 * max(scatter**2 - found.noise**2, 0.0)))
         repeats = self.cycles.correlation if self.cycles else min(known.correlation, regularity(known.variation))
         kurtosis = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
-        noise = math.nan  # of the contacts
-        if trace.contacts and found.size:
-            noise = min(NOISE_OF_CONTACTS * largest, mean) / math.sqrt(trace.contacts)
-        # A few cycles as large as the noise of the contacts may be noise, though they look like a sine.
-        doubtful = self.cycles and scatter < ERRORS * noise and kurtosis < NORMAL
         trend, error = self.trend
         change, steady, ripple = abs(math.log(trend)), STEADY + ERRORS * error, math.sqrt(12.0) * late
         # What is asked, what was found, the limit (chance allows for more where an error is known), and its source.
         rows: dict[str, Row] = {
             "drops": ("drops that stand out of the noise", found.size, 1, "statistics"),
             "swing": ("swing over the largest force", swing / largest, TINY, "convention"),
-            "cycles": ("cycles in the window", self.count, ENOUGH if doubtful else FEWEST_CYCLES, "statistics"),
+            "cycles": ("cycles in the window", self.count, FEWEST_CYCLES, "statistics"),
             "repeats": ("correlation of a cycle with the next", repeats, PERIODIC, "convention"),
             "steady": ("change of the logarithm of the swing", change, steady, "statistics"),
             # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
             "small": ("second half, as a sawtooth, over the largest force", ripple / largest, SMALL, "convention"),
             "pauses": ("longest pause over the usual time between drops", *self.pause, "statistics"),
             "slips": self.slips,
-            "contacts": ("scatter over the noise of the contacts", scatter / noise, ERRORS, "theory"),
+            "contacts": ("scatter over the noise of the contacts", scatter / self.noise, ERRORS, "theory"),
             "normal": ("kurtosis of the force", kurtosis, NORMAL, "theory"),
             "slight": ("three standard deviations over the mean", ERRORS * scatter / mean, MOST, "convention"),
             "line": ("swing of a spectral line over the largest force", self.line[1] / largest, TINY, "statistics"),
@@ -222,13 +236,12 @@ class Window:
     def facts(self) -> set[str]:
         """The names of the tests that were passed, and what follows from them."""
         facts = {key for key, test in self.tests.items() if test.passed}
-        by_chance = "contacts" in self.tests and "contacts" not in facts
         more = {
             "white": self.found.noise > MOST * float(self.trace.force.std()),
-            "lasts": self.cycles is not None or "contacts" in self.tests,
+            "lasts": self.cycles is not None or bool(self.trace.contacts),
             "shrinks": "steady" not in facts and self.trend[0] < 1.0,
             "grows": "steady" not in facts and self.trend[0] > 1.0,
-            "noise": by_chance and ("normal" in facts or not self.cycles),
+            "noise": "contacts" in self.tests and "contacts" not in facts,
             "stops": "pauses" in facts and ("slips" in facts or self.cycles is not None),
         }
         facts |= {self.motion.word} if self.motion else set()

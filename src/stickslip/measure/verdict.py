@@ -389,14 +389,12 @@ def _in_words(seen: Window, stuck: float | None, *, within: bool) -> dict[str, o
     if stuck is not None:
         sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= STICKS else 'never sticks'}"
     # So long that there are enough cycles, and a trend shows.
-    fewest = int(tests["cycles"].limit)
-    needed = max((fewest + 1) / max(count, 1), 2.0)
+    needed = max((FEWEST_CYCLES + 1) / max(count, 1), 2.0)
     more = f"about {time(needed * span)} more would decide"
     drift = slope(trace.force, trace.t) * span
     way = f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}"
     if count:
-        enough = "that a verdict needs" if fewest == FEWEST_CYCLES else "that tell an oscillation from noise"
-        short = f"too short: {count} of the {fewest} complete cycles {enough}; {more}"
+        short = f"too short: {count} of the {FEWEST_CYCLES} complete cycles that a verdict needs; {more}"
     elif "white" in seen.facts:
         short = f"noise of {part} masks any oscillation, and slips: record more often"
     else:
