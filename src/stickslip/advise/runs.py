@@ -116,7 +116,7 @@ class Trials:
             seen = regime(run.dataset())
             doubtful = few and seen.kind in OSCILLATES and linearly_unstable(case) is False
             if seen.kind != "undecided" and not doubtful:
-                return run, seen, "stays"
+                return run, seen, "noise" if seen.is_noise else "stays"
             try:
                 if doubtful:
                     lasts = until_decayed(case) / case.natural.velocity

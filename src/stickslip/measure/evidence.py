@@ -27,6 +27,7 @@ SLIP_PHASE = 0.25  # held for the rest of the time, a slider slips at four times
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
 NORMAL = 2.25  # kurtosis half way from a sine (1.5) to noise (3)
 
+SWING, NOISE = "swing over the largest force", "scatter over the noise of the contacts"
 Source = Literal["theory", "statistics", "convention"]
 Row = tuple[str, float, float, Source]
 
@@ -212,7 +213,7 @@ class Window:
         # What is asked, what was found, the limit (chance allows for more where an error is known), and its source.
         rows: dict[str, Row] = {
             "drops": ("drops that stand out of the noise", found.size, 1, "statistics"),
-            "swing": ("swing over the largest force", swing / largest, TINY, "convention"),
+            "swing": (SWING, swing / largest, TINY, "convention"),
             "cycles": ("cycles in the window", self.count, FEWEST_CYCLES, "statistics"),
             "repeats": ("correlation of a cycle with the next", repeats, PERIODIC, "convention"),
             "steady": ("change of the logarithm of the swing", change, steady, "statistics"),
@@ -220,7 +221,7 @@ class Window:
             "small": ("second half, as a sawtooth, over the largest force", ripple / largest, SMALL, "convention"),
             "pauses": ("longest pause over the usual time between drops", *self.pause, "statistics"),
             "slips": self.slips,
-            "contacts": ("scatter over the noise of the contacts", scatter / self.noise, ERRORS, "theory"),
+            "contacts": (NOISE, scatter / self.noise, ERRORS, "theory"),
             "normal": ("kurtosis of the force", kurtosis, NORMAL, "theory"),
             "slight": ("three standard deviations over the mean", ERRORS * scatter / mean, MOST, "convention"),
             "line": ("swing of a spectral line over the largest force", self.line[1] / largest, TINY, "statistics"),

@@ -15,7 +15,7 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, mean_and_std, slope
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
-from stickslip.measure.evidence import MOST, TINY, Criterion, Window
+from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
@@ -145,6 +145,12 @@ class Regime(Answer):
         if self.kind == "sustained oscillation":
             return "slips" if self.stuck is not None and self.stuck >= STICKS else "cycles"
         return "slips" if self.kind == "stick-slip" else "drops"
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the force swings by the noise of its contacts, and no more."""
+        passed = {row.name: row.passed for row in self.table}
+        return self.kind == SMOOTH and passed.get(SWING, False) and not passed.get(NOISE, True)
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, str):
