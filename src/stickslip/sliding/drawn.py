@@ -15,6 +15,7 @@ from functools import lru_cache, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
 from stickslip.model import Interface
@@ -22,7 +23,9 @@ from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.response import STEP, Array, ComplexArray, Fluctuations, Response, Scales, Unperturbed
 
-_FINEST = 40.0  # wave number, over one over the standard deviation, up to which anything of a life is remembered
+_FINEST = 25.0  # wave number, over one over the standard deviation, up to which anything of a life is remembered
+_LONG = 3.0  # phase of the longest life from which on transforms are read off a table, to 1e-5
+_NARROWEST = 150.0  # longest life over the standard deviation: seconds to compute, once for an interface
 _PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
 
 
@@ -43,7 +46,7 @@ class Lives(NamedTuple):
 def lives_of(interface: Interface) -> Lives:
     """Return the lives of contacts that draw their areas, or their stretchings at birth."""
     thresholds, newborn = interface.threshold_distribution, interface.newborn
-    largest, knots = float(thresholds.inverse_survival(1e-10)), np.array(thresholds.knots)
+    largest, knots = float(thresholds.inverse_survival(1e-8)), np.array(thresholds.knots)
     if newborn is None:
         beyond: Any = partial(Distribution.partial_moment, thresholds)  # by quadrature, of roots as well
         std = math.sqrt(thresholds.moment(1) - float(beyond(0.0, 0.5)) ** 2)
@@ -64,12 +67,32 @@ def lives_of(interface: Interface) -> Lives:
             return [number, a + x * number, a, number, square + x * a, a + x * number]
 
     highest = _FINEST / std
+    if end > _NARROWEST * std:
+        raise InputError(
+            f"Interface.thresholds = {thresholds}: the linear response of contacts that draw areas or stretchings "
+            f"is resolved for a scatter of 1/{_NARROWEST:g} of the largest and more; give more, or simulate",
+            "Interface.thresholds",
+        )
     even = np.linspace(0.0, end, math.ceil(end * highest / _PHASE) + 1)
     edges = np.union1d(even, breaks[breaks < end])
     x, weight = (each.ravel() for each in nodes_between(edges[:-1], edges[1:]))
     begin = np.stack(left(np.array([0.0, step := 1e-6 * std])), axis=1)
     newborn_too = np.stack([begin[0], (begin[1] - begin[0]) / step])
     return Lives(weight[:, None] * np.stack(left(x), axis=1), newborn_too, x, highest)
+
+
+def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
+    """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6)."""
+    parts = np.array_split(q, q.size // 128 + 1)  # no more in memory at once
+    return np.concatenate([np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts])
+
+
+@lru_cache(maxsize=32)
+def _on_axis(interface: Interface) -> Any:
+    """`_transforms` on the imaginary axis, the same at all velocities."""
+    lives = lives_of(interface)
+    y = np.linspace(0.0, lives.highest, math.ceil(lives.highest * lives.x[-1] / STEP) + 1)
+    return CubicSpline(y, _transforms(lives, 1j * y))
 
 
 def response_of_areas(interface: Interface) -> "DrawnResponse":
@@ -91,7 +114,7 @@ class DrawnResponse(Response):
 
     interface: Interface
 
-    accuracy: ClassVar[float] = 1e-6
+    accuracy: ClassVar[float] = 1e-5
 
     @property
     def inert(self) -> bool:
@@ -109,15 +132,17 @@ class DrawnResponse(Response):
         return Fluctuations(kappa, life.noise(q, missing, away, force) / velocity)
 
     def _life(self, q: ComplexArray) -> Unperturbed:
-        held, newborn, x, highest = lives_of(self.interface)
-        found, slow = np.empty((q.size, 6), dtype=complex), np.abs(q) <= highest
-        found[slow] = np.exp(-np.multiply.outer(q[slow], x)) @ held
-        fast = q[~slow, None]
-        found[~slow] = newborn[0] / fast + newborn[1] / fast**2
+        lives, size = lives_of(self.interface), np.abs(q)
+        held, newborn = lives.held, lives.newborn
+        found, fast = np.empty((q.size, 6), dtype=complex), size > lives.highest
+        # What is small beside its parts, where a wave is longer than a life, is not told from a table.
+        known = (q.real == 0.0) & (q.imag * lives.x[-1] > _LONG) & ~fast
+        found[known] = _on_axis(self.interface)(q[known].imag) if known.any() else 0.0
+        found[~known & ~fast] = _transforms(lives, q[~known & ~fast])
+        found[fast] = newborn[0] / q[fast, None] + newborn[1] / q[fast, None] ** 2
         survival, whole, a_left, b_left, a_pull, b_pull = found.T
         rest, _, _, b, _, b_sum = held.sum(axis=0).tolist()
-        square = np.abs(q) ** 2
-        each = 2.0 * ((b_sum - b_pull.real) / square - a_pull.imag / np.abs(q))
+        each = 2.0 * ((b_sum - b_pull.real) / size**2 - a_pull.imag / size)
         return Unperturbed(q * survival, a_left + (b - b_left) / q, whole, each, rest)
 
     def frequencies(self, velocity: float, top: float) -> Array:
@@ -127,7 +152,7 @@ class DrawnResponse(Response):
         step = max(step, lives.highest / 8000.0)
         slow = np.geomspace(1e-4 * step, step, 60, endpoint=False)
         fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90)
-        return np.asarray(velocity * np.concatenate([slow, np.arange(step, lives.highest, step), fast]))
+        return np.asarray(velocity * np.concatenate([slow, np.arange(step, lives.highest - 0.5 * step, step), fast]))
 
     def scales(self, velocity: float) -> Scales:
         cycle = float(lives_of(self.interface).held[:, 0].sum()) / velocity + self.interface.delay.moment(1)
