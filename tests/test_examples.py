@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 PAGES = sorted(
     f"{folder}/{path.stem}" for folder in ("practice", "elastic") for path in (EXAMPLES / folder).glob("*.py")
 )
-DEAR = ("practice/basalt_step", "practice/bowed_string")  # tens of seconds
+DEAR = ("practice/basalt_step", "practice/bowed_string", "practice/regime_diagram")
 
 
 def example(name):
@@ -104,3 +104,16 @@ def test_a_trace_tells_the_strength_of_its_contacts():
     found = trace.fitted(draws=1500)
     assert found["contact_strength"].low < trace.BENCH.strength < found["contact_strength"].high
     assert found["stiffness_ratio"].low < trace.TRUTH["stiffness_ratio"] < found["stiffness_ratio"].high
+
+
+@pytest.mark.takes(4)
+def test_few_contacts_without_weakening_move_as_paper_on_paper_does():
+    diagram = example("regime_diagram")
+    slow = []  # drops in mN, at 42 um/s
+    for (stiffness, velocity), row in diagram.compared():
+        motions = [motion for _, motion in row.values()]
+        assert len({diagram.word(motion) for motion in motions}) == 1
+        slow += [[1e3 * stiffness * motion.drop for motion in motions]] if velocity == 42 else []
+    measured, model, _ = zip(*slow, strict=True)
+    assert measured[1] > 1.5 * max(measured[0], measured[2])
+    assert max(model) < 1.3 * min(model)
