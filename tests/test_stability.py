@@ -460,6 +460,20 @@ def test_boundary_over_any_two_parameters_separates_the_counts(over, within):
             assert sorted(counts) == [0, 2]
 
 
+@pytest.mark.parametrize("over", [("velocity", "load"), ("load", "stiffness"), ("friction", "velocity")])
+def test_the_boundary_over_a_unit_of_the_rig_is_where_the_count_changes(over):
+    """Load and level of friction change the units in which the other parameter is natural."""
+    brake = ss.example("brake_pad")
+    ends = {name: (brake.value(name) / 20.0, brake.value(name) * 20.0) for name in over}
+    found = boundary(brake, over=over, between=tuple(ends.values()))
+    assert found.sizes["point"] > 10
+    for i in range(0, found.sizes["point"], 7):
+        values = {name: float(found[name][i]) for name in over}
+        nearby = [values | {name: values[name] * factor} for name in over for factor in (0.99, 1.01)]
+        counts = [count_unstable(brake.replace(**each)) > 0 for each in nearby]
+        assert len(set(counts)) == 2
+
+
 RANGES = {
     "stiffness": (0.1, 10),
     "velocity": (0.1, 10),

@@ -7,7 +7,7 @@ import xarray as xr
 
 from stickslip import stability
 from stickslip.advise.mitigations import WIDEST_STD
-from stickslip.errors import number, whole
+from stickslip.errors import InputError, number, whole
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
@@ -40,6 +40,10 @@ def chart(
     report, natural = progress or (lambda _share: None), rig.natural
     here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in map(parameter_named, over)}
     one, other = here
+    if bistable and (units := [p.name for p in map(parameter_named, over) if p.rescales]):
+        raise InputError(
+            f"map: over = {units[0]}: stick-slip is not followed along a unit of the rig; leave out --bistable"
+        )
     ends = [(v / around, min(v * around, WIDEST_STD if name == "std" else math.inf)) for name, v in here.items()]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
     found = stability.stability_map(natural, over=(one, other), values=(low, high), growth=True)

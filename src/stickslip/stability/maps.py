@@ -1,7 +1,7 @@
 """Maps of the stability of smooth sliding over two parameters, and their boundaries."""
 
 import math
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.arrays import Array
 from stickslip.errors import InputError, UndecidedError, instance, numbers, sequence, shown
 from stickslip.io import datasets as store
-from stickslip.model.parameters import PARAMETERS, STIFFNESS, VELOCITY, Parameter, parameter_named
+from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
 from stickslip.stability import roots
@@ -140,12 +140,6 @@ def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
 
 def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
     first, second = (parameter_named(each, "over") for each in _pair("over", over, "two parameters"))
-    for parameter in (first, second):
-        if parameter.rescales:
-            raise InputError(
-                f"over: {parameter.name!r} cannot be an axis of a map; use one of "
-                f"{', '.join(one.name for one in PARAMETERS)}"
-            )
     if first.name == second.name:
         raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
     return first, second
@@ -166,25 +160,33 @@ class _Grid(NamedTuple):
     def neutral(self) -> list[list[Neutral]]:
         """Neutral frequencies at each point, by the first parameter and then by the second."""
         free = next((k for k in range(2) if _is_free(self.parameters[k], self.rig)), None)
+        if any(parameter.rescales for parameter in self.parameters):  # the spring is another in units that change
+            free = None
         # Along the velocity, points share a response.
         outer = free if free is not None else int(self.parameters[0] is VELOCITY)
-        across, along = self.parameters[outer], self.parameters[1 - outer]
         rows, line = self.values[outer].tolist(), self.values[1 - outer].tolist()
         if free is None:
-            found = [Line(along, across.set(self.rig, value)).neutral(line) for value in rows]
+            found = [self.line(1 - outer, value).neutral(line) for value in rows]
         else:  # what a softer spring lacks, a stiffer one lacks by so much less
             softest = min(rows)
-            known = Line(along, across.set(self.rig, softest)).neutral(line, softest=softest)
+            known = self.line(1 - outer, softest).neutral(line, softest=softest)
             found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in known] for k in rows]
         return found if outer == 0 else [list(row) for row in zip(*found, strict=True)]
 
+    def line(self, k: int, value: float) -> Line:
+        """The rig along parameter `k`, the other at a value: one that changes the units of the rig is set last."""
+        mine, other = self.parameters[k], self.parameters[1 - k]
+        if not other.rescales:
+            return Line(mine, other.set(self.rig, value))
+        return Line(replace(mine, set=lambda rig, here: other.set(mine.set(rig, here), value)), self.rig)
+
     def fastest(self, counts: NDArray[np.int64]) -> NDArray[np.complex128]:
         """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
-        (first, second), found = self.parameters, np.full(counts.shape, complex(math.nan, math.nan))
+        found = np.full(counts.shape, complex(math.nan, math.nan))
         for j, b in enumerate(self.values[1].tolist()):
-            column, known = second.set(self.rig, b), np.empty(0, dtype=complex)
+            column, known = self.line(0, b), np.empty(0, dtype=complex)
             for i, a in enumerate(self.values[0].tolist()):
-                here = first.set(column, a)
+                here = column.parameter.set(column.rig, a)
                 response, body = respond(here.interface), impedance(here.slider)
                 # Every few points the search starts afresh, for a root that overtakes from outside those carried along.
                 for starts in (known[:8] if i % 16 else known[:0], known[:0]):
@@ -220,7 +222,7 @@ class _Grid(NamedTuple):
         ends = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
         k = 0 if ends[1][0] > ends[0][0] else 1
         other = float(self.values[1 - k][ends[0][1 - k]])
-        line = Line(self.parameters[k], self.parameters[1 - k].set(self.rig, other))
+        line = self.line(k, other)
         sides = [(float(self.values[k][end[k]]), points[end[0]][end[1]]) for end in ends]
         for crossing in line.between(*(Point(value, neutral, neutral.unstable()) for value, neutral in sides)):
             if crossing.loses_stability or crossing.regains_stability:
