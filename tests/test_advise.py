@@ -1,5 +1,6 @@
 """Predictions are true: verdicts against the settled cases, every mitigation against a simulation after it."""
 
+import html
 import math
 import re
 import tomllib
@@ -11,9 +12,10 @@ import pytest
 
 import stickslip as ss
 from stickslip import advise
-from stickslip.advise import prediction, say
+from stickslip.advise import Mitigation, prediction, say
 from stickslip.advise.bands import Survey, stability_along
-from stickslip.advise.runs import Trials, trial
+from stickslip.advise.report import report
+from stickslip.advise.runs import SEEDS, Trials, trial
 from stickslip.io import rig_files as rigs
 from stickslip.paper.cases import FIG8
 
@@ -95,6 +97,7 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     assert str(found) == repr(found)
     assert re.search(r"at 20 mm/s: stick-slip, 170 Hz, force ±1\.(19|2)\d* kN", str(found))
     assert found.verdict.endswith("; linearly unstable from 1.1 to 154 mm/s")
+    assert len(found.headline) <= 100
     natural = ss.predict(rig.natural, fast=True)
     assert found.critical_stiffness == pytest.approx(natural.critical_stiffness * rig.unit("k"))
     assert found.frequency == pytest.approx(natural.frequency / rig.scales.time)
@@ -174,6 +177,8 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
     answer = ss.predict(ss.example("wiper"), fast=True)
     assert f"along its drive, {words} 502" in answer.verdict
     assert answer.between == (pytest.approx(0.01), pytest.approx(1.0))
+    first, *_, last = answer.in_time  # up and down again, in a second
+    assert (first.low, last.high, first.kind, last.kind) == (0.0, pytest.approx(1.0), "unstable", "unstable")
     assert ss.predict(ss.example("brake_pad"), fast=True).between is None
 
 
@@ -235,8 +240,8 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
     )
     seen = ss.regime(ss.simulate(rig))
     assert (seen.kind, seen.largest_velocity < 3.0) == ("sustained oscillation", True)
-    assert not Trials(20.0).slides_smoothly(rig)
-    assert Trials(20.0).slides_smoothly(stiff)
+    assert not Trials(20.0).slide_smoothly([rig], SEEDS)
+    assert Trials(20.0).slide_smoothly([stiff], SEEDS)
 
 
 @pytest.mark.filterwarnings("error")
@@ -291,3 +296,45 @@ def test_contacts_without_any_response_cannot_become_unstable(delay, modes, word
     found = ss.predict(rig, fast=True)
     assert found.unstable_modes == modes
     assert words in found.theory_note
+
+
+def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
+    """Of rigs drawn at random from the same ranges, within three standard errors."""
+    rig, rng, trials = ss.example("precision_stage"), np.random.default_rng(7), Trials(math.inf)
+    found, count = advise.Doubt.of(rig, trials), 60
+    names = {"slider.stiffness": "stiffness", "interface.thresholds": "std", "interface.delay": "delay"}
+    names |= {"interface.breaking_displacement": "contact_stiffness"}
+    assert {key for key, _ in found.matters} == set(names)
+    seen = []
+    for _ in range(count):
+        there = rig
+        for name in names.values():
+            most = 0.5 if name == "std" else math.inf
+            there = there.replace(**{name: min(there.value(name) * 3.0 ** rng.uniform(-1.0, 1.0), most)})
+        seen.append(trials.judge(trial(there.natural, other=5)).kind)
+    told = [kind for kind in seen if kind != "undecided"]
+    part = sum(kind != "smooth sliding" for kind in told) / len(told)
+    assert abs(part - found.oscillates) < 3.0 * math.sqrt(0.25 / count + 0.25 / found.draws) + found.undecided
+    assert found.matters[0][0] == "interface.breaking_displacement"
+
+
+@pytest.mark.slow
+def test_a_range_of_speeds_is_made_smooth_by_one_change_or_by_two_smaller_ones():
+    found = ss.predict(ss.example("precision_stage"), smooth=("0.5 mm/s", "5 mm/s"))
+    smallest = min(each.size for each in found.mitigations)
+    assert len(found.pair) == 2
+    assert all(each.size < smallest for each in found.pair)
+    for changes in (*((each,) for each in found.mitigations), found.pair):
+        there = found.rig.replace(**{each.parameter: each.stops for each in changes})
+        for speed in (0.5e-3, 1.3e-3, 3.1e-3, 5e-3):
+            judged = Trials(math.inf).judge(trial(there.replace(velocity=speed), other=40))
+            assert judged.kind == "smooth sliding", (changes, speed)
+
+
+def test_a_report_is_one_page_that_asks_for_no_other_file():
+    found = ss.predict(ss.example("brake_pad"), fast=True)
+    page = report(replace(found, mitigations=(Mitigation(parameter="velocity", value=0.02, stops=0.22),)))
+    assert page.count("data:image/svg+xml;base64,") == 3
+    assert found.headline in page
+    assert 'delay = "1 ms"' in html.unescape(page)
+    assert not re.search(r"(src|href)=.(?!data:)", page)

@@ -242,7 +242,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         yield from _about_a_band(found, band)
     for mitigation in found.mitigations:
         yield from _about_a_mitigation(found, mitigation)
-    for name, searched in found.attempts.items():
+    for name, searched in found.attempts.items() if found.between is None and len(found.at_speeds) < 2 else ():
         for end in searched:
             try:
                 there = at(rig, name, end)

@@ -16,6 +16,7 @@ from stickslip import __version__, console
 from stickslip.answers import plain
 from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
 from stickslip.io import files
+from stickslip.progress import in_time, part
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -188,25 +189,29 @@ def predict(
     rig: RigFile,
     *,
     fast: Annotated[Switch, Parameter(help="Stop at the verdict: linear theory and one run.")] = False,
+    thorough: Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")] = False,
+    smooth: Annotated[tuple[str, str] | None, Parameter(help="Speeds, '0.5 mm/s' '5 mm/s', to be made smooth.")] = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
     """Say at which speeds a rig stick-slips, how safely it slides at its own, and what would stop it.
 
-    The verdict comes first, on standard error, while the rest is still sought.
+    The verdict comes first, on standard error, while the rest is still sought, for some 15 s.
     """
-    from stickslip.advise import Prediction, complete, predict
+    from stickslip.advise import Prediction, complete, in_full, predict
     from stickslip.fitting import over_draws
 
     _check_outputs(picture=plot, read=rig)
     described = ss.read_rig(rig)
     with console.working("predicting") as progress:
-        found = predict(described, fast=True, progress=progress)
+        found = predict(described, fast=True, smooth=smooth, progress=progress)
     if not fast and isinstance(found, Prediction):
+        if thorough:
+            print(f"all runs that can be asked for take about {in_time(in_full(found))}", file=sys.stderr)
         if sys.stderr.isatty():
-            print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
+            print(f"{found.headline}\n... looking for mitigations", file=sys.stderr)
         with console.working("predicting") as progress:
-            found = complete(found, progress=progress)
+            found = complete(found, thorough=thorough, pairs=smooth is not None, progress=progress)
     _draw(plot, found.plot)
     uncertain = None
     if described.fitted:
@@ -218,6 +223,24 @@ def predict(
     console.print_prediction(found, plot)
     if uncertain:
         print(f"\n{uncertain}")
+
+
+@app.command
+def report(
+    rig: RigFile,
+    *,
+    output: Annotated[Path, Parameter(alias="-o", help="The page.")] = Path("report.html"),
+    thorough: Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")] = False,
+) -> None:
+    """Write what `predict` says as one page to forward, with its pictures: HTML that can be printed."""
+    from stickslip.advise.report import report
+
+    _check_outputs(output, read=rig)
+    described = ss.read_rig(rig)
+    with console.working("predicting") as progress:
+        found = ss.predict(described, thorough=thorough, progress=part(progress, 0.0, 0.7))
+        files.write(output, report(found, progress=part(progress, 0.7, 1.0)).encode())
+    print(f"{found.headline}\nreport: {output}")
 
 
 @app.command
@@ -516,15 +539,15 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     """Select from a sweep, each axis at the value nearest to the one given."""
     from stickslip.model.quantities import read_number
 
-    for part in at.split(",") if at else ():
-        name, _, value = (word.strip() for word in part.partition("="))
+    for given in at.split(",") if at else ():
+        name, _, value = (word.strip() for word in given.partition("="))
         try:
             numeric = result[name].dtype.kind in "iuf"
             result = result.sel({name: read_number(value) if numeric else value}, method="nearest" if numeric else None)
         except (KeyError, ValueError):
             there = "; ".join(f"{axis} = {result[axis].to_numpy().tolist()}" for axis in result.dims)
             raise InputError(
-                f"--at {shortened(part)}: must be an axis and a value of the sweep, as in delay=0.1; it has {there}"
+                f"--at {shortened(given)}: must be an axis and a value of the sweep, as in delay=0.1; it has {there}"
             ) from None
     return result
 

@@ -117,14 +117,8 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
             text.rstrip()
             console.print(Text(indent if k else "") + text, soft_wrap=True)
 
-    rig = found.rig
-    told = [
-        *found.sections,
-        ("Assumed", ", not measured", [f"{key}: {item}" for key, item in rig.assumed.items()]),
-        ("Fitted", " to a trace, with 90 % intervals", [f"{key}: {item}" for key, item in rig.fitted.items()]),
-    ]
-    say(f": {found.verdict}", rig.name)
-    for title, rest, rows in told:
+    say(f": {found.headline}", found.rig.name)
+    for title, rest, rows in found.told:
         if rows:
             console.print()
             say(rest, title) if title else None

@@ -13,11 +13,13 @@ from stickslip.advise import say
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
 from stickslip.advise.bands import Band
 from stickslip.advise.chart import chart
+from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
-from stickslip.advise.prediction import complete, predict
+from stickslip.advise.prediction import complete, in_full, predict
 
 __all__ = [
     "Band",
+    "Doubt",
     "ElasticPrediction",
     "Margin",
     "Mitigation",
@@ -25,6 +27,7 @@ __all__ = [
     "WaveAnswer",
     "chart",
     "complete",
+    "in_full",
     "predict",
     "say",
 ]

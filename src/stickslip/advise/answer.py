@@ -7,12 +7,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import xarray as xr
 
 from stickslip.advise import say
-from stickslip.advise.bands import Band, joined
+from stickslip.advise.bands import Band, joined, scaled
+from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.runs import OSCILLATES
 from stickslip.answers import Answer, plain
@@ -33,29 +35,46 @@ class Foretold(Answer):
 
     _derived: ClassVar[tuple[str, ...]]  # what is told besides the fields
     _picture: ClassVar[str]
+    headline: ClassVar[Any]
     verdict: ClassVar[Any]
     sections: ClassVar[Any]
 
     rig: Rig
 
     def __str__(self) -> str:
-        lines = [f"{self.rig.name}: {self.verdict}"]
+        lines = [f"{self.rig.name}: {self.headline}"]
         for title, rest, rows in self.sections:
             told = [f"- {row if isinstance(row, str) else ', '.join(row)}" for row in rows if title]
             lines += [f"{title}{rest}:", *told] if told else []
         return "\n".join(lines)
 
+    @property
+    def told(self) -> list[say.Section]:
+        """The sections, and what of the rig was assumed or fitted."""
+        assumed, fitted = (
+            [f"{key}: {item}" for key, item in given.items()] for given in (self.rig.assumed, self.rig.fitted)
+        )
+        assumed_and_fitted = [
+            ("Assumed", ", not measured", assumed),
+            ("Fitted", " to a trace, with 90 % intervals", fitted),
+        ]
+        return [*self.sections, *assumed_and_fitted]
+
     def _repr_html_(self) -> str:
-        told = f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.verdict)}</p>"
-        for title, rest, rows in self.sections:
+        return f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.headline)}</p>{self.tables()}"
+
+    def tables(self) -> str:
+        """Return all that is told beneath the headline as HTML, a table each."""
+        told = ""
+        for title, rest, rows in self.told:
             cells = [[html.escape(cell) for cell in ([row] if isinstance(row, str) else row)] for row in rows]
             body = "".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in cells)
-            told += f"<p><b>{title}</b>{html.escape(rest)}</p><table>{body}</table>"
+            told += f"<p><b>{title}</b>{html.escape(rest)}</p><table>{body}</table>" if rows else ""
         return told
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
-        names = ["verdict", "units", *self._derived, *(each.name for each in fields(self))]
+        names = ["headline", "verdict", "units", *self._derived, *(each.name for each in fields(self))]
         told = {name: getattr(self, name) for name in names if name not in ("rig", "recording")}
         assumed = {key: str(item) for key, item in self.rig.assumed.items()}
         found: dict[str, Any] = plain({"rig": self.rig.name, "velocity": self.rig.velocity, **told, "assumed": assumed})
@@ -117,13 +136,18 @@ class Prediction(Foretold):
         The motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, rising.
     margins : tuple of Margin
     mitigations : tuple of Mitigation
-        Those that can be made on the machine first, in each group the smallest first.
+        Those that can be made on the machine first, in each group the smallest first. Where the rig works over a range
+        of speeds, or at several, each is one for all of them.
+    pair : tuple of Mitigation
+        Two changes that give smooth sliding together, each smaller than any one alone, if that was asked for and found.
     attempts : dict of str to (float, float)
         Parameters that give no smooth sliding, with the range searched.
     not_searched : tuple of str
         Parameters whose search was given up for its cost.
     complete : bool
         Whether mitigations, and the speeds from rest, have been looked for.
+    doubt : Doubt or None
+        What it would do with other values of what the rig's file calls assumed.
     delays : tuple of Band
         Where the rig names no mechanism by which contacts strengthen: what it would do with which delay.
     noise : float or None
@@ -135,8 +159,18 @@ class Prediction(Foretold):
     """
 
     headline, verdict, sections = property(say.headline), property(say.verdict), property(say.sections)
+    changed = say.changed
     _picture = "prediction"
-    _derived = ("at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude", "relative_amplitude")
+    _derived = (
+        "at_speeds",
+        "in_time",
+        "stiffness_margin",
+        "smooth",
+        "bistable",
+        "frequency",
+        "amplitude",
+        "relative_amplitude",
+    )
 
     recording: Recording
     regime: Regime
@@ -152,9 +186,11 @@ class Prediction(Foretold):
     bands: tuple[Band, ...]
     margins: tuple[Margin, ...] = ()
     mitigations: tuple[Mitigation, ...] = ()
+    pair: tuple[Mitigation, ...] = ()
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     not_searched: tuple[str, ...] = ()
     complete: bool = False
+    doubt: Doubt | None = None
     delays: tuple[Band, ...] = ()
     noise: float | None = None
     stays: bool = True
@@ -184,12 +220,19 @@ class Prediction(Foretold):
     @property
     def bistable(self) -> bool:
         """Whether smooth sliding is stable, and stays, although the run from rest shows sustained stick-slip."""
-        return self.ill and self.unstable_modes == 0 and self.stays
+        return self.regime.kind in OSCILLATES and self.judged and self.unstable_modes == 0 and self.stays
 
     @property
     def ill(self) -> bool:
-        """Whether there is something to mitigate."""
-        return self.judged and (bool(self.unstable_modes) or self.regime.kind in OSCILLATES)
+        """Whether there is something to mitigate, at any of the speeds at which the rig works."""
+        return self.judged and (bool(self.unstable_modes) or self.regime.kind in OSCILLATES or bool(self.trouble))
+
+    @property
+    def trouble(self) -> tuple[Band, ...]:
+        """Ranges of speed with an oscillation among those at which the rig works."""
+        ends = [(speed, speed) for speed, _ in self.at_speeds] if self.between is None else [self.between]
+        bad = [band for band in self.bands if band.kind in (*OSCILLATES, "unstable")]
+        return tuple(band for band in bad if any(band.low <= high and low <= band.high for low, high in ends))
 
     @property
     def frequency(self) -> float | None:
@@ -222,6 +265,30 @@ class Prediction(Foretold):
         ends = given or [abs(speed) for piece in pieces for speed in (piece.start, piece.end)]
         low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
         return None if low == high else (max(low, self.speeds_searched[0]), high)
+
+    @property
+    def in_time(self) -> tuple[Band, ...]:
+        """What it does when along a drive that goes through speeds, by `bands`; nothing where there is one speed.
+
+        Where there are two motions at a speed, it goes on with what it did before; it starts from rest. Transients are
+        left out: each speed is taken for one that lasts.
+        """
+        found, begin, unit = list[Band](), 0.0, self.rig.unit("velocity")
+        edges = [sign * end / unit for band in self.bands for end in band.ends for sign in (1.0, -1.0)]
+        for piece in self.rig.drive.pieces:
+            rate, whole = piece.acceleration, piece.duration
+            cuts = [
+                0.0,
+                *sorted((e - piece.start) / rate for e in edges if 0.0 < (e - piece.start) * rate < whole * rate**2),
+            ]
+            for first, last in pairwise([*cuts, whole]):
+                speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
+                kind, bistable = next(((b.kind, b.bistable) for b in self.bands if speed in b), ("unknown", False))
+                if bistable and found and found[-1].kind in ("smooth sliding", "stable"):
+                    kind = found[-1].kind
+                found.append(Band(kind=kind, low=begin + first, high=begin + last))
+            begin += whole
+        return () if self.between is None else scaled(joined(found), self.rig.unit("time"))
 
     @property
     def units(self) -> dict[str, str]:
@@ -274,7 +341,8 @@ class ElasticPrediction(Foretold):
     speeds_searched : (float, float)
     """
 
-    verdict, sections = property(say.verdict_on_waves), property(say.sections_on_waves)
+    headline, verdict = property(say.headline_on_waves), property(say.verdict_on_waves)
+    sections = property(say.sections_on_waves)
     _picture, _derived = "waves", ("speeds",)
 
     growing: int = 0

@@ -16,7 +16,6 @@ from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
-from stickslip.simulation import estimate
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
@@ -27,7 +26,6 @@ MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknow
 _PER_DECADE, _DEAR_PER_DECADE = 16, 6  # points at which growing modes are counted; the latter where `is_dear` says so
 _NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
 _APART = 3.0  # speeds at which runs are made first lie within this factor of each other
-_DEAREST = 0.3  # seconds that a first run may take: slow drives of light sliders are told by theory alone
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,21 +152,24 @@ class Survey:
         grid = [v for band in self._linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
         places = [*self._works_at, *sorted(grid, key=lambda speed: abs(math.log(speed)))]
         self.known = dict.fromkeys(places, "") | self.known  # not known yet
-        with suppress(Spent):
-            for speed in places:
+        for speed in places:
+            with suppress(Spent):  # slower speeds, farther on, may cost more than what is left, and faster ones less
                 self._try(speed, trials)
+        with suppress(Spent):
             while (change := self._widest_change()) is not None:
                 self._try(change, trials)
 
     def _try(self, speed: float, trials: Trials) -> None:
-        """Simulate at a speed, if that has not been done and is not too dear."""
+        """Simulate at a speed, if that has not been done."""
         if not self.known.get(speed):
             case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
-            try:
-                too_dear = estimate(case).seconds > _DEAREST
-                self.known[speed] = "undecided" if too_dear else trials.judge(case).kind
-            except InputError:
-                self.known[speed] = "undecided"
+            self.known[speed] = "undecided"
+            with suppress(InputError):
+                try:
+                    self.known[speed] = trials.judge(case).kind
+                except Spent:
+                    self.known[speed] = ""
+                    raise
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
         """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.

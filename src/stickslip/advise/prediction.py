@@ -7,25 +7,27 @@ from itertools import groupby
 
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
 from stickslip.advise.bands import CANNOT_GROW, Band, Survey, fastest_mode, is_dear, scaled, stability_along, works_at
-from stickslip.advise.mitigations import has, mitigated, reach
+from stickslip.advise.doubt import Doubt
+from stickslip.advise.mitigations import has, mitigated, reach, speeds_of
 from stickslip.advise.runs import Steady, Trials, cycle_of, trial
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure import Regime
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY
-from stickslip.model.rig import Rig
+from stickslip.model.rig import Ends, Rig
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, estimate, record
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import count_unstable
 
-# Seconds, by estimate, for the first run, and for all runs; the part of the rest that goes to other speeds.
-_FIRST, _ALL, _FOR_SPEEDS = 0.8, 30.0, 0.25
-_DEARER = 10.0  # times as much for contacts that age or break by heat, whose runs cost up to a hundred times as much
+# Seconds, by estimate: of the first run, where that will do, and until it can be told; of all other runs; the parts of
+# what is left that go to other speeds, and to other values of what is assumed. Linear theory comes on top.
+_FIRST, _TOLD, _ALL, _FOR_SPEEDS, _FOR_DOUBT = 2.0, 10.0, 18.0, 0.3, 0.2
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
-_LONGEST, _MOST_RUNS = 100.0, 30  # seconds for a run that is made longer until it can be told, and how often
+_MOST_RUNS = 30  # how often a run is made longer until it can be told
+_AT_SPEEDS, _OF_A_PARAMETER = 40, 60  # runs, most often, of a search that is not cut short; those of a test count twice
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
 NO_THEORY_OF_ARREST = (
@@ -34,14 +36,26 @@ NO_THEORY_OF_ARREST = (
 )
 
 
-def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = None) -> Prediction | ElasticPrediction:
+def predict(
+    rig: Rig,
+    *,
+    fast: bool = False,
+    thorough: bool = False,
+    smooth: Ends | None = None,
+    progress: Progress | bool | None = None,
+) -> Prediction | ElasticPrediction:
     """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would stop it.
 
     Parameters
     ----------
     rig : Rig
     fast : bool
-        Stop at the verdict: linear theory, and one run at the rig's speed.
+        Stop at the verdict, after about 2 s: linear theory, and one run at the rig's speed.
+    thorough : bool
+        Make all runs that can be asked for, not just those of some 15 s; `stickslip.advise.in_full` estimates them.
+    smooth : (float or str, float or str), optional
+        A range of speeds in which it is to slide smoothly, in place of those at which it works: the smallest change,
+        and the smallest of two parameters together, that see to it.
     progress : bool or callable, optional
         True for a bar, or a function that is called with the fraction of the work that is done.
 
@@ -54,7 +68,7 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
     Raises
     ------
     InputError
-        If the rig's speed is not above 0.
+        If the rig's speed is not above 0, or the range is none.
 
     Examples
     --------
@@ -64,11 +78,15 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
     ('stick-slip', 2)
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
+    if smooth is not None:
+        rig = replace(rig, operation=replace(rig.operation, speeds=(), between=rig.span(VELOCITY, smooth)))
     with reporting(progress, "predict") as report:
         if isinstance(rig.natural.slider, ElasticBody):
             return _predict_waves(rig, report)
         found = _verdict(rig, report if fast else part(report, 0.0, 0.3))
-        return found if fast else complete(found, progress=part(report, 0.3, 1.0))
+        if fast:
+            return found
+        return complete(found, thorough=thorough, pairs=smooth is not None, progress=part(report, 0.3, 1.0))
 
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
@@ -107,26 +125,44 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     )
 
 
-def complete(found: Prediction, *, progress: Progress | None = None) -> Prediction:
+def complete(
+    found: Prediction, *, thorough: bool = False, pairs: bool = False, progress: Progress | None = None
+) -> Prediction:
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from rest, margins, mitigations."""
     report, rig = progress or (lambda _share: None), found.rig
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         return replace(found, complete=True)
-    left = (_ALL - min(estimate(found.recording.rig).seconds, 0.5 * _ALL)) * (_DEARER if is_dear(rig) else 1.0)
-    trials = Trials(_FOR_SPEEDS * left)
+    trials = Trials(math.inf if thorough else _ALL)
+    trials.spent = min(estimate(found.recording.rig).seconds, 0.5 * _ALL)
     survey = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), found.regime.kind)
-    survey.look(trials)
+
+    def surveyed(found: Prediction, part: float) -> Prediction:
+        survey.look(mine := trials.of(part))
+        trials.spent += mine.spent
+        return replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
+
+    found = surveyed(found, _FOR_SPEEDS)
     report(0.3)
-    found = replace(found, margins=() if found.theory_note else tuple(_margins(rig)), complete=True)
+    found = replace(
+        found,
+        margins=() if found.theory_note else tuple(_margins(rig)),
+        doubt=Doubt.of(rig, mine := trials.of(_FOR_DOUBT)),
+    )
+    trials.spent += mine.spent
     report(0.4)
     if found.ill:
-        trials.left += (1.0 - _FOR_SPEEDS) * left
-        found = mitigated(found, trials, part(report, 0.4, 0.9))
+        found = mitigated(found, trials, part(report, 0.4, 0.9), pairs=pairs)
         cured = [each.stops / rig.velocity for each in found.mitigations if each.parameter == VELOCITY.name]
         survey.known |= dict.fromkeys(cured, "smooth sliding")
-        survey.look(trials)
     report(1.0)
-    return replace(found, bands=scaled(survey.bands(), rig.velocity))
+    return surveyed(found, 1.0)
+
+
+def in_full(found: Prediction) -> float:
+    """Seconds, by estimate, that all runs take that `complete` may make: of each parameter, and at speeds."""
+    trials, speeds = Trials(math.inf), len(speeds_of(found))
+    trials.judge(trial(found.rig))
+    return trials.spent * (_AT_SPEEDS + (_OF_A_PARAMETER * speeds * len(PARAMETERS) if found.ill else 0))
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:
@@ -139,15 +175,15 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
 
 def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
     """Simulate the rig as its file says, if that ends at the speed of the answer; shorter if dear, longer to judge."""
-    drive, velocity, dearer = rig.drive, rig.natural.velocity, _DEARER if is_dear(rig) else 1.0
+    drive, velocity = rig.drive, rig.natural.velocity
     if not drive.pieces[-1].start == drive.pieces[-1].end == velocity:
         drive = trial(rig).drive
     if len(drive.pieces) == 1:
-        affordable = _FIRST * dearer / estimate(replace(rig, drive=drive)).seconds * drive.duration
+        affordable = _FIRST / estimate(replace(rig, drive=drive)).seconds * drive.duration
         fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity
         drive = constant(velocity, min(max(affordable, fewest), drive.duration))
     run = record(replace(rig, drive=drive), progress=progress)
-    return Trials(_LONGEST * dearer).watch(run, most=_MOST_RUNS)
+    return Trials(_TOLD).watch(run, most=_MOST_RUNS)
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:

@@ -1,6 +1,10 @@
 """Runs that judge a rig: how long they last, with which contacts, how many of them, and what they may cost."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal
 
@@ -9,10 +13,12 @@ import numpy as np
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
-from stickslip.model import Contacts, FromRest, FromSliding
+from stickslip.model import Contacts, FromRest, FromSliding, Population
 from stickslip.model.drive import Drive, constant
+from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
-from stickslip.simulation import Recording, estimate, record
+from stickslip.simulation import Recording, check_method, estimate, record
+from stickslip.simulation.work import course_of
 from stickslip.stability import growth_rate
 
 OSCILLATES = ("stick-slip", "sustained oscillation")
@@ -24,8 +30,9 @@ _MOST_RUNS = 4  # how often a run that cannot be judged is made, each time at le
 _PARTS = 10  # of a run, over which the error of a variance is told
 _TWICE = math.log(2.0)  # between as much variance and four times as much
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
-_SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
+SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
+_COUNTED = 100_000  # contacts from which on they are counted by cohorts, where that is cheaper than to follow each
 
 # What linearly stable smooth sliding does: it stays, noise of the contacts leaves it, or noise is all that is seen.
 Steady = Literal["stays", "leaves", "noise"]
@@ -58,18 +65,26 @@ def until_decayed(rig: Rig) -> float:
     return min(rig.natural.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
 
 
-def contacts_of(rig: Rig, other: int = 0) -> Contacts:
-    """The contacts that judge a rig, or others of their kind: its own, as their noise is; many if it has no number."""
-    own = rig.method if isinstance(rig.method, Contacts) else _USUAL
+def method_of(rig: Rig, other: int = 0, part: int = 1) -> Contacts | Population:
+    """The contacts that judge a rig, or others of their kind, or a part of so many: its own, as their noise is.
+
+    Many are counted, not followed, where that can be done.
+    """
+    own = rig.method if isinstance(rig.method, DRAWN) else _USUAL
     count = own.count if rig.interface.ageing is None else min(own.count, _MOST_AGED)
-    return replace(own, count=count, seed=own.seed + other)
+    count, seed = max(count // part, 1), own.seed + other
+    if count >= _COUNTED:
+        with suppress(InputError):
+            check_method(rig.interface, counted := Population(count, seed), rig.slider)
+            return counted
+    return Contacts(count, seed=seed)
 
 
 def trial(rig: Rig, distance: float | None = None, other: int = 0) -> Rig:
     """A run from rest at the constant speed of a rig, for as long as it takes to judge it, or for a distance."""
     speed = rig.natural.velocity
     drive = constant(speed, (length_of(rig) if distance is None else distance) / speed)
-    return replace(rig, drive=drive, method=contacts_of(rig, other), start=FromRest())
+    return replace(rig, drive=drive, method=method_of(rig, other), start=FromRest())
 
 
 class Spent(Exception):  # noqa: N818 - not an error: it ends a search
@@ -77,41 +92,58 @@ class Spent(Exception):  # noqa: N818 - not an error: it ends a search
 
 
 class Trials:
-    """Runs within what they may cost, in seconds by estimate, not by the clock: the same rig gets the same answer."""
+    """Runs within what they may cost, in seconds by estimate, not by the clock: the same rig gets the same answer.
+
+    What a run has cost is known better than before it: by how often its contacts have broken. The next one is taken to
+    be like it.
+    """
 
     def __init__(self, seconds: float) -> None:
-        self.left = seconds
+        self.allowed, self.spent, self._part, self._known = seconds, 0.0, 1.0, dict[Rig, Regime]()
 
-    def pay(self, case: Rig) -> None:
-        """Take the cost of a run; raise `Spent` if there is not as much left."""
-        if (seconds := estimate(case).seconds) > self.left:
+    def of(self, part: float) -> Trials:
+        """Runs within a part of what is left, which know of those before; what they cost is to be added."""
+        left = Trials(part * (self.allowed - self.spent))
+        left._part, left._known = self._part, self._known
+        return left
+
+    def record(self, case: Rig) -> Recording:
+        """Make a run; raise `Spent` if it would cost more than there is left."""
+        work = estimate(case).seconds
+        if self.spent + work * self._part > self.allowed:
             raise Spent
-        self.left -= seconds
+        run = record(case, long=True)
+        self._part = _part_broken(run)
+        self.spent += work * self._part
+        return run
 
     def judge(self, case: Rig) -> Regime:
-        """The regime that a run leads to; undecided if the work that is allowed ends before it is told."""
-        self.pay(case)
-        return self.watch(record(case, long=True))[1]
+        """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told."""
+        if case not in self._known:
+            self._known[case] = self.watch(self.record(case), spent=True)[1]
+        return self._known[case]
 
-    def slides_smoothly(self, rig: Rig) -> bool:
-        """Whether `_SEEDS` runs of other contacts all slide smoothly at last, one until the slowest mode decays."""
-        usual = length_of(rig)
-        long = max(until_decayed(rig), 2.0 * usual)
-        distances = [usual, long, *[usual] * (_SEEDS - 2)]  # what does not slide is most often told by the first
+    def slide_smoothly(self, rigs: Sequence[Rig], seeds: int) -> bool:
+        """Whether so many runs of each rig, all of other contacts, slide smoothly at last.
+
+        The second of each lasts until its slowest mode has decayed. What does not slide, the first tells most often.
+        """
         try:
-            for other, distance in enumerate(distances, start=1):
-                if self.judge(trial(rig, distance, other)).kind != "smooth sliding":
-                    return False
+            for other in range(1, seeds + 1):
+                for rig in rigs:
+                    distance = max(until_decayed(rig), 2.0 * length_of(rig)) if other == 2 else None
+                    if self.judge(trial(rig, distance, other)).kind != "smooth sliding":
+                        return False
         except InputError:  # such a rig cannot be simulated
             return False
         return True
 
-    def watch(self, run: Recording, most: int = _MOST_RUNS) -> tuple[Recording, Regime, Steady]:
-        """What a run that ends at a constant speed shows, made longer until that can be told.
+    def watch(self, run: Recording, most: int = _MOST_RUNS, *, spent: bool = False) -> tuple[Recording, Regime, Steady]:
+        """What a run that ends at a constant speed shows, made longer until that can be told, or the work is `spent`.
 
         An oscillation of a linearly stable rig must outlast its slowest mode, and then be no noise of its contacts.
         """
-        case, few, lasts = run.rig, isinstance(run.rig.method, Contacts), 0.0
+        case, few, lasts = run.rig, isinstance(run.rig.method, DRAWN), 0.0
         for left in reversed(range(most)):
             seen = regime(run.dataset())
             doubtful = few and seen.kind in OSCILLATES and linearly_unstable(case) is False
@@ -124,9 +156,10 @@ class Trials:
                         return self._from_sliding(run, seen)
                 case = _longer(case, lasts)
                 if left > 0:
-                    self.pay(case)
-                    run = record(case, long=True)
+                    run = self.record(case)
             except Spent:
+                if spent:
+                    raise
                 break
         if seen.kind != "undecided":
             reason = "an oscillation, or noise of its contacts: longer runs would decide"
@@ -142,10 +175,9 @@ class Trials:
         case, begin = run.rig, seen.window[0]
 
         def fluctuation(other: int, part: int = 1) -> tuple[float, float]:
-            method = contacts_of(case, other)
-            fewer = replace(method, count=max(method.count // part, 1))
-            self.pay(sliding := replace(case, start=FromSliding(), method=fewer))
-            return _variance(record(sliding, long=True), begin)
+            return _variance(
+                self.record(replace(case, start=FromSliding(), method=method_of(case, other, part))), begin
+            )
 
         (from_rest, error), (from_sliding, other_error) = _variance(run, begin), fluctuation(1)
         more = from_rest - from_sliding
@@ -166,8 +198,19 @@ def _longer(case: Rig, lasts: float) -> Rig:
     """The run, of no more contacts than judge it, its last piece longer: it takes twice the time, at least `lasts`."""
     *before, last = case.drive.pieces
     lasts = max(2.0 * case.drive.duration, lasts) - (case.drive.duration - last.duration)
-    method = contacts_of(case) if isinstance(case.method, Contacts) else case.method
+    method = method_of(case) if isinstance(case.method, DRAWN) else case.method
     return replace(case, drive=Drive((*before, replace(last, duration=lasts))), method=method)
+
+
+def _part_broken(run: Recording) -> float:
+    """How often contacts have broken in a run, over how often they would in smooth sliding, by the energy they lost.
+
+    In stick-slip from a soft spring it is a hundredth: contacts hold once a cycle, not once in the way that they take.
+    """
+    if "broken_energy" not in run.track.columns or run.rig.interface.temperature is not None:
+        return 1.0
+    each = 0.5 * run.rig.interface.threshold_distribution.moment(2)
+    return float(min(run.track["broken_energy"][-1] / each / course_of(run.rig.natural).lifetimes, 1.0))
 
 
 def _is_steady(run: Recording, seen: Regime) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from stickslip.words import engineering, number
 
 if TYPE_CHECKING:
     from stickslip.advise.answer import ElasticPrediction, Prediction
+    from stickslip.advise.mitigations import Mitigation
 
 Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 """Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
@@ -65,66 +65,94 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
 
 
 def verdict(found: Prediction) -> str:
-    """The answer in one sentence."""
-    rig, parts = found.rig, [headline(found)]
-    if found.judged:
-        parts += _by_speed(found)
-        parts += [f"at {_speed(rig, v)}: {kind}" for v, kind in found.at_speeds if v != rig.velocity]
-        parts += [] if found.between is None else [_over_its_range(found, *found.between)]
-    return "; ".join(part for part in parts if part)
+    """The whole answer in one sentence."""
+    return "; ".join(
+        [headline(found), *here(found), *([", ".join(_bands(found))] if found.judged else []), *_rest(found)]
+    )
 
 
 def headline(found: Prediction) -> str:
-    """What the rig does at its own speed."""
-    rig = found.rig
-    if found.judged:
-        return f"at {quantity(rig, rig.velocity, 'velocity')}: {_here(found)}"
-    words = (f"{band.motion} from {' to '.join(quantity(rig, v, 'time') for v in band.ends)}" for band in found.delays)
-    return (
-        "cannot be judged: nothing says how contacts strengthen with rest; with a delay of re-attachment it would be, "
-        f"at this speed, {', '.join(words)}"
-    )
-
-
-def _here(found: Prediction) -> str:
-    kind, modes = str(found.regime.kind), found.unstable_modes
-    contacts = f"{getattr(found.recording.rig.method, 'count', 'its')} contacts"
+    """What the rig does at its own speed, in a line."""
+    rig, kind, modes = found.rig, str(found.regime.kind), found.unstable_modes
+    if not found.judged:
+        return "cannot be judged: nothing says how contacts strengthen with rest"
+    words = kind
     if found.noise is not None:
-        return f"{kind}; the force fluctuates by {100 * found.noise:.2g} % rms, noise of {contacts}"
-    if kind == "undecided":
-        theory = "" if modes is None else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
-        return f"undecided, {found.regime.reason}{theory}"
-    if kind == "smooth sliding":
-        grows = "smooth in this run: the oscillation may not yet exceed the noise of"
-        return f"linearly unstable, but {grows} {contacts}" if modes else kind
-    frequency = "" if found.frequency is None else f", {engineering(found.frequency, frequency_unit(found.rig), 3)}"
-    here = (
-        f"{kind}{frequency}, force ±{quantity(found.rig, found.amplitude, 'force', 3)} "
-        f"({100 * found.relative_amplitude:.0f} % of static friction peak to peak)"
-    )
-    if found.bistable:
-        return f"{here} from this start, although smooth sliding, once reached, is linearly stable: bistable"
-    return f"{here}; no mode grows, but {contacts} leave smooth sliding by their noise" if modes == 0 else here
+        words += f"; the force fluctuates by {100 * found.noise:.2g} % rms, noise of {_contacts(found)}"
+    elif kind == "undecided" and modes is not None:
+        words += f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
+    elif kind == "smooth sliding" and modes:
+        words = "linearly unstable, but smooth in this run"
+    elif kind not in ("undecided", "smooth sliding"):
+        words += "" if found.frequency is None else f", {engineering(found.frequency, frequency_unit(rig), 3)}"
+        words += f", force ±{quantity(rig, found.amplitude, 'force', 3)}" + ("; bistable" if found.bistable else "")
+    return f"at {quantity(rig, rig.velocity, 'velocity')}: {words}"
 
 
-def _by_speed(found: Prediction) -> Iterator[str]:
-    """Ranges of speed with oscillation, and those that only starts at rest reach; what is not known."""
-    told, where = list[str](), defaultdict[str, list[str]](list)
-    for band in found.bands:
-        where[band.kind].append(_span(found, *band.ends, band.low_found, band.high_found))
-        if band.kind not in ("smooth sliding", "stable", "unknown"):
-            start = " if started from rest" if band.bistable else ""
-            told.append(f"{MOTIONS.get(band.kind, band.kind)} {where[band.kind][-1]}{start}")
-    told += [found.theory_note] if found.theory_note else []
+def _contacts(found: Prediction) -> str:
+    return f"{getattr(found.recording.rig.method, 'count', 'its')} contacts"
+
+
+def here(found: Prediction) -> Iterator[str]:
+    """What else there is to say of the rig at its own speed."""
+    kind, modes = str(found.regime.kind), found.unstable_modes
+    if not found.judged:
+        words = (
+            f"{band.motion} from {' to '.join(quantity(found.rig, v, 'time') for v in band.ends)}"
+            for band in found.delays
+        )
+        yield f"with a delay of re-attachment it would be, at this speed, {', '.join(words)}"
+    elif kind == "undecided":
+        yield found.regime.reason
+    elif kind == "smooth sliding" and modes:
+        yield f"the oscillation may not yet exceed the noise of {_contacts(found)}"
+    elif found.bistable:
+        yield "from this start, although smooth sliding, once reached, is linearly stable"
+    elif kind != "smooth sliding" and modes == 0:
+        yield f"no mode grows, but {_contacts(found)} leave smooth sliding by their noise"
+
+
+def speeds(found: Prediction) -> list[str]:
+    """The motion at each speed: its ranges, other speeds at which the rig works, and its range of speeds."""
+    return [*_bands(found), *_rest(found)] if found.judged else []
+
+
+def _ranges(found: Prediction, *kinds: str) -> list[str]:
+    return [_span(found, *band.ends, band.low_found, band.high_found) for band in found.bands if band.kind in kinds]
+
+
+def _bands(found: Prediction) -> list[str]:
+    """Ranges of speed with oscillation, and those that only starts at rest reach."""
+    told = [
+        f"{MOTIONS.get(band.kind, band.kind)} {_span(found, *band.ends, band.low_found, band.high_found)}"
+        + (" if started from rest" if band.bistable else "")
+        for band in found.bands
+        if band.kind not in ("smooth sliding", "stable", "unknown")
+    ]
     known = [band for band in found.bands if band.kind != "unknown"]
-    if not told and known:
-        kind = "smooth sliding" if found.complete and not where["stable"] else "linearly stable"
+    if not told and known and not found.theory_note:
+        kind = "smooth sliding" if found.complete and not _ranges(found, "stable") else "linearly stable"
         told.append(f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}")
-    yield ", ".join(told)
-    if found.complete and where["stable"]:
-        yield f"linearly stable {' and '.join(where['stable'])} (starts from rest not judged)"
-    if where["unknown"] and not found.theory_note:
-        yield f"{' and '.join(where['unknown'])} linear theory cannot tell"
+    return told + ([found.theory_note] if found.theory_note else [])
+
+
+def _rest(found: Prediction) -> Iterator[str]:
+    """Ranges of speed of which less is known; other speeds at which the rig works, and its range."""
+    if not found.judged:
+        return
+    if found.complete and (stable := _ranges(found, "stable")):
+        yield f"linearly stable {' and '.join(stable)} (starts from rest not judged)"
+    if (unknown := _ranges(found, "unknown")) and not found.theory_note:
+        yield f"{' and '.join(unknown)} linear theory cannot tell"
+    for speed, kind in found.at_speeds:
+        if speed != found.rig.velocity:
+            yield f"at {_speed(found.rig, speed)}: {kind}"
+    if found.between is not None:
+        yield _over_its_range(found, *found.between)
+    if len(found.in_time) > 1:
+        words = (f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}" for band in found.in_time)
+        end = quantity(found.rig, found.in_time[-1].high, "time", 3)
+        yield f"along its drive, in time: {', '.join(words)}, to {end}"
 
 
 def _over_its_range(found: Prediction, low: float, high: float) -> str:
@@ -140,16 +168,18 @@ def _over_its_range(found: Prediction, low: float, high: float) -> str:
 
 def sections(found: Prediction) -> Iterator[Section]:
     """What is said beneath the verdict."""
+    yield "At this speed", "", list(here(found))
+    yield "Speeds", "", speeds(found)
     yield "", "", str(found.regime).splitlines() if found.judged else []
     yield "", "", list(numbers(found))
     if found.margins:
         about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
         head = ("parameter", "now", "stability limit below", "stability limit above")
         yield "Margins", about, [head, *margins(found)]
-    where = quantity(found.rig, found.rig.velocity, "velocity")
-    yield "Mitigations", f" at {where}, the smallest change first; simulated", list(mitigations(found))
+    yield "Mitigations", f" {_where(found)}, the smallest change first; simulated", list(mitigations(found))
     yield "Tried", ", within the range searched", list(attempts(found))
     yield "Left out", "", list(not_searched(found))
+    yield "Doubt", ", all that was assumed varied at once", list(found.doubt.said()) if found.doubt else []
 
 
 def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
@@ -166,6 +196,8 @@ def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     yield "total contact strength N f_s", rig.in_units(1.0, "force")
     yield f"static friction F_s (slow rigid motion{aged})", quantity(rig, found.static_friction, "force")
     yield "kinetic friction F_k at this speed", quantity(rig, found.kinetic_friction, "force")
+    if found.frequency is not None:
+        yield "force, peak to peak", f"{100 * found.relative_amplitude:.0f} % of static friction"
     yield "stiffness K of the driving spring", quantity(rig, rig.value("stiffness"), "stiffness")
     yield f"critical stiffness K* (first pull{aged})", critical
     yield "margin K/K*", f"{margin:.3g} ({'softer: elastic' if margin < 1 else 'stiffer: no elastic'} instability)"
@@ -181,13 +213,31 @@ def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
         yield title, value, lower or f"none down to {low}", upper or f"none up to {high}"
 
 
+def _where(found: Prediction) -> str:
+    """The speeds for which mitigations were sought."""
+    if found.between is not None:
+        return _span(found, *found.between)
+    at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
+    return f"at {' and '.join(quantity(found.rig, speed, 'velocity') for speed in at)}"
+
+
 def mitigations(found: Prediction) -> Iterator[str]:
-    """Each mitigation as a sentence."""
-    trouble = {"smooth sliding": "the instability", "sustained oscillation": "the oscillation"}
-    decays = f"{trouble.get(found.regime.kind, 'stick-slip')} decays even from rest"
+    """Each mitigation as a sentence, and two that will do together."""
+    kinds = [str(found.regime.kind), *(band.kind for band in found.trouble)]
+    named = {"stick-slip": "stick-slip", "sustained oscillation": "the oscillation"}
+    decays = f"{next((named[kind] for kind in kinds if kind in named), 'the instability')} decays even from rest"
     for each in found.mitigations:
-        now, goal = (_value(found.rig, each.parameter, value) for value in (each.value, each.stops))
-        yield f"{parameter_named(each.parameter).title}: from {now} to {goal}, and {decays}"
+        yield f"{changed(found, each)}, and {decays}"
+    if found.pair:
+        yield f"the smallest two together: {' and '.join(changed(found, each) for each in found.pair)}"
+    if found.complete and found.ill and not found.mitigations:
+        yield "none found of a single parameter; what was tried:" if found.attempts else "none: nothing can be varied"
+
+
+def changed(found: Prediction, each: Mitigation) -> str:
+    """A mitigation in words: which parameter, from what value to what."""
+    now, goal = (_value(found.rig, each.parameter, value) for value in (each.value, each.stops))
+    return f"{parameter_named(each.parameter).title}: from {now} to {goal}"
 
 
 def _value(rig: Rig, parameter: str, value: float) -> str:
@@ -205,7 +255,7 @@ def attempts(found: Prediction) -> Iterator[str]:
 def not_searched(found: Prediction) -> Iterator[str]:
     """What was not looked for, and why."""
     if found.not_searched:
-        yield f"not searched to the end, as runs of this rig take long: {', '.join(found.not_searched)}"
+        yield f"not searched farther in the time that is allowed: {', '.join(found.not_searched)}; see --thorough"
 
 
 # Elastic sliders
@@ -216,23 +266,28 @@ def _grows(found: ElasticPrediction, speeds: tuple[tuple[float, float], ...]) ->
     return f"unstable {where}" if speeds else "stable at all speeds"
 
 
-def verdict_on_waves(found: ElasticPrediction) -> str:
-    """The answer of linear theory in one sentence."""
+def headline_on_waves(found: ElasticPrediction) -> str:
+    """What linear theory says at the rig's own speed, in a line."""
     if found.theory_note:
         return f"undecided: {found.theory_note}"
-    where = f"linearly {_grows(found, found.speeds)}"
-    if not found.speeds:
-        where += f" {_span(found, *found.speeds_searched)}"
-    here = "smooth sliding is linearly stable at every wavelength"
+    words = "smooth sliding is linearly stable at every wavelength"
     if found.growing:
         first = max(found.waves, key=lambda wave: -math.inf if wave.growth is None else wave.growth)
-        here = f"growing modes of smooth sliding: {found.growing}, fastest: {first.name}"
-    return f"{where}; at {_speed(found.rig, found.rig.velocity)}: {here}"
+        words = f"growing modes of smooth sliding: {found.growing}, fastest: {first.name}"
+    return f"at {_speed(found.rig, found.rig.velocity)}: {words}"
+
+
+def verdict_on_waves(found: ElasticPrediction) -> str:
+    """The answer of linear theory in one sentence."""
+    where = "" if found.speeds or found.theory_note else f" {_span(found, *found.speeds_searched)}"
+    beside = "" if found.theory_note else f"linearly {_grows(found, found.speeds)}{where}; "
+    return beside + headline_on_waves(found)
 
 
 def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig, told = found.rig, list[str]()
+    yield "Speeds", "", [] if found.theory_note else [verdict_on_waves(found).split("; at ")[0]]
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:

@@ -48,6 +48,7 @@ from stickslip.plot.style import (
     PALETTE,
     SKY,
     VERMILLION,
+    drawn,
     dress,
     house_style,
     label,
@@ -59,7 +60,7 @@ from stickslip.plot.style import (
 )
 
 __all__ = ["BLACK", "BLUE", "COLUMN", "GREEN", "GREY", "ORANGE", "PAGE", "PALETTE", "SKY", "VERMILLION", "attached"]
-__all__ += ["chart", "dress", "elastic_overview", "energy", "fitted", "force_trace", "front_curve", "fronts"]
+__all__ += ["chart", "drawn", "dress", "elastic_overview", "energy", "fitted", "force_trace", "front_curve", "fronts"]
 __all__ += ["house_style", "label", "legend_above", "letter", "new_figure", "overview", "peaks_after_holds"]
 __all__ += ["phase_portrait", "precursor_lengths", "precursors", "prediction", "save", "side_by_side", "slip_profiles"]
 __all__ += ["slips", "spacetime", "sweep_picture", "unit_text", "velocity", "velocity_step", "waves"]

@@ -1,7 +1,7 @@
 """Maps: sweeps over one or two parameters, and the stability map around a rig, with what theory says on top."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -173,13 +173,15 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
 
 
 @house_style()
-def chart(found: xr.Dataset) -> Figure:
+def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure:
     """Draw a stability map: growth rate as shading, the boundary with its frequency, and the rig's own point.
 
     Parameters
     ----------
     found : xarray.Dataset
         What `stickslip.advise.chart` returns.
+    to : mapping of str to float, optional
+        Values of its parameters after a change, to which an arrow leads.
     """
     across, up = map(str, found["growth_rate"].dims)
     figure = new_figure(1.6 * style.COLUMN, 4.6)
@@ -200,6 +202,10 @@ def chart(found: xr.Dataset) -> Figure:
         ax.vlines(found[f"band_{across}"], *ends, **look, label="stick-slip persists, too (bistable)")
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
     ax.plot(*here, "o", ms=8, mfc="white", mec=style.BLACK, mew=1.5, ls="none", label="this rig")
+    if to is not None:
+        goal = to.get(across, here[0]), to.get(up, here[1])
+        ax.annotate("", goal, here, arrowprops={"arrowstyle": "-|>", "color": style.BLACK, "shrinkA": 5, "lw": 1.4})
+        ax.plot(*goal, "D", color=style.VERMILLION, mec="white", ms=6, ls="none", label="after the change (simulated)")
     unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
     ax.set_title(f"{title}\nnumbers: frequency at the limit ({unit}); growth above 0: unstable".lstrip())

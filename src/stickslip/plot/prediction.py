@@ -38,15 +38,21 @@ def prediction(answer: Prediction) -> Figure:
     answer : Prediction
         What `stickslip.predict` returns.
     """
-    rows = len(answer.margins)
-    heights = [0.45, 2.0, *([0.24 * rows + 0.1] if rows else [])]
+    rows, moves = len(answer.margins), len(answer.in_time) > 1
+    heights = [0.45, *([0.3] if moves else []), 2.0, *([0.24 * rows + 0.1] if rows else [])]
     figure = new_figure(PAGE, 2.0 + sum(heights))
     axes = figure.subplots(len(heights), 1, height_ratios=heights)
     figure.suptitle(_title(answer.rig, answer.headline), x=0.01, ha="left", fontsize=9)
     patches = _strip_of_speeds(axes[0], answer)
-    _force_at_its_speed(axes[1], answer)
+    if moves:
+        patches += _strip(axes[1], answer.in_time)
+        times = {"long_name": "time", "units": answer.rig.unit_name("time")}
+        dress(axes[1].xaxis, xr.DataArray([band.high for band in answer.in_time], attrs=times))
+        axes[1].set_xlim(0.0, answer.in_time[-1].high)
+        axes[1].set_title("motion along its drive, as if each speed lasted", fontsize=8)
+    _force_at_its_speed(axes[1 + moves], answer)
     if rows:
-        _margins(axes[2], answer)
+        _margins(axes[-1], answer)
         patches.append(_patch("unstable"))
     return legend_below(figure, patches)
 
@@ -63,10 +69,10 @@ def _patch(kind: str) -> Patch:
     return Patch(label=_BY_THEORY.get(kind, kind), facecolor=_COLOURS.get(kind, "#FFFFFF"), hatch=hatch, **EDGE)
 
 
-def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
-    """Colour the speeds by their motion; mark those of the rig."""
+def _strip(ax: Axes, bands: Any) -> list[Patch]:
+    """Colour ranges by their motion."""
     patches = []
-    for band in answer.bands:
+    for band in bands:
         patches.append(patch := _patch(band.kind))
         look: Any = {"facecolor": patch.get_facecolor(), "hatch": patch.get_hatch()}
         ax.axvspan(band.low, band.high, edgecolor=GREY, linewidth=0, **look)
@@ -74,6 +80,14 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
             look = {"edgecolor": "white", "hatch": "/////"}
             ax.axvspan(band.low, band.high, facecolor="none", linewidth=0, **look)
             patches.append(Patch(facecolor=GREY, label="... or smooth: bistable (without noise)", **look))
+    ax.set(ylim=(0.0, 1.0), yticks=[])
+    ax.spines["left"].set_visible(False)
+    return patches
+
+
+def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
+    """Colour the speeds by their motion; mark those of the rig."""
+    patches = _strip(ax, answer.bands)
     speed, upright = answer.rig.velocity, ax.get_xaxis_transform()
     ax.axvline(speed, color=BLACK, linewidth=1.6)
     ax.plot(speed, 1.0, "v", color=BLACK, markersize=6, clip_on=False, transform=upright)
@@ -82,8 +96,6 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
     if answer.between is not None:
         ax.plot(answer.between, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
     _axis_of_speeds(ax, answer)
-    ax.set(ylim=(0.0, 1.0), yticks=[])
-    ax.spines["left"].set_visible(False)
     others = "; dashed, its other speeds" if len(answer.rig.operation.speeds) > 1 else ""
     others = "; the bar is its range" if answer.between is not None else others
     ax.set_title(f"motion at each speed; the mark is this rig{others}", fontsize=8)

@@ -217,10 +217,13 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
         If the suffix is none of these or the place cannot be written.
     """
     files.target(path)
-    kind = format_of(path)
-    # No date in the file: the same figure gives the same bytes.
+    return files.write(path, drawn(figure, format_of(path)))
+
+
+def drawn(figure: Figure, kind: str) -> memoryview:
+    """Return a figure as PNG, SVG or PDF, without a date: the same figure gives the same bytes."""
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
     picture = io.BytesIO()
     with house_style():
         figure.savefig(picture, format=kind, metadata=dict(undated))
-    return files.write(path, picture.getbuffer())
+    return picture.getbuffer()

@@ -1,0 +1,79 @@
+"""One page to forward: an answer with its pictures, in one file that needs no other and can be printed."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from stickslip import __version__, plot
+from stickslip.advise.answer import ElasticPrediction, Prediction
+from stickslip.advise.chart import chart
+from stickslip.io.rig_files import to_toml
+from stickslip.model.drive import constant
+from stickslip.progress import Progress, part
+from stickslip.simulation import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_AROUND, _POINTS = 10.0, 60  # of the map: a factor on either side of the rig, or twice as far as the change; its points
+_STYLE = """
+body { font: 11pt/1.45 system-ui, sans-serif; max-width: 52em; margin: 2em auto; padding: 0 1em; color: #222; }
+h1 { font-size: 1.5em; margin: 0; } h2 { font-size: 1.05em; margin: 1.4em 0 .3em; } .verdict { font-size: 1.2em; }
+img { max-width: 100%; display: block; margin: .5em 0; } table { border-collapse: collapse; }
+td { padding: .15em .8em .15em 0; vertical-align: top; border-bottom: 1px solid #ddd; }
+pre { font-size: 8.5pt; white-space: pre-wrap; background: #f6f6f6; padding: .8em; } footer { color: #666; }
+@media print { body { margin: 0; max-width: none; } img, tr { break-inside: avoid; } h2 { break-after: avoid; } }
+"""
+
+
+def report(found: Prediction | ElasticPrediction, *, progress: Progress | None = None) -> str:
+    """Return a page with the verdict, its pictures, what it rests on, and the rig; HTML that asks for no other file.
+
+    Parameters
+    ----------
+    found : Prediction or ElasticPrediction
+        What `stickslip.predict` returns. Where it has mitigations, the force before and after the smallest is shown,
+        and the way there on a map of stability.
+    progress : callable, optional
+        Called with the fraction of the work that is done.
+
+    Returns
+    -------
+    str
+    """
+    name, watch = html.escape(found.rig.name), progress or (lambda _share: None)
+    pictures = "".join(f"<h2>{html.escape(title)}</h2>{_image(figure)}" for title, figure in _pictures(found, watch))
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{name}</title>'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head><body>'
+        f'<h1>{name}</h1><p class="verdict">{html.escape(found.headline)}</p>{pictures}{found.tables()}'
+        f"<h2>The rig</h2><pre>{html.escape(to_toml(found.rig))}</pre>"
+        f"<footer>stickslip {__version__}: <code>stickslip report</code> of the rig above</footer></body></html>\n"
+    )
+
+
+def _pictures(found: Prediction | ElasticPrediction, watch: Progress) -> Iterator[tuple[str, Figure]]:
+    yield "What it does at each speed", found.plot()
+    watch(0.3)
+    if not isinstance(found, Prediction) or not found.mitigations:
+        return
+    first, rig = found.mitigations[0], found.rig
+    after = rig.replace(**{first.parameter: first.stops})
+    velocity = after.natural.velocity
+    path = found.recording.rig.drive.duration * rig.natural.velocity * velocity / rig.natural.velocity
+    lasts = replace(after, drive=constant(velocity, path / velocity), start=found.recording.rig.start)
+    yield f"Before and after: {found.changed(first)}", plot.side_by_side(found.run, simulate(lasts, long=True))
+    watch(0.5)
+    over: Any = ("velocity", "stiffness" if first.parameter == "velocity" else first.parameter)
+    around = max(_AROUND, 2.0 * max(first.stops / first.value, first.value / first.stops))
+    found_map = chart(rig, over, around, _POINTS, part(watch, 0.5, 1.0))
+    yield "The way there, on the map of stability", plot.chart(found_map, to={first.parameter: first.stops})
+
+
+def _image(figure: Figure) -> str:
+    content = base64.b64encode(plot.drawn(figure, "svg")).decode()
+    return f'<img alt="" src="data:image/svg+xml;base64,{content}">'
