@@ -32,7 +32,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import measure, plot
 
-DATA = Path(__file__).parents[2] / "tests" / "data" / "paper_on_paper"
+DATA = Path(ss.__file__).parents[2] / "tests" / "data" / "paper_on_paper"
 BENCHES = [(168, 42), (168, 1100), (1002, 42), (1002, 4300), (2254, 42)]  # N/m, um/s
 MODELS = {"no weakening": {}, "a delay of 50 µs": {"delay": "50 us"}}
 DISTANCE = 4000  # um, that the drive of the model goes
