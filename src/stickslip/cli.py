@@ -190,7 +190,9 @@ def predict(
     *,
     fast: Annotated[Switch, Parameter(help="Stop at the verdict: linear theory and one run.")] = False,
     thorough: Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")] = False,
-    smooth: Annotated[tuple[str, str] | None, Parameter(help="Speeds, '0.5 mm/s' '5 mm/s', to be made smooth.")] = None,
+    smooth: Annotated[
+        tuple[str, str] | None, Parameter(help="Speeds, '0.5 mm/s' '5 mm/s', to be made smooth.", negative="")
+    ] = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
