@@ -57,8 +57,9 @@ lint: $(VENV)/.dev
 warm: $(VENV)/.dev
 	$(BIN)/python tests/warm.py
 
+# A test that takes more than 2 s of CPU time fails, unless it is marked.
 unit: warm
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow and not browser"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow and not browser" --at-most 2
 
 browser: $(VENV)/.dev $(VENV)/.browser
 	$(BIN)/python -m pytest -q -m "browser and not slow" tests/test_explorer_journeys.py

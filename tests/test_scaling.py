@@ -116,11 +116,17 @@ def test_a_trace_is_read_alike_in_any_unit(velocity, force, time):
     assert found["drop"].to_numpy() == pytest.approx(force * slips["drop"].to_numpy(), rel=1e-6)
 
 
+@pytest.fixture(scope="module")
+def answer():
+    return ss.predict(RIG)
+
+
+@pytest.mark.takes(5)
 @UNITS
-def test_an_answer_has_no_length_or_time_of_its_own(length, time):
+def test_an_answer_has_no_length_or_time_of_its_own(answer, length, time):
     there = rescaled_rig(RIG, length, time)
     assert estimate(there).seconds == pytest.approx(estimate(RIG).seconds, rel=1e-9)
-    here, found = ss.predict(RIG), ss.predict(there)
+    here, found = answer, ss.predict(there)
 
     def linear(answer, rig):
         limits = [(end, m.parameter) for m in answer.margins for end in (m.lower, m.upper)]
