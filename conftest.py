@@ -186,8 +186,8 @@ def pytest_collection_modifyitems(items):
 
 MARGIN = 2.0
 """How much longer than told a test may take: two threads that share a core take about half of it each."""
-BLOCK = 10.0
-"""CPU time that a block of a page may take, in s: it shows the real thing."""
+BLOCK = 15.0
+"""CPU time that a block of a page may take, in s: as long as `stickslip predict` searches."""
 
 
 def pytest_addoption(parser):

@@ -357,6 +357,7 @@ def test_an_ageing_of_ones_own():
     np.testing.assert_array_equal(found["mean_force"], known["mean_force"])
 
 
+@pytest.mark.takes(4)  # runs by two methods, and a sweep
 def test_a_barrier_of_ones_own():
     rig = rig_with(ss.Delay(0.1), ss.Gaussian(mean=1.0, std=0.1), distance=1.0)
     bell = ss.Bell(width=0.01, attempts=1e6)

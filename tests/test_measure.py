@@ -260,13 +260,14 @@ def test_units_of_force_and_time_and_the_direction_change_nothing(name, scale, s
 @given(seed=st.integers(0, 10_000), std=st.floats(0.1, 0.5))
 def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     rng = np.random.default_rng(seed)
-    gaps = np.maximum(rng.normal(6.0, 6.0 * std, 60), 1.5)
+    drawn = np.maximum(rng.normal(6.0, 6.0 * std, 30), 1.5)
+    gaps = np.append(drawn, rng.permutation(drawn))  # so that nothing decays, even by chance
     when, sizes = np.cumsum(gaps), 0.5 * np.append(gaps[1:], 6.0)
     t = np.arange(0.0, when[-1] + 4.0, 0.25)
     force = sawtooth(t, [(w, 11.0) for w in when], sizes, fall=0.4) + rng.normal(0.0, 0.03, t.size)
     result = regime(trace(t, force))
     assert result.kind == "stick-slip"
-    assert result.period == pytest.approx(6.0, rel=0.3)
+    assert result.period == pytest.approx(drawn.mean(), rel=0.3)
 
 
 @pytest.mark.parametrize("samples", [300, 2000, 20_000])
