@@ -13,11 +13,11 @@ import numpy as np
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
-from stickslip.model import Contacts, FromRest, FromSliding, Population
+from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Population
 from stickslip.model.drive import Drive, constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
-from stickslip.simulation import Recording, check_method, estimate, record
+from stickslip.simulation import Recording, estimate, record
 from stickslip.simulation.work import course_of
 from stickslip.stability import growth_rate
 
@@ -32,7 +32,8 @@ _TWICE = math.log(2.0)  # between as much variance and four times as much
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
-_COUNTED = 100_000  # contacts from which on they are counted by cohorts, where that is cheaper than to follow each
+_COUNTED = 100_000  # contacts from which on they are counted by cohorts, where that is cheaper than to follow each ...
+_ROUGH = 1e-3  # ... or are infinitely many, to an error below their noise: 1/sqrt(N)
 
 # What linearly stable smooth sliding does: it stays, noise of the contacts leaves it, or noise is all that is seen.
 Steady = Literal["stays", "leaves", "noise"]
@@ -65,19 +66,22 @@ def until_decayed(rig: Rig) -> float:
     return min(rig.natural.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
 
 
-def method_of(rig: Rig, other: int = 0, part: int = 1) -> Contacts | Population:
+def method_of(rig: Rig, other: int = 0, part: int = 1) -> Contacts | Population | MasterEquation:
     """The contacts that judge a rig, or others of their kind, or a part of so many: its own, as their noise is.
 
-    Many are counted, not followed, where that can be done.
+    Many are counted by cohorts, or taken as infinitely many, where that can be done at less cost than to follow each.
     """
     own = rig.method if isinstance(rig.method, DRAWN) else _USUAL
     count = own.count if rig.interface.ageing is None else min(own.count, _MOST_AGED)
     count, seed = max(count // part, 1), own.seed + other
-    if count >= _COUNTED:
+    each = Contacts(count, seed=seed)
+    if count < _COUNTED:
+        return each
+    for many in (Population(count, seed), MasterEquation(rtol=_ROUGH)):
         with suppress(InputError):
-            check_method(rig.interface, counted := Population(count, seed), rig.slider)
-            return counted
-    return Contacts(count, seed=seed)
+            if estimate(replace(rig, method=many)).seconds < estimate(replace(rig, method=each)).seconds:
+                return many
+    return each
 
 
 def trial(rig: Rig, distance: float | None = None, other: int = 0) -> Rig:

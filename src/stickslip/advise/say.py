@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 """Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
 
+SEEN = 0.05  # root mean square of a fluctuation over the mean force, by convention, that a rig is asked to stay below
+
 
 # Quantities
 
@@ -102,6 +104,10 @@ def here(found: Prediction) -> Iterator[str]:
             for band in found.delays
         )
         yield f"with a delay of re-attachment it would be, at this speed, {', '.join(words)}"
+    elif found.noise is not None and found.noise > SEEN:
+        count = getattr(found.recording.rig.method, "count", math.nan)
+        enough = count * (found.noise / SEEN) ** 2  # its variance goes as 1/N
+        yield f"below {100 * SEEN:.0f} % from {number(enough, 2)} contacts on"
     elif kind == "undecided":
         yield found.regime.reason
     elif kind == "smooth sliding" and modes:
