@@ -277,10 +277,10 @@ def fit(
         What is held possible.
     smallest, after : float, optional
         Smallest drop that counts as a slip, and a time before which slips are left out.
-    speeds : sequence of (speed, force), optional
-        Mean friction at other speeds: they tell the delay.
+    speeds : sequence of pairs, optional
+        Other speeds with the mean friction there: they tell the delay.
     holds : sequence of pairs, optional
-        Static friction after holds: they tell ageing.
+        Holds with the static friction after them: they tell ageing.
     draws : int
         Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a cluster, for fits to find.
     seed : int
