@@ -36,25 +36,13 @@ _AT_MOST = {"steady", "small", "slight"}  # tests passed at most at their limit;
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion:
-    """One test of a regime.
+    """One test of a regime."""
 
-    Attributes
-    ----------
-    name : str
-        What is asked.
-    statistic, limit : float
-        What was found, and what it is compared with.
-    source : {"theory", "statistics", "convention"}
-        Where the limit comes from.
-    passed : bool
-        The answer.
-    """
-
-    name: str
-    statistic: float
-    limit: float
-    source: Source
-    passed: bool
+    name: str  #: what is asked
+    statistic: float  #: what was found
+    limit: float  #: what it is compared with
+    source: Source  #: where the limit comes from: theory, statistics or a convention
+    passed: bool  #: the answer
 
     def __str__(self) -> str:
         answer = "yes" if self.passed else "no"

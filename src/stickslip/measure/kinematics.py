@@ -169,48 +169,32 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Kinematics(Answer):
-    """How a slider moves, in units of its drive and in SI units.
+    """How a slider moves, in units of its drive and in SI units."""
 
-    Attributes
-    ----------
-    mass : float
-        What is given, in kg; NaN if nothing is.
-    motion : str
-        The motion in words.
-    stuck : float
-        Fraction of the time in which the slider is slower than a quarter of the drive.
-    swing : float
-        Root mean square of the slider's velocity less the drive's, over the drive's, less the error of the slopes.
-    correlation, period : float
-        Height of the autocorrelation of the velocity at one period, and the period in s; 0 and NaN without one.
-    slips : int
-        Number of force drops.
-    recurrence, recurrence_variation, drop, drop_variation : float
-        Mean time between them in s, mean drop in m (over the stiffness), and their coefficients of variation.
-    loading : float
-        Rate at which the force rises where it rises at its full rate, over stiffness times velocity: 1 where the
-        slider sticks, .2 where it never does.
-    effective_mass : float
-        Mass in kg that a spring of this stiffness moves as quickly as the slips go, or as the oscillation does; NaN
-        where they are not resolved.
-    noise : float
-        Of the sensor, in m of the spring.
-    """
+    mass: float  #: what is given, in kg; NaN if nothing is
+    motion: str  #: in words
+    stuck: float  #: fraction of the time in which the slider is slower than a quarter of the drive
 
-    mass: float
-    motion: str
-    stuck: float
+    #: Root mean square of the slider's velocity less the drive's, over the drive's, less the error of the slopes.
     swing: float
-    correlation: float
-    period: float
-    slips: int
-    recurrence: float
-    recurrence_variation: float
-    drop: float
-    drop_variation: float
+
+    correlation: float  #: height of the autocorrelation of the velocity at one period; 0 without one
+    period: float  #: in s; NaN without one
+    slips: int  #: number of force drops
+    recurrence: float  #: mean time between them in s
+    recurrence_variation: float  #: its coefficient of variation
+    drop: float  #: mean drop in m (over the stiffness)
+    drop_variation: float  #: its coefficient of variation
+
+    #: Rate at which the force rises where it rises at its full rate, over stiffness times velocity: 1 where the slider
+    #: sticks, .2 where it never does.
     loading: float
+
+    #: Mass in kg that a spring of this stiffness moves as quickly as the slips go, or as the oscillation does; NaN
+    #: where they are not resolved.
     effective_mass: float
-    noise: float
+
+    noise: float  #: of the sensor, in m of the spring
 
     def __str__(self) -> str:
         lines = [f"the slider {self.motion}"]

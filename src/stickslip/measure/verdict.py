@@ -66,77 +66,46 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Regime(Answer):
-    """The regime of motion in a stretch of constant driving, with the evidence; it equals its own `kind`.
+    """The regime of motion in a stretch of constant driving, with the evidence; it equals its own `kind`."""
 
-    Attributes
-    ----------
-    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "undecided"}
-        *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least
-        3.5 times the velocity of the drive. Where only the force is known: drops take at most a quarter of the
-        time, or, of an irregular force, it rises at its full rate for most of the time. *Sustained oscillation*: a
-        cycle that persists, in which the slider stays slower than that; the reason says whether it sticks. *Smooth
-        sliding*: no oscillation, or noise of the contacts, or fluctuation without a period that is distributed as
-        noise, or an oscillation below 2 % of the largest force, or one that decays and is below 10 %. *Undecided*: the
-        evidence does not suffice, for the reason given, which says what would decide it.
-    reason : str
-        Why, in plain words.
-    window : tuple of float
-        Start and end of the stretch that was evaluated, in the unit of `t`.
-    peak_to_peak, mean_force : float
-        Of the force of the driving spring in the window.
-    static_friction : float
-        Largest force in all of the data: what amplitudes are compared with.
-    trend : float
-        Ratio of the drops in the second half of the window to those in the first, from a straight line through their
-        logarithms (of the standard deviation of the force in eight parts, where it has no period); 1 is steady.
-    cycles : int
-        Complete cycles in the window; of a force that is not periodic, complete drops.
-    period, period_variation : float
-        Mean time of a cycle, and its coefficient of variation; NaN with too few cycles.
-    drop, drop_variation : float
-        Mean force drop, and its coefficient of variation.
-    slip_phase : float
-        Fraction of the time in which the force drops: .5 for a sine, near 0 for a sawtooth.
-    noise : float
-        Standard deviation of the noise from sample to sample, in the unit of the force.
-    drive_velocity, largest_velocity, stuck : float or None
-        Where they are known, the mean velocity of the drive in the window, the largest of the slider over that of the
-        drive, and the fraction of the time in which the slider is slower than a twentieth of the drive.
-    mean_mu, static_mu : float or None
-        With a normal load: the coefficient of friction, on average in the window and at most in all of the data.
-    quantity, time_unit, force_unit : str
-        What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
-        empty where the data do not say.
-    notes : tuple of str
-        What a reader should know of the data: a saturated sensor, gaps, a drift.
-    table : tuple of Criterion
-        The tests that kind and reason are read off: each with its statistic, its limit, where that comes from
-        (theory, statistics, or a convention), and whether it was passed.
-    """
-
+    #: *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least 3.5 times
+    #: the velocity of the drive. Where only the force is known: drops take at most a quarter of the time, or, of an
+    #: irregular force, it rises at its full rate for most of the time. *Sustained oscillation*: a cycle that persists,
+    #: in which the slider stays slower than that; the reason says whether it sticks. *Smooth sliding*: no oscillation,
+    #: or noise of the contacts, or fluctuation without a period that is distributed as noise, or an oscillation below
+    #: 2 % of the largest force, or one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for
+    #: the reason given, which says what would decide it.
     kind: Kind
-    reason: str
-    window: tuple[float, float]
-    peak_to_peak: float
-    mean_force: float
-    static_friction: float
+
+    reason: str  #: why, in plain words
+    window: tuple[float, float]  #: start and end of the stretch that was evaluated, in the unit of `t`
+    peak_to_peak: float  #: of the force of the driving spring in the window
+    mean_force: float  #: of the driving spring in the window
+    static_friction: float  #: largest force in all of the data: what amplitudes are compared with
+
+    #: Ratio of the drops in the second half of the window to those in the first, from a straight line through their
+    #: logarithms (of the standard deviation of the force in eight parts, where it has no period); 1 is steady.
     trend: float
-    cycles: int
-    period: float
-    period_variation: float
-    drop: float
-    drop_variation: float
-    slip_phase: float
-    noise: float
-    drive_velocity: float | None = None
-    largest_velocity: float | None = None
-    stuck: float | None = None
-    mean_mu: float | None = None
-    static_mu: float | None = None
-    quantity: str = "force"
-    time_unit: str = ""
-    force_unit: str = ""
-    notes: tuple[str, ...] = ()
+
+    cycles: int  #: complete ones in the window; of a force that is not periodic, complete drops
+    period: float  #: mean time of a cycle; NaN with too few cycles
+    period_variation: float  #: its coefficient of variation
+    drop: float  #: mean force drop
+    drop_variation: float  #: its coefficient of variation
+    slip_phase: float  #: fraction of the time in which the force drops: .5 for a sine, near 0 for a sawtooth
+    noise: float  #: standard deviation from sample to sample, in the unit of the force
+    drive_velocity: float | None = None  #: mean in the window, where it is known
+    largest_velocity: float | None = None  #: of the slider, over that of the drive, where they are known
+    stuck: float | None = None  #: fraction of the time in which the slider is slower than a twentieth of the drive
+    mean_mu: float | None = None  #: with a normal load: the coefficient of friction, on average in the window
+    static_mu: float | None = None  #: the largest in all of the data
+    quantity: str = "force"  #: what the force is: or "coefficient of friction"
+    time_unit: str = ""  #: of the times above; empty where the data do not say
+    force_unit: str = ""  #: of the forces above
+    notes: tuple[str, ...] = ()  #: what a reader should know of the data: a saturated sensor, gaps, a drift
+
+    #: The tests that kind and reason are read off: each with its statistic, its limit, where that comes from, and
+    #: whether it was passed.
     table: tuple[Criterion, ...] = ()
 
     @property
