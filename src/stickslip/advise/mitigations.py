@@ -62,11 +62,15 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
     rig, search = found.rig, _Search(found)
     choices = [each for each in (*_TURNABLE, *_OTHERS) if search.can_vary(each)]
     changes, tried, pair = dict[Parameter, Mitigation](), dict[str, tuple[float, float]](), tuple[Mitigation, ...]()
-    # Each gets its part of what is allowed, and then, in order, what others have left.
+    shares = dict[Parameter, float]()
+    # Each gets its part of what is allowed, and then, in order, what others have left, if that is more.
     for lap, left in enumerate((choices, left_out := list[Parameter]())):
         for i, parameter in enumerate([*left]):
             report(0.5 * (lap + i / len(left)))
             search.trials = trials.of(1.0 if lap else 1.0 / (len(left) - i + pairs))
+            if lap and search.trials.allowed <= shares[parameter]:
+                continue
+            shares[parameter] = search.trials.allowed
             value, stops, reached, wholly = rig.value(parameter), list[float](), [1.0], True
             for side, furthest in search.sides(parameter):
                 factor, end, to_the_end = search.along(factor_of(parameter, side), furthest)

@@ -165,13 +165,15 @@ class Trials:
                 if spent:
                     raise
                 break
+            except UndecidedError:
+                break
         if seen.kind != "undecided":
             reason = "an oscillation, or noise of its contacts: longer runs would decide"
             seen = replace(seen, kind="undecided", reason=reason)
         return run, seen, "stays"
 
     def _from_sliding(self, run: Recording, seen: Regime) -> tuple[Recording, Regime, Steady]:
-        """Judge by runs from smooth sliding whether an oscillation persists; raises `Spent` if they cannot decide.
+        """Judge by runs from smooth sliding whether an oscillation persists; raises `UndecidedError` if they cannot.
 
         Where they fluctuate less than from rest, smooth sliding is stable once reached. Else they leave it, or it is
         noise of the contacts, which has four times the variance with a quarter of them.
@@ -191,7 +193,7 @@ class Trials:
         if more > max(_TWICE, 3.0 * max(math.hypot(error, other_error), few)):
             return run, seen, "stays"
         if more > _TWICE:
-            raise Spent
+            raise UndecidedError("more of it from rest than from sliding, but not by three standard errors")
         if fluctuation(2, part=4)[0] - 0.5 * (from_rest + from_sliding) > _TWICE:
             reason = "noise of the contacts: as much from sliding as from rest, and more with a quarter as many"
             return run, replace(seen, kind="smooth sliding", reason=reason), "noise"
