@@ -1,7 +1,5 @@
 """Where stick-slip starts and ends while the velocity of the drive changes."""
 
-from contextlib import suppress
-
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -13,8 +11,7 @@ from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace
 from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.model import Slider
-from stickslip.model.rig import Rig
-from stickslip.simulation import labelled, rig_of
+from stickslip.simulation import labelled
 from stickslip.words import engineering
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
@@ -69,17 +66,14 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     trace = Trace.of(run)
     if trace.drive is None or np.any(trace.drive < 0):
         raise InputError("transitions: needs a run with a drive_velocity, in which the drive never turns back")
-    rig = None  # not every run says what it was made of
-    with suppress(InputError):
-        rig = rig_of(run)
-    if rig is None and unit_named(trace.force_unit):
+    if trace.rig is None and unit_named(trace.force_unit):
         raise InputError(
             f"transitions: spring_force is in {trace.force_unit}: the run does not say what f_s and x_s are"
         )
-    usual = _LEVEL * (rig.unit("f_s") if rig else 1.0)
+    usual = _LEVEL * (trace.rig.unit("f_s") if trace.rig else 1.0)
     level = usual if level is None else number("level", level, above=0, hint="in the unit of spring_force")
     top = _turning_time(trace.t, trace.drive)
-    seen = _oscillation(run, trace, rig, level)
+    seen = _oscillation(run, trace, level)
     height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", "begin", "middle", "end"))
     on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
@@ -106,9 +100,10 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     return seen.assign(_both_ways(seen, top)).assign_attrs(level=level, notes="; ".join(notes))
 
 
-def _oscillation(run: xr.Dataset, trace: Trace, rig: Rig | None, level: float) -> xr.Dataset:
+def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     """Peak to peak of the spring force over a moving window of two cycles, or of 4 x_s where they are not known."""
     assert trace.drive is not None
+    rig = trace.rig
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
     width = _WINDOW * (rig.unit("x_s") if rig else 1.0) * np.ones_like(travel)
     if rig and isinstance(rig.slider, Slider):
