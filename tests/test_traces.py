@@ -198,7 +198,7 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         ("time force\n" + rows(lambda t, f: f"{t} {f} N m"), {}, "numbers in 'N m'; write one known unit"),
         ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, r"2 'force' \(no numbers such as 1234.5\)"),
         (
-            "time,force\n" + rows(lambda t, f: f"{t},{f}".replace(".", ",")),
+            "time,force\n" + rows(lambda t, f: f"{t},{f}".translate(COMMA)),
             {},
             "4 columns, or fewer with decimal commas",
         ),
@@ -376,19 +376,14 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
 WAVE = 2.0 + np.arange(4000) * 0.01 % 1.0
 
 
-def two(forces, *, at=None, more=""):
-    text = "".join(f"{0.01 * i:.2f},{f:.4f}{more if i == at else ''}\n" for i, f in enumerate(forces))
-    return "time (s),force (N)\n" + text
-
-
 @pytest.mark.parametrize("value", [-9999.0, 40.0])
 def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
     at = np.arange(7, 4000, 150)
     forces = WAVE.copy()
     forces[at] = value
-    data = read_trace(written(tmp_path, two(forces)))
+    data = read_trace(written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)), step=0.01)
     assert np.flatnonzero(data["filled"]).tolist() == at.tolist()
     assert "could not be read" in data.attrs["note"]
     forces[::50] = value
     with pytest.raises(InputError, match=r"first line \d+: .* not far outside the rest"):
-        read_trace(written(tmp_path, two(forces)))
+        read_trace(written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)), step=0.01)
