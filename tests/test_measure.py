@@ -15,17 +15,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 import stickslip as ss
-from stickslip.measure import (
-    counted,
-    drops,
-    find_cycles,
-    ramps,
-    read_trace,
-    regime,
-    regime_and_drops,
-    statistics,
-    transitions,
-)
+from stickslip.measure import counted, drops, find_cycles, read_trace, regime, regime_and_drops, statistics, transitions
 from stickslip.measure.periods import spectral_line
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
@@ -163,11 +153,11 @@ def tone(size, t):
     return size * np.sin(2.0 * np.pi * t)
 
 
-def stops(when):
-    return lambda t: np.where(t < when, slips_of_a_second(t), 2.5)
+def stops(when, noise):
+    return alone(40.0, 0.01, lambda t: np.where(t < when, slips_of_a_second(t), 2.5), noise)
 
 
-def in_parts(t):
+def pauses(t):
     return np.where(abs(t - 27.5) < 7.5, 2.0, slips_of_a_second(t))
 
 
@@ -210,17 +200,9 @@ FORCES = {
     "flipped": (lambda: (bench()[0] - 12.0).assign_attrs(flipped=1), "stick-slip", ""),  # by read_trace(flip=True)
     "smooth strokes": (lambda: to_and_fro(noisy_stroke, displacement=True), "smooth sliding", "6 strokes"),
     "strokes of slips": (lambda: to_and_fro(stroke_of_slips), "stick-slip", r"6 strokes .*\(6 stick-slip\)"),
-    "in parts": (
-        alone(60.0, 0.01, in_parts, 0.01),
-        "undecided",
-        "stick-slip to t = 20, smooth sliding to t = 35, then stick-slip",
-    ),
-    "slips that stop": (
-        alone(40.0, 0.01, stops(20.0), 0.01),
-        "undecided",
-        "stick-slip to t = 20, then smooth sliding: judge",
-    ),
-    "that stop late": (alone(40.0, 0.01, stops(35.0)), "undecided", "stick-slip to t = 35, then smooth sliding: judge"),
+    "in parts": (alone(60.0, 0.01, pauses, 0.01), "undecided", "slip to t = 20, smooth sliding to t = 35, then stick-"),
+    "slips that stop": (stops(20.0, 0.01), "undecided", "stick-slip to t = 20, then smooth sliding: judge"),
+    "that stop late": (stops(35.0, 0.0), "undecided", "stick-slip to t = 35, then smooth sliding: judge"),
     "smaller ones": (
         alone(60.0, 0.01, lambda t: 2 + np.where(t < 30, 1, 0.4) * (t % 1), 0.01),
         None,
@@ -819,7 +801,7 @@ def test_a_window_holds_two_cycles_at_every_velocity(wiper):
     assert 0.1 <= float(found.v2_down) <= 0.2
     assert np.isnan(found.v1_down)
     assert found.attrs["level"] == pytest.approx(0.4 * 7.2)
-    assert ramps.in_words(wiper).endswith(
+    assert ss.measure.ramps.in_words(wiper).endswith(
         f"speeding up, it is there from the start and ends at {1e3 * float(found.v2):.3g} mm/s; "
         f"slowing down, it sets in at {1e3 * float(found.v2_down):.3g} mm/s and persists to the end"
     )

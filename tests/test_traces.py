@@ -44,6 +44,12 @@ LABVIEW = (
 )
 
 
+LABVIEW_WITHOUT_COMMENTS = (
+    "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
+    "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
+)
+
+
 @pytest.mark.parametrize(
     ("text", "options"),
     [
@@ -71,7 +77,7 @@ LABVIEW = (
         ('"Time (s)","Force (N)"\n' + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')), {}),
         (NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
         ("\ufeff" + NUMBERS, {"step": 0.25}),
-        (NUMBERS + "End of file\n", {"step": 0.25}),
+        (NUMBERS + "End of file\n", {"step": 0.25, "rows": FORCES.size + 1}),
         ("t,F_d\n" + PAIRS, {"step": 0.25}),
         (GERMAN.encode("latin-1"), {}),
         (GERMAN.encode("utf-8-sig"), {}),
@@ -86,46 +92,30 @@ LABVIEW = (
         (rows(lambda t, f: f"{t} s\t{f} N"), {}),
         ("t,F\n" + PAIRS.replace("\n1.0,", "\n# paused\n1.0,"), {}),
         ("Load cell (N)\n" + rows(lambda _, f: f"{f / 10:.6f}D+01") + "\x1a", {"step": "250 ms"}),  # Fortran, DOS
-    ],
-)
-def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
-    data = read_trace(written(tmp_path, text), **options)
-    np.testing.assert_allclose(data["spring_force"], FORCES, rtol=1e-15)
-    np.testing.assert_allclose(data["time"], TIMES)
-    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("s", "N")
-    assert not data["filled"].any()
-
-
-LABVIEW_WITHOUT_COMMENTS = (
-    "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
-    "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
-)
-
-
-@pytest.mark.parametrize(
-    ("text", "units"),
-    [
-        ("t (ms);F (mN)\n" + SEMICOLONS, ("ms", "mN")),
-        (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), ("s", "µN")),
-        ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, ("s", "kN")),
-        ("Time / s;Force / mN\n" + SEMICOLONS, ("s", "mN")),
-        ("time_s,force_kN\n" + PAIRS, ("s", "kN")),
-        ("Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"), ("ms", "kN")),
-        ("t;Friction coefficient (kN)\n" + SEMICOLONS, ("s", "kN")),
-        (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), ("s", "kN")),
-        (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), ("s", "kN")),
+        ("t (ms);F (mN)\n" + SEMICOLONS, {"units": ("ms", "mN")}),
+        (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), {"units": ("s", "µN")}),
+        ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, {"units": ("s", "kN")}),
+        ("Time / s;Force / mN\n" + SEMICOLONS, {"units": ("s", "mN")}),
+        ("time_s,force_kN\n" + PAIRS, {"units": ("s", "kN")}),
+        ("Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"), {"units": ("ms", "kN")}),
+        ("t;Friction coefficient (kN)\n" + SEMICOLONS, {"units": ("s", "kN")}),
+        (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), {"units": ("s", "kN")}),
+        (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), {"units": ("s", "kN")}),
         *(
-            (LABVIEW_WITHOUT_COMMENTS + names + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"), ("s", "Newtons"))
+            (LABVIEW_WITHOUT_COMMENTS + names + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"), {"units": ("s", "Newtons")})
             for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", "")
         ),
     ],
 )
-def test_units_are_kept(tmp_path, text, units):
-    data = read_trace(written(tmp_path, text))
+def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(tmp_path, text, options):
+    options = {"units": ("s", "N"), "rows": FORCES.size} | options
+    units, count = options.pop("units"), options.pop("rows")
+    data = read_trace(written(tmp_path, text), **options)
     np.testing.assert_array_equal(data["spring_force"], FORCES)
     np.testing.assert_allclose(data["time"], TIMES)
+    assert data.attrs["rows"] == count
+    assert not data["filled"].any()
     assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
-    assert data.attrs["rows"] == FORCES.size
 
 
 def spoiled(form, changes):
