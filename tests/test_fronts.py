@@ -261,6 +261,7 @@ def test_modes_in_si_units():
 ALIKE, SPREAD = bar(0.04, 0.01, 0.2), bar(0.04, 0.01, 0.2, std=0.1)
 SCATTERED = replace(SPREAD, interface=replace(SPREAD.interface, track_scatter=0.1))
 RIGID = replace(SPREAD, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0))
+BAR = sliding(blocks=8, coupling=20.0, leaf=1.0)
 RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
 
 
@@ -278,11 +279,7 @@ RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
         (elastic.modes, (RING,), r"Rig.slider: 5000 blocks in a network"),
         (ss.growth_rate, (sliding(blocks=4, coupling=1.0, leaf=1.0),), r"Rig.slider = .* use|modes\(\)"),
         (ss.predict, (sliding(blocks=8, coupling=20.0),), ".*nothing holds the slider"),
-        (
-            ss.predict,
-            (replace(sliding(blocks=8, coupling=20.0, leaf=1.0), drive=STILL),),
-            ".*the speed of a prediction = 0",
-        ),
+        (ss.predict, (replace(BAR, drive=STILL),), ".*the speed of a prediction = 0"),
         *(
             (ask, (RIGID,), r"Rig\.slider = Slider\(.*needs an elastic slider; give a Chain")
             for ask in (elastic.front_threshold, elastic.precursor_force, elastic.modes, elastic.critical_length)
@@ -420,11 +417,10 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
 
 
 def test_a_bar_of_which_no_wave_grows_says_so():
-    rig = sliding(blocks=8, coupling=20.0, leaf=1.0)
-    found = ss.predict(replace(rig, drive=ss.constant(2000.0)))
+    found = ss.predict(replace(BAR, drive=ss.constant(2000.0)))
     assert found.growing == 0
     assert found.verdict.endswith("smooth sliding is linearly stable at every wavelength")
-    at_once = ss.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.0))))
+    at_once = ss.predict(replace(BAR, interface=replace(BAR.interface, delay=ss.Delay(0.0))))
     assert at_once.verdict.startswith("undecided: without delay or ageing")
     assert at_once.plot().axes
 

@@ -43,9 +43,7 @@ def in_runs(rig, noise, error, seeds=3):
     warm = 20.0 * noise.memory
     duration = noise.memory / (2.0 * error**2 * seeds)
     interval = min(noise.memory / 15.0, 0.05 / rig.velocity)
-    white = (
-        float(noise.spectrum.spring_force[0]) / 2.0
-    )  # what the mean of a run takes of its variance, times its length
+    white = float(noise.spectrum.spring_force[0]) / 2.0  # variance that the mean of a run takes, times its length
     force, velocity = [], []
     for seed in range(seeds):
         run = ss.simulate(
