@@ -105,6 +105,8 @@ def test_rates_and_their_slopes(held, x, threshold):
     assert hazard.rate(held, x, threshold) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
     log, *slopes = hazard.log_rate(held, abs(x), threshold)
     assert held.attempts * math.exp(log) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
+    if not held.kramers:
+        assert hazard.stretching_at(held, plain_rate(held, x, threshold), threshold) == pytest.approx(abs(x), rel=1e-12)
     at = np.array([abs(x), threshold])
     by_differences = [
         (math.log(plain_rate(held, *(at + step))) - math.log(plain_rate(held, *(at - step)))) / 2e-6

@@ -3,7 +3,7 @@
 While a contact's stretching stays within a box, and for a time, its rate of breaking is at most that of the box. A
 break is proposed at this rate, and accepted with the probability that the true rate has of it; where the contact leaves
 its box before, or the time is over, or the proposal is rejected, it gets another box: wide where it seldom breaks,
-narrow where it is about to, in view of how fast the slider is. Some ten boxes do for a life. Nothing is assumed about
+narrow where it is about to, in view of how fast the slider is. Some six boxes do for a life. Nothing is assumed about
 how the slider moves: it may turn, slip and rest.
 
 A threshold that grows without temperature needs no time: a box reaches up to the threshold of the moment, and is
@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, largest_rate, rate, steepness, threshold_at
+from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, largest_rate, rate, steepness, stretching_at, threshold_at
 from .records import Floats
 
 CHANCE = 0.2  # proposals that a contact may expect on its way through a box
+_AT_REST = 1e-200  # a speed
 _MET = 1.0 - 1e-9  # part of its threshold at which a contact breaks: boxes come nearer to a growing one without end
 YOUTH = 0.01
 """Times of growth for which a threshold that grows from 0 is taken on trust, and after which it is tried again."""
@@ -66,6 +67,12 @@ def can_hold(rule: Rule, strength: float, speed: float) -> bool:
     return threshold_now(rule, strength, math.inf) * rule.growth.first > abs(speed)
 
 
+@inlined
+def is_met(x: float, threshold: float) -> bool:
+    """Whether a contact has come to its threshold."""
+    return abs(x) >= threshold * _MET
+
+
 @bare
 def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> Box:
     """Box of a contact that is stretched by ``|x|``, with the slider at this speed."""
@@ -77,28 +84,30 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> B
         lead = 1.0 - abs(speed) / (threshold_now(rule, strength, math.inf) * growth.first)
         time = min(YOUTH, 0.5 * lead) / growth.first
         return Box(threshold_now(rule, strength, time), time, 0.0)
-    if x >= threshold * _MET:
+    if is_met(x, threshold):
         return Box(x, 0.0, 0.0)
     time = ageing_time(growth, age)
-    lowest = threshold
+    lowest, sinks = threshold, False
     if time < math.inf:
-        lowest = min(threshold, threshold_now(rule, strength, age + time))
-        while lowest <= x:  # a threshold that sinks
+        later = threshold_now(rule, strength, age + time)
+        sinks = later < threshold
+        while later <= x:
             time *= 0.5
             if time <= 1e-13 * (1.0 + age):
                 return Box(x, 0.0, 0.0)
-            lowest = min(threshold, threshold_now(rule, strength, age + time))
+            later = threshold_now(rule, strength, age + time)
+        lowest = min(threshold, later)
     if hazard.attempts == 0.0:
-        return Box(lowest, time if lowest < threshold else math.inf, 0.0)
-    finest = 0.5 * steepness(hazard, x, lowest)
-    width = max(0.5 * lowest, finest)
-    while True:
-        reach = min(x + width, lowest)
-        most = largest_rate(hazard, reach, lowest)
-        too_wide = width > finest and most * width > CHANCE * abs(speed)
-        if not too_wide:
-            return Box(reach, time, most)
-        width = max(0.5 * width, finest)
+        return Box(lowest, time if sinks else math.inf, 0.0)
+    finest, width, speed = 0.5 * steepness(hazard, x, lowest), lowest - x, max(abs(speed), _AT_REST)
+    for _ in range(2):  # the width comes in by its logarithm only
+        reach = stretching_at(hazard, CHANCE * speed / width, lowest)
+        width = min(max(reach - x, finest), lowest - x)
+    reach = min(x + width, lowest)
+    most = largest_rate(hazard, reach, lowest)
+    if not sinks:  # then the rate only falls with age, and a longer time does where a proposal is unlikely
+        time = max(time, CHANCE / most)
+    return Box(reach, time, most)
 
 
 @bare

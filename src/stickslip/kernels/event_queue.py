@@ -75,6 +75,12 @@ def clear(queue: Queue, key: float) -> None:
 
 
 @inlined
+def wide(number: int) -> int:
+    """Return a slot or a place, of 32 bits in an entry, with the 64 of all other numbers: kernels know one kind."""
+    return number + 0
+
+
+@inlined
 def size(queue: Queue) -> int:
     """How many entries wait."""
     return int(queue.counts[_SIZE])
@@ -200,13 +206,13 @@ def _next_bin(queue: Queue) -> None:
 @inlined
 def first_place(queue: Queue) -> int:
     """Place of the entry with the smallest key; the queue must have been peeked at."""
-    return int(queue.front_place[queue.counts[FIRST]])
+    return wide(queue.front_place[queue.counts[FIRST]])
 
 
 @inlined
 def first_slot(queue: Queue) -> int:
     """Slot of the entry with the smallest key; the queue must have been peeked at."""
-    return int(queue.entries[first_place(queue)]["slot"])
+    return wide(queue.entries[first_place(queue)]["slot"])
 
 
 @inlined

@@ -27,9 +27,9 @@ import numpy as np
 
 from . import motion, shared_clock
 from ._jit import bare, inlined
-from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, threshold_now
+from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, is_met, threshold_now
 from .drive import ARRESTED, DRAWS_USED_UP, FINISHED, LOOK, PAUSED, STOPPED, Piece, Quadratic, Sampling
-from .event_queue import MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
+from .event_queue import MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used, wide
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
 from .motion import Constants, Leg
@@ -272,7 +272,7 @@ def _hold(state: State, slot: int, birth: float, threshold: float, draws: Draws,
 def _drop(state: State, place: int) -> None:
     """Take the contact at a place off the queues; its fields can still be read."""
     if state.motion[0].keeps_behind:
-        drop(state.behind, state.ahead.entries[place]["other"])
+        drop(state.behind, wide(state.ahead.entries[place]["other"]))
     drop(state.ahead, place)
 
 
@@ -305,13 +305,13 @@ def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
     """Whether the contact at a place breaks, that leaves its box or whose time has come."""
     m, contact = state.motion[0], state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
-    x, age = m.position - contact["birth"], m.time - own["since"]
+    x, threshold = m.position - contact["birth"], contact["threshold"]
+    threshold = threshold_now(boxes.rule, threshold, m.time - own["since"])
     if boxes.times[contact["slot"] - state.size] <= m.time and own["most"] != 0.0:
         if own["most"] < 0.0:
             return True
-        threshold = threshold_now(boxes.rule, contact["threshold"], age)
         return bool(_variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
-    return box_of(boxes.rule, x, contact["threshold"], age, m.velocity).time == 0.0
+    return is_met(x, threshold)
 
 
 @inlined
@@ -358,7 +358,7 @@ def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Const
 def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
     """Break the contact at a place; without delay it re-attaches at once."""
     m, contact, k = state.motion[0], state.ahead.entries[place], 1.0
-    slot = int(contact["slot"])
+    slot = wide(contact["slot"])
     if boxes is not None and boxes.rule.as_stiff:
         k = contact["threshold"]
     motion.count_out(m, contact["birth"], k, c)
@@ -383,7 +383,7 @@ def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -
         _break(state, place, draws, boxes, c)
         return
     contact = state.ahead.entries[place]
-    slot, birth, strength = int(contact["slot"]), contact["birth"], contact["threshold"]
+    slot, birth, strength = wide(contact["slot"]), contact["birth"], contact["threshold"]
     _drop(state, place)
     _hold(state, slot, birth, strength, draws, boxes)
 

@@ -64,6 +64,17 @@ def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
 
 
 @inlined
+def stretching_at(hazard: Hazard, rate: float, threshold: float) -> float:
+    """Stretching at which contacts break at a rate, but for Kramers' prefactor; at most the threshold, or below 0."""
+    exponent = min(math.log(rate / hazard.attempts), 0.0)
+    if hazard.kind == BELL:
+        return threshold + hazard.scale * exponent
+    if hazard.kind == PARABOLIC:
+        return math.sqrt(max(threshold * threshold + 2.0 * hazard.scale * exponent, 0.0))
+    return float(threshold * (1.0 - (-exponent / hazard.scale) ** (1.0 / hazard.power)))
+
+
+@inlined
 def steepness(hazard: Hazard, x: float, threshold: float) -> float:
     """Length over which the rate grows by a factor of e, about."""
     x = abs(x)

@@ -45,7 +45,7 @@ _BLOCK = 16_384
 """Random numbers drawn at once. The same seed gives another run with another length."""
 _EVENTS = 400_000  # events in an advance: some 50 ms
 _POOL = 65_536  # lives to choose from, at least, for a start in steady sliding
-_BREAK, _CLOCKED_BREAK, _GROWING_BREAK, _BOXED_BREAK = 2.4e-7, 6e-7, 2.6e-6, 5e-6
+_BREAK, _CLOCKED_BREAK, _GROWING_BREAK, _BOXED_BREAK = 2.4e-7, 6e-7, 2.6e-6, 2.2e-6
 """Seconds a break takes: at fixed thresholds, by the shared clock, in a box at no temperature, and in one at some."""
 _WINDOW = 2e-7  # seconds that it takes to lay a window of the shared clock, some four on its width
 _CONTACT = 150.0  # bytes of a contact
