@@ -298,6 +298,7 @@ def test_contacts_without_any_response_cannot_become_unstable(delay, modes, word
     assert words in found.theory_note
 
 
+@pytest.mark.takes(5)  # two sets of some sixty rigs
 def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     """Of rigs drawn at random from the same ranges, within three standard errors."""
     rig, rng, trials = ss.example("precision_stage"), np.random.default_rng(7), Trials(math.inf)
@@ -331,6 +332,7 @@ def test_a_range_of_speeds_is_made_smooth_by_one_change_or_by_two_smaller_ones()
             assert judged.kind == "smooth sliding", (changes, speed)
 
 
+@pytest.mark.takes(5)  # three pictures, a map among them
 def test_a_report_is_one_page_that_asks_for_no_other_file():
     found = ss.predict(ss.example("brake_pad"), fast=True)
     page = report(replace(found, mitigations=(Mitigation(parameter="velocity", value=0.02, stops=0.22),)))
