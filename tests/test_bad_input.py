@@ -107,7 +107,6 @@ REFUSED = [
     (lambda: ss.regime(3.0), "must be"),
     (lambda: ss.cycles.cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"), "tolerance = '1 m/s'"),
     (lambda: ss.velocity_step(RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
-    (lambda: ss.stability_map(RIG, over=("velocity", "load"), values=([1], [1])), "use one of stiffness"),
     # rigs and runs
     (lambda: RIG.replace(slider=None), r"^Rig\.slider = None: must be a Slider"),
     (lambda: RIG.replace(drive=1.0), r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),

@@ -90,73 +90,21 @@ class Foretold(Answer):
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """How far a parameter can be varied, alone, before smooth sliding changes its linear stability.
-
-    Attributes
-    ----------
-    parameter : str
-    value : float
-        Where it stands, in the rig's own units, as all that follows.
-    lower, upper : float or None
-        The nearest stability limits below and above; None if there is none within `searched`.
-    searched : (float, float)
-    stable : tuple of (float, float)
-        All ranges within that in which smooth sliding is stable.
-    """
+    """How far a parameter can be varied, alone, before smooth sliding changes its linear stability."""
 
     parameter: str
-    value: float
+    value: float  #: where it stands, in the rig's own units, as all that follows
+
+    #: The nearest stability limits below and above; None if there is none within `searched`.
     lower: float | None
     upper: float | None
     searched: tuple[float, float]
-    stable: tuple[tuple[float, float], ...]
+    stable: tuple[tuple[float, float], ...]  #: all ranges within that in which smooth sliding is stable
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction(Foretold):
-    """What `predict` found; every number in the rig's own units. It prints as its short text.
-
-    Attributes
-    ----------
-    recording : Recording
-        The simulated run that `regime` is of; `run` is its Dataset.
-    regime : Regime
-        Of the run, with its evidence.
-    static_friction, kinetic_friction : float
-        Largest force in slow rigid motion, and mean force of steady sliding at the rig's speed.
-    critical_stiffness, critical_stiffness_without_reattachment : float
-        ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static friction are those of contacts
-        whose thresholds have fully grown and do not change during the motion; where heat breaks contacts, they are of
-        motion that is too fast for it.
-    unstable_modes : int or None
-        Growing modes of smooth sliding; None where the theory does not apply, for the reason in `theory_note`.
-    growth_rate, mode_frequency : float or None
-        Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig in SI units.
-    bands : tuple of Band
-        The motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, rising.
-    margins : tuple of Margin
-    mitigations : tuple of Mitigation
-        Those that can be made on the machine first, in each group the smallest first. Where the rig works over a range
-        of speeds, or at several, each is one for all of them.
-    pair : tuple of Mitigation
-        Two changes that give smooth sliding together, each smaller than any one alone, if that was asked for and found.
-    attempts : dict of str to (float, float)
-        Parameters that give no smooth sliding, with the range searched.
-    not_searched : tuple of str
-        Parameters whose search was given up for its cost.
-    complete : bool
-        Whether mitigations, and the speeds from rest, have been looked for.
-    doubt : Doubt or None
-        What it would do with other values of what the rig's file calls assumed.
-    delays : tuple of Band
-        Where the rig names no mechanism by which contacts strengthen: what it would do with which delay.
-    noise : float or None
-        Standard deviation of the spring force over its mean, where linear theory is stable and a run from sliding
-        fluctuates as the run from rest does: then it is noise of the contacts, and the regime is smooth sliding,
-        whatever `regime` of the run alone would say.
-    stays : bool
-        False where a run of the rig's own contacts leaves linearly stable smooth sliding.
-    """
+    """What `predict` found; every number in the rig's own units. It prints as its short text."""
 
     headline, verdict, sections = property(say.headline), property(say.verdict), property(say.sections)
     changed = say.changed
@@ -172,28 +120,51 @@ class Prediction(Foretold):
         "relative_amplitude",
     )
 
-    recording: Recording
-    regime: Regime
+    recording: Recording  #: the simulated run that `regime` is of; `run` is its Dataset
+    regime: Regime  #: of the run, with its evidence
+
+    #: Largest force in slow rigid motion, and mean force of steady sliding at the rig's speed.
     static_friction: float
     kinetic_friction: float
+
+    #: ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static friction are those of contacts
+    #: whose thresholds have fully grown and do not change during the motion; where heat breaks contacts, they are of
+    #: motion that is too fast for it.
     critical_stiffness: float
     critical_stiffness_without_reattachment: float
+
+    #: Growing modes of smooth sliding; None where the theory does not apply, for the reason in `theory_note`.
     unstable_modes: int | None
+
+    #: Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig in SI units.
     growth_rate: float | None
     mode_frequency: float | None
     theory_note: str
     speeds_searched: tuple[float, float]
-    bands: tuple[Band, ...]
+    bands: tuple[Band, ...]  #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, rising
     margins: tuple[Margin, ...] = ()
+
+    #: Those that can be made on the machine first, in each group the smallest first. Where the rig works over a range
+    #: of speeds, or at several, each is one for all of them.
     mitigations: tuple[Mitigation, ...] = ()
+
+    #: Two changes that give smooth sliding together, each smaller than any one alone, if that was asked for and found.
     pair: tuple[Mitigation, ...] = ()
+
+    #: Parameters that give no smooth sliding, with the range searched.
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    not_searched: tuple[str, ...] = ()
-    complete: bool = False
-    doubt: Doubt | None = None
+    not_searched: tuple[str, ...] = ()  #: parameters whose search was given up for its cost
+    complete: bool = False  #: whether mitigations, and the speeds from rest, have been looked for
+    doubt: Doubt | None = None  #: what it would do with other values of what the rig's file calls assumed
+
+    #: Where the rig names no mechanism by which contacts strengthen: what it would do with which delay.
     delays: tuple[Band, ...] = ()
+
+    #: Standard deviation of the spring force over its mean, where linear theory is stable and a run from sliding
+    #: fluctuates as the run from rest does: then it is noise of the contacts, and the regime is smooth sliding,
+    #: whatever `regime` of the run alone would say.
     noise: float | None = None
-    stays: bool = True
+    stays: bool = True  #: false where a run of the rig's own contacts leaves linearly stable smooth sliding
 
     @cached_property
     def run(self) -> xr.Dataset:
@@ -299,56 +270,32 @@ class Prediction(Foretold):
 
 @dataclass(frozen=True, kw_only=True)
 class WaveAnswer:
-    """What smooth sliding does to waves of one length; in the rig's own units.
+    """What smooth sliding does to waves of one length; in the rig's own units."""
 
-    Attributes
-    ----------
-    name : str
-        The wave, in words.
-    wavelength : float
-        In blocks, along the drive; infinite where blocks in a row move alike, NaN where a wave does not reach into it.
-    stiffness : float
-        Of the rigid slider that the mode amounts to.
-    growth, frequency : float or None
-        Growth rate and frequency (in cycles per time) at the rig's speed; None where nothing decays exponentially.
-    speeds : tuple of (float, float)
-        Ranges of speed in which it grows.
-    """
+    name: str  #: the wave, in words
 
-    name: str
+    #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where a wave does not reach into it.
     wavelength: float
-    stiffness: float
+    stiffness: float  #: of the rigid slider that the mode amounts to
+
+    #: Growth rate and frequency (in cycles per time) at the rig's speed; None where nothing decays exponentially.
     growth: float | None
     frequency: float | None
-    speeds: tuple[tuple[float, float], ...]
+    speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ElasticPrediction(Foretold):
-    """What `predict` found of an elastic slider, by linear theory; every number in the rig's own units.
-
-    Attributes
-    ----------
-    rig : Rig
-    growing : int
-        Modes that grow at the rig's speed, among the 64 softest.
-    waves : tuple of WaveAnswer
-        Of the five softest modes.
-    critical : CriticalLength or None
-        Of a chain: below which stiffness modes grow, and from which length on.
-    theory_note : str
-        Why the theory has nothing to say, or nothing.
-    speeds_searched : (float, float)
-    """
+    """What `predict` found of an elastic slider, by linear theory; every number in the rig's own units."""
 
     headline, verdict = property(say.headline_on_waves), property(say.verdict_on_waves)
     sections = property(say.sections_on_waves)
     _picture, _derived = "waves", ("speeds",)
 
-    growing: int = 0
-    waves: tuple[WaveAnswer, ...] = ()
-    critical: CriticalLength | None = None
-    theory_note: str = ""
+    growing: int = 0  #: modes that grow at the rig's speed, among the 64 softest
+    waves: tuple[WaveAnswer, ...] = ()  #: of the five softest modes
+    critical: CriticalLength | None = None  #: of a chain: below which stiffness modes grow, and from which length on
+    theory_note: str = ""  #: why the theory has nothing to say, or nothing
     speeds_searched: tuple[float, float]
 
     @property

@@ -30,24 +30,18 @@ _APART = 3.0  # speeds at which runs are made first lie within this factor of ea
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A range of a parameter, the speed of a prediction, with one kind of motion.
+    """A range of a parameter, the speed of a prediction, with one kind of motion."""
 
-    Attributes
-    ----------
-    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "stable", "unstable", "unknown"}
-        From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
-        a start at rest was not simulated or could not be judged; "unknown" where the theory cannot tell either.
-    bistable : bool
-        Whether smooth sliding, once reached, is stable as well (linear, so without the noise of contacts).
-    low, high : float
-    low_found, high_found : bool
-        Whether the motion changes at that end; False where it was seen that far, and not looked for beyond.
-    """
-
+    #: From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
+    #: a start at rest was not simulated or could not be judged; "unknown" where the theory cannot tell either.
     kind: str
+
+    #: Whether smooth sliding, once reached, is stable as well (linear, so without the noise of contacts).
     bistable: bool = False
     low: float
     high: float
+
+    #: Whether the motion changes at that end; False where it was seen that far, and not looked for beyond.
     low_found: bool = True
     high_found: bool = True
 

@@ -48,23 +48,14 @@ _VARIED = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Doubt(Answer):
-    """What a rig does at its own speed over the rigs that its assumptions allow.
+    """What a rig does at its own speed over the rigs that its assumptions allow."""
 
-    Attributes
-    ----------
-    oscillates : float
-        Fraction of these that do not slide smoothly: by linear theory, or in a run from rest.
-    undecided : float
-        Fraction of which neither tells.
-    draws : int
-    matters : tuple of (str, float)
-        Keys of the rig's file that were varied, each with how much more often the rig oscillates at one end of the
-        range than at the other: the difference between the upper and the lower half. The first matters most.
-    """
-
-    oscillates: float
-    undecided: float
+    oscillates: float  #: fraction of these that do not slide smoothly: by linear theory, or in a run from rest
+    undecided: float  #: fraction of which neither tells
     draws: int
+
+    #: Keys of the rig's file that were varied, each with how much more often the rig oscillates at one end of the
+    #: range than at the other: the difference between the upper and the lower half. The first matters most.
     matters: tuple[tuple[str, float], ...]
 
     @classmethod

@@ -33,22 +33,15 @@ _OTHERS = (parameters.FRICTION, parameters.CONTACT_STIFFNESS, parameters.DELAY, 
 
 @dataclass(frozen=True, kw_only=True)
 class Mitigation:
-    """A change of one parameter that gives smooth sliding; in the rig's own units.
-
-    Attributes
-    ----------
-    parameter : str
-    value : float
-        Where it stands.
-    stops : float
-        Stick-slip decays even from a start at rest, anywhere within 5 % of this value: of as many contacts as the rig
-        has, in 8 of 8 runs at its nearer end, so that (at 95 % confidence) it decays there in more than two of three.
-        Where the rig works over a range of speeds, at its ends and between them, no two speeds more than a factor four
-        apart; and by linear theory at every speed of the range.
-    """
+    """A change of one parameter that gives smooth sliding; in the rig's own units."""
 
     parameter: str
-    value: float
+    value: float  #: where it stands
+
+    #: Stick-slip decays even from a start at rest, anywhere within 5 % of this value: of as many contacts as the rig
+    #: has, in 8 of 8 runs at its nearer end, so that (at 95 % confidence) it decays there in more than two of three.
+    #: Where the rig works over a range of speeds, at its ends and between them, no two speeds more than a factor four
+    #: apart; and by linear theory at every speed of the range.
     stops: float
 
     @property
