@@ -159,13 +159,6 @@ def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
     assert np.all(np.abs(found[0].mean(axis=0) - found[1].mean(axis=0)) <= 4 * error + 1e-12)
 
 
-def test_a_mechanism_that_is_absent_changes_no_bit():
-    plain = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
-    nothing = replace(plain, sliding_force=0.0, track_scatter=0.0)
-    run = ss.simulate(rig_of(plain))
-    assert run.identical(ss.simulate(rig_of(nothing)).assign_attrs(run.attrs))
-
-
 RE_STUCK = ss.Interface(
     thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5, newborn=ss.Gaussian(mean=0.5, std=0.0)
 )
@@ -391,17 +384,6 @@ def test_what_cannot_be_or_has_no_closed_form_is_refused(changes, call, words):
 
 
 # ------------------------------------------------------------------------------------------------ rig files
-
-
-def test_a_sliding_force_in_newtons_is_a_part_of_the_contact_strength():
-    document = rig_files.to_document(rig_files.example("pmma_slider"))
-    document["interface"] |= {"sliding_force": "326.4 N", "delay": "on arrest", "track_scatter": 0.1}
-    document["interface"]["newborn"] = {"distribution": "gaussian", "mean": 0.2, "std": 0.05}
-    interface = rig_files.from_document(document).interface
-    assert interface.sliding_force == pytest.approx(326.4 / 768, rel=1e-12)
-    assert interface.delay == ss.OnArrest()
-    assert interface.newborn == ss.Gaussian(mean=0.2, std=0.05)
-    assert interface.track_scatter == 0.1
 
 
 def test_at_the_speed_v_half_the_friction_has_halved_with_a_sliding_force_too():
