@@ -61,10 +61,9 @@ def refused(capsys, *arguments):
     assert run(*arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
-    lines = captured.err.strip().splitlines()
-    assert len(lines) == 1, captured.err
-    assert "Traceback" not in captured.err
-    return lines[0]
+    (line,) = captured.err.strip().splitlines()
+    assert line.startswith("stickslip: ")
+    return line
 
 
 @pytest.mark.takes(4)  # seven commands
@@ -152,7 +151,6 @@ def unusable(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("rig", "sawtooth", "unusable")
 def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
     line = refused(capsys, *shlex.split(command))
-    assert line.startswith("stickslip: ")
     assert words in line
     assert len(line) < 420
 
