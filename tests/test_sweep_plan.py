@@ -18,9 +18,10 @@ import reference
 import tomli_w
 import xarray as xr
 from drawn import assert_drawn
+from test_cli import heed_interrupts, refused, run
 
 import stickslip as ss
-from stickslip import cli, plot
+from stickslip import plot
 from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.io.datasets import encode
@@ -81,20 +82,6 @@ def written(tmp_path, document=NATURAL, name="sweep.toml"):
     file = tmp_path / name
     file.write_text(tomli_w.dumps(document))
     return file
-
-
-def run(*arguments):
-    return cli.main([str(argument) for argument in arguments])
-
-
-def refused(capsys, *arguments):
-    """Run a command that must refuse; return its one line."""
-    assert run(*arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.strip().splitlines()
-    assert line.startswith("stickslip: ")
-    return line
 
 
 # ---------------------------------------------------------------- files
@@ -380,9 +367,7 @@ def start_command(file, store, *options):
     command = [sys.executable, "-m", "stickslip.cli", "sweep", str(file), "--store", str(store), *options]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipes = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
-    # A shell's background jobs are born deaf to Ctrl-C, and hand that on.
-    heed = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
-    return subprocess.Popen(command, **pipes, text=True, env=environment, preexec_fn=heed)
+    return subprocess.Popen(command, **pipes, text=True, env=environment, preexec_fn=heed_interrupts)
 
 
 def finished(store):
