@@ -285,24 +285,24 @@ def with_a_damaged_store(damage, tmp_path):
 
 
 CUTS = st.none() | st.floats(0, 1)
+SPLICES = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4)
+WHOLE = rig_files.to_document(RIG)
 PROPERTIES = {
-    "rig files": (with_a_rig_file, rigs()),
-    "texts of rig files": (
-        with_the_text_of_a_rig_file,
-        st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4),
-    ),
-    "traces": (with_a_trace, traces()),
-    "arguments": (with_arguments, arguments()),
-    "messages": (with_a_message, messages()),
-    "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS)),
-    "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS)),
+    "rig files": (with_a_rig_file, rigs(), WHOLE),
+    "texts of rig files": (with_the_text_of_a_rig_file, SPLICES, []),
+    "traces": (with_a_trace, traces(), SAWTOOTH),
+    "arguments": (with_arguments, arguments(), ("kinetic_friction", {"interface": INTERFACE, "velocity": 1.0})),
+    "messages": (with_a_message, messages(), ("", "run", {"document": WHOLE})),
+    "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS), ([], None)),
+    "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS), ([], None)),
 }
+"""What is done, with what, and an example that is whole."""
 
 
 @pytest.mark.parametrize("examples", [EXAMPLES, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", PROPERTIES)
 def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
-    use, strategy = PROPERTIES[name]
+    use, strategy, whole = PROPERTIES[name]
 
     @settings(
         max_examples=examples,
@@ -319,8 +319,7 @@ def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
         if seconds > LONGEST:  # unless kernels were compiled on the way
             assert told(use, what, tmp_path)[1] < LONGEST
 
-    if name != "texts of rig files":
-        use(first(name), tmp_path)  # what is whole, passes; and everything is compiled
+    use(whole, tmp_path)  # what is whole, passes; and everything is compiled
     holds()
     out, err = capfd.readouterr()
     assert "Traceback" not in out + err
@@ -334,15 +333,3 @@ def told(use, what, tmp_path):
     except (ss.InputError, UndecidedError) as error:
         line = str(error)
     return line, time.process_time() - begun
-
-
-def first(name):
-    """An example that is whole."""
-    return {
-        "rig files": documents_to_begin_with()[0],
-        "traces": SAWTOOTH,
-        "arguments": ("kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}),
-        "messages": ("", "run", {"document": documents_to_begin_with()[0]}),
-        "damaged runs": ([], None),
-        "damaged stores": ([], None),
-    }[name]
