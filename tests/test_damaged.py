@@ -5,23 +5,16 @@ import json
 import h5py
 import numpy as np
 import pytest
+from test_cli import SMALL
 
 import stickslip as ss
 from stickslip import cli
-
-RIG = """
-units = "natural"
-slider = { stiffness = 2.0, mass = 1e-4, damping = 200.0 }
-interface = { thresholds = { distribution = "gaussian", std = 0.1 }, delay = 0.2 }
-drive = { velocity = 1.0, distance = 4.0 }
-simulation = { contacts = 100 }
-"""
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
-    (folder / "rig.toml").write_text(RIG)
+    (folder / "rig.toml").write_text(SMALL.replace("distance = 40.0", "distance = 4.0"))
     assert cli.main(["simulate", str(folder / "rig.toml"), "-o", str(folder / "run.nc")]) == 0
     return folder / "run.nc"
 
