@@ -386,10 +386,11 @@ def test_what_cannot_be_or_has_no_closed_form_is_refused(changes, call, words):
 # ------------------------------------------------------------------------------------------------ rig files
 
 
-def test_at_the_speed_v_half_the_friction_has_halved_with_a_sliding_force_too():
+@pytest.mark.parametrize("sliding_force", ["0 N", "100 N"])
+def test_at_the_speed_v_half_the_friction_has_halved(sliding_force):
     document = rig_files.to_document(rig_files.example("pmma_slider"))
     del document["interface"]["delay"]
-    document["interface"] |= {"v_half": "1.3 mm/s", "sliding_force": "100 N"}
+    document["interface"] |= {"v_half": "1.3 mm/s", "sliding_force": sliding_force}
     rig = rig_files.from_document(document)
     at = rig.scales.natural(1.3e-3, "velocity")
     assert ss.kinetic_friction(rig.interface, at) == pytest.approx(0.5 * ss.kinetic_friction(rig.interface), rel=1e-12)

@@ -258,14 +258,6 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
             rigs.from_document(document | thousands)
 
 
-def test_at_the_speed_v_half_the_friction_has_halved(document):
-    del document["interface"]["delay"]
-    document["interface"]["v_half"] = "1.3 mm/s"
-    rig = rigs.from_document(document)
-    at = rig.scales.natural(1.3e-3, "velocity")
-    assert kinetic_friction(rig.interface, at) == pytest.approx(0.5 * kinetic_friction(rig.interface, 0.0), rel=1e-12)
-
-
 @pytest.mark.parametrize(("mu_s", "mu_k"), [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.35, 0.35)])
 def test_two_coefficients_of_friction_are_those_of_the_rig_or_refused_with_their_range(document, mu_s, mu_k):
     for key in ("contact_strength", "thresholds"):
