@@ -160,20 +160,13 @@ def test_slow_dynamics_agree_with_balance() -> None:
     assert float(moving.spring_force.max() / still.spring_force.max()) == pytest.approx(1.0, abs=1e-3)
 
 
-def creeping(method: object, ends: str = "free") -> ss.Rig:
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.05),
-        delay=ss.RandomDelay(mean=100.0, std=30.0, negative="redraw"),
-        sliding_force=0.425,
-    )
-    bar = ss.Chain(blocks=30, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1, ends=ends)  # type: ignore[arg-type]
-    drive = ss.constant(2e-3, duration=1.5e4).then(ss.ramp(2e-3, -2e-3, duration=4e3)).then(ss.constant(0.0, 300.0))
-    return ss.Rig(interface, bar, drive, method=method)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("ends", ["free", "periodic"])
-def test_balance_with_re_attachment_and_a_drive_that_turns(ends: str) -> None:
-    run = ss.simulate(creeping(ss.QuasiStatic(50, seed=1), ends))
+def test_balance_with_re_attachment_and_a_drive_that_turns(ends) -> None:
+    delay = ss.RandomDelay(mean=100.0, std=30.0, negative="redraw")
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=delay, sliding_force=0.425)
+    bar = ss.Chain(blocks=30, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1, ends=ends)
+    drive = ss.constant(2e-3, duration=1.5e4).then(ss.ramp(2e-3, -2e-3, duration=4e3)).then(ss.constant(0.0, 300.0))
+    run = ss.simulate(ss.Rig(interface, bar, drive, method=ss.QuasiStatic(50, seed=1)))
     # All forces balance at the end: the springs carry the friction.
     assert float(run.spring_force[-1]) == pytest.approx(float(run.friction_force[-1].sum()), abs=1e-9)
     # At rest for longer than any delay, all contacts are attached.
@@ -209,9 +202,9 @@ def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
 # ----------------------------------------------------------------------------------------------- runs as all runs are
 
 
-def small(blocks: int = 6, **changes: object) -> ss.Rig:
+def small(**changes: object) -> ss.Rig:
     interface = ss.Interface(thresholds=TENTH, delay=ss.RandomDelay(mean=0.2, std=0.05), sliding_force=0.2)
-    bar = ss.Chain(blocks=blocks, coupling=20.0, mass=1e-4, damping=42.4, viscosity=1e-4, leaf=2.0)
+    bar = ss.Chain(blocks=6, coupling=20.0, mass=1e-4, damping=42.4, viscosity=1e-4, leaf=2.0)
     rig = ss.Rig(interface, bar, ss.constant(1.0, duration=4.0), method=ss.Contacts(50, seed=1),
                  output=ss.Output(interval=1e-2))  # fmt: skip
     return rig.replace(**changes)

@@ -33,9 +33,9 @@ def silent(_share):
     """Watch that nothing happens to."""
 
 
-def preset(title):
+def preset(title, among=documents.presets()):
     """A copy of the document of a preset."""
-    (found,) = (each["document"] for each in documents.presets() if each["title"] == title)
+    (found,) = (each["document"] for each in among if each["title"] == title)
     return deepcopy(found)
 
 
@@ -153,12 +153,6 @@ def test_a_complaint_names_the_field(at, value):
     with pytest.raises(InputError) as caught:
         next(simulate.run({"document": document}, silent))
     assert [complaint["key"] for complaint in documents.complaints(caught.value)] == [at]
-
-
-def test_a_bar_is_refused_where_one_slider_is_shown():
-    for document in (bar for each in documents.bars() for bar in each.values() if "chain" in bar):
-        with pytest.raises(InputError, match="elastic slider is shown on the page Fronts"):
-            next(simulate.run({"document": document}, silent))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -286,8 +280,7 @@ def test_a_master_equation_is_drawn_with_contacts_that_are_said_to_be_others():
 
 
 def bar(title, **parts):
-    (found,) = (each["document"] for each in documents.bars() if each["title"] == title)
-    return changed(deepcopy(found), parts)
+    return changed(preset(title, documents.bars()), parts)
 
 
 def test_a_front_that_a_push_sets_off_runs_through_the_bar():
@@ -300,20 +293,6 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
     moving = velocity > 170
     arrival = np.where(moving.any(axis=0), moving.argmax(axis=0), view["rows"])
     assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98, "a slanted line in space and time"
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"chain__blocks": 5_000}, "chain.blocks: must make at most 400 blocks, here 5000"),
-        ({"drive__duration": 1e9}, "times shorter"),
-        ({"simulation__contacts": 1_000_000}, "simulation.contacts"),
-        ({"chain__coupling": "stiff"}, "coupling"),
-    ],
-)
-def test_a_bar_too_large_for_the_page_is_one_line(parts, words):
-    with pytest.raises(InputError, match=words):
-        list(fronts.fronts({"chain": bar("Pulled at one end: precursors", **parts)}, silent))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -361,40 +340,34 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
     assert np.ptp(simulated) > 3.0
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"stiffness": "soft"}, "stiffness = 'soft'"),
-        ({"kinetic": "20 N"}, "kinetic"),
-        ({"rate": "0.6 N/s"}, "loading_rate"),
-        ({"damping": "1.5"}, "damping ratio"),
-    ],
-)
-def test_readings_that_make_no_rig_are_one_line(slips, given, words):
-    with pytest.raises(InputError, match=words) as told:
-        list(traces.fit(slips | {"options": BENCH | given}, silent))
-    assert "\n" not in str(told.value)
+PULLED = "Pulled at one end: precursors"
+COLUMNS = b"".join(b"%d %d %d\n" % (i % 20, i * i % 7, i % 5) for i in range(60))
+COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
 
 
 @pytest.mark.parametrize(
-    ("content", "fields"),
+    ("ask", "given", "words"),
     [
-        (b"t b c\n" + b"".join(b"%d %d %d\n" % (i, i * i % 7, i % 5) for i in range(60)), ["force column"]),
-        (b"force\n" + b"".join(b"%d\n" % (i % 7) for i in range(60)), ["seconds per row"]),
-        (b"time,force\n" + b"".join(b"%d,%d\n" % (i % 20, i % 7) for i in range(60)), ["seconds per row"]),
+        (traces.fit, {"options": BENCH | {"stiffness": "soft"}}, "stiffness = 'soft'"),
+        (traces.fit, {"options": BENCH | {"kinetic": "20 N"}}, "kinetic"),
+        (traces.fit, {"options": BENCH | {"rate": "0.6 N/s"}}, "loading_rate"),
+        (traces.fit, {"options": BENCH | {"damping": "1.5"}}, "damping ratio"),
+        (traces.trace, {"content": b"t b c\n" + COLUMNS}, "in the field force column"),
+        (traces.trace, {"content": b"force\n" + COLUMN}, "in the field seconds per row"),
+        (traces.trace, {"content": b"time force odd\n" + COLUMNS}, "in the field seconds per row"),
+        (traces.posterior, {"options": BENCH, "draws": 6_000}, "a shared explorer does not make it"),
+        (fronts.fronts, {"chain": bar(PULLED, chain__blocks=5_000)}, "chain.blocks: must make at most 400 blocks"),
+        (fronts.fronts, {"chain": bar(PULLED, drive__duration=1e9)}, "times shorter"),
+        (fronts.fronts, {"chain": bar(PULLED, simulation__contacts=1_000_000)}, "simulation.contacts"),
+        (fronts.fronts, {"chain": bar(PULLED, chain__coupling="stiff")}, "coupling"),
+        (simulate.run, {"document": bar(PULLED)}, "elastic slider is shown on the page Fronts"),
     ],
 )
-def test_a_trace_that_cannot_be_read_names_the_fields_of_the_page(content, fields):
-    with pytest.raises(InputError) as told:
-        list(traces.trace({"content": content}, silent))
-    assert all(f"in the field {field}" in str(told.value) for field in fields)
-    assert "--" not in str(told.value)
-
-
-def test_a_shared_explorer_makes_no_table(slips, monkeypatch, tmp_path):
+def test_what_a_page_refuses_is_one_line_about_the_fields_of_the_page(slips, monkeypatch, tmp_path, ask, given, words):
     monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # a table that is kept already would be taken
-    with pytest.raises(InputError, match="a shared explorer does not make it"):
-        list(traces.posterior(slips | {"options": BENCH, "draws": 6_000}, silent))
+    with pytest.raises(InputError, match=words) as refused:
+        list(ask(slips | given, silent))
+    assert not re.search(r"\n|--", str(refused.value))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -503,6 +476,16 @@ def quick_rig(**parts):
     return changed(document, parts)
 
 
+def asked(kind, content=None, **more):
+    """A message, as a page sends it."""
+    text = json.dumps({"kind": kind, "id": 1} | more)
+    return text if content is None else text.encode() + b"\n" + content
+
+
+RIG, PLANE = {"document": small()}, {"over": ["stiffness", "velocity"]}
+TRACE = b"time,force\n" + b"".join(b"%.2f,%d\n" % (0.01 * i, i % 7) for i in range(60))
+
+
 @pytest.mark.parametrize(
     ("message", "words"),
     [
@@ -520,71 +503,37 @@ def quick_rig(**parts):
         ('{"kind":"run","id":1,"document":{"name":"\\ud800"}}', "no JSON"),
         (json.dumps({"kind": "run", "id": 1, "document": dict.fromkeys(map(str, range(60_000)), 1)}), "more"),
         ('"' + "x" * 2_000_000 + '"', "2.0 MB"),
+        (asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc"), "NetCDF"),
+        (asked("trace", b"time,force\n1,2\n2,3\n", name="../../x.csv"), "too few"),
+        *((asked("trace", TRACE, options={"force": x}), "no such column") for x in ("²", "9" * 5_000, "-1", "0")),
+        (asked("trace", TRACE, options={"step": "1e-320"}), "too small for double precision"),
+        (asked("trace", TRACE, options={"step": "1" * 5_000}), "64 characters"),
+        (asked("trace", TRACE, options={"step": "4 kg"}), "not in a unit of 's'"),
+        (asked("trace", TRACE, options=[1]), "a table of texts"),
+        (asked("trace", b"", name=3), "empty"),
+        (asked("trace", bytes(51_000_000)), "51 MB, more than 50"),
+        *((asked("chart", **RIG, **PLANE, around=x), "around") for x in ("x", [1], True, 1, 1e300)),
+        *((asked("chart", **RIG, over=x), "over") for x in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)),
+        *((asked("edit", **RIG, turn=x), "must be") for x in ([1], None, {"stiffness": True}, {"mass": "1"})),
+        (asked("edit", **RIG, turn={"x" * 1_900: 1}), "is no parameter"),
+        *((asked("edit", **RIG, units=x), "units") for x in ("imperial", ["SI"], None)),
+        *((asked("edit", **RIG, damping_ratio=x), "true or false") for x in (None, 1, "yes")),
     ],
-    ids=lambda value: ascii(value[:24]),
+    ids=lambda value: ascii(value[:100][-40:]),
 )
-def test_a_damaged_message_is_refused_and_the_session_goes_on(session, message, words):
-    assert words in told(session.send(message))
+def test_a_damaged_message_is_refused_in_one_clear_line_and_the_session_goes_on(session, message, words):
+    line = told(session.send(message))
+    assert words in line
+    assert "/tmp" not in line
 
 
-ROWS = b"time,force\n" + b"".join(b"%.2f,%d\n" % (0.01 * i, i % 7) for i in range(60))
-
-
-@pytest.mark.parametrize(
-    ("sent", "content", "words"),
-    [
-        ({"name": "x.nc"}, b"\x89HDF\r\n\x1a\n" + bytes(100), "NetCDF"),
-        ({"name": "../../x.csv"}, b"time,force\n1,2\n2,3\n", "too few"),
-        *(({"options": {"force": name}}, ROWS, "no such column") for name in ("²", "9" * 5_000, "-1", "0")),
-        ({"options": {"step": "1e-320"}}, ROWS, "too small for double precision"),
-        ({"options": {"step": "1" * 5_000}}, ROWS, "64 characters"),
-        ({"options": {"step": "4 kg"}}, ROWS, "not in a unit of 's'"),
-        ({"options": [1]}, ROWS, "a table of texts"),
-        ({"name": 3}, b"", "empty"),
-        ({}, bytes(51_000_000), "51 MB, more than 50"),
-    ],
-    ids=lambda value: ascii(str(value)[:16]),
-)
-def test_what_is_no_trace_is_one_clear_line(session, sent, content, words):
-    message = told(session.send(json.dumps({"kind": "trace", "id": 1} | sent).encode() + b"\n" + content))
-    assert words in message
-    assert "/tmp" not in message
-
-
-@pytest.mark.parametrize(
-    "written",
-    [
-        *("9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m", 4, None, {"a": 4}),
-    ],
-    ids=lambda value: ascii(str(value)[:24]),
-)
-def test_no_quantity_holds_the_server_or_is_misread(session, written):
-    begun = time.monotonic()
-    answer = session.ask("run", quick_rig(slider__stiffness=written))
-    assert told(answer)
-    assert answer["errors"][0]["key"] == "slider.stiffness"
-    assert time.monotonic() - begun < 10
-
-
-@pytest.mark.parametrize(
-    ("kind", "more", "words"),
-    [
-        *(("chart", {"over": ["stiffness", "velocity"], "around": x}, "around") for x in ("x", [1], True, 1, 1e300)),
-        *(("chart", {"over": over}, "over") for over in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)),
-        *(("edit", {"turn": turn}, "must be") for turn in ([1], None, {"stiffness": True}, {"mass": "1"})),
-        ("edit", {"turn": {"x" * 1_900: 1}}, "is no parameter"),
-        *(("edit", {"units": units}, "units") for units in ("imperial", ["SI"], None)),
-        *(("edit", {"damping_ratio": given}, "true or false") for given in (None, 1, "yes")),
-    ],
-    ids=lambda value: ascii(str(value)[:40]),
-)
-def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more, words):
-    assert words in told(session.ask(kind, small(), **more))
+MISREAD = ("9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m", 4, None, {"a": 4})
 
 
 @pytest.mark.parametrize(
     ("document", "key"),
     [
+        *((quick_rig(slider__stiffness=written), "slider.stiffness") for written in MISREAD),
         (small(simulation__interval=1e-6), "simulation.interval"),
         (quick_rig(simulation={"contacts": 100, "interval": "1 ns"}), "simulation.interval"),
         (small(drive={"pieces": [{"start": 1, "end": 1, "duration": 0.01}] * 2_000}), "drive.pieces"),
@@ -609,10 +558,12 @@ def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more
     ],
     ids=lambda value: ascii(str(value)[-60:]),
 )
-def test_work_is_bounded_before_it_starts(session, document, key):
+def test_no_document_holds_the_server_or_is_misread(session, document, key):
+    begun = time.monotonic()
     answer = session.ask("run", document)
     assert told(answer)
     assert key in (None, answer["errors"][0]["key"])
+    assert time.monotonic() - begun < 10
 
 
 def test_a_distribution_too_narrow_for_theory_still_runs(session):

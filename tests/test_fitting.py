@@ -42,11 +42,9 @@ def bench(truth=TRUTH, count=120, seed=1, **how):
 
 @pytest.fixture(scope="module", autouse=True)
 def _cache(tmp_path_factory):
-    place = tmp_path_factory.mktemp("cache")
-    patch = pytest.MonkeyPatch()
-    patch.setenv("STICKSLIP_CACHE", str(place))
-    yield
-    patch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STICKSLIP_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture(scope="module")
