@@ -51,7 +51,7 @@ class Measured:
 
 def between(name: str, value: SupportsFloat, low: float, high: float, unit: str = "") -> Measured:
     """A number that must lie in a band."""
-    return Measured(name=name, value=float(value), low=low, high=high, unit=unit)
+    return Measured(name=name, value=float(value), low=float(low), high=float(high), unit=unit)
 
 
 def near(name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = "") -> Measured:
