@@ -63,9 +63,8 @@ def _pictures(found: Prediction | ElasticPrediction, watch: Progress) -> Iterato
         return
     first, rig = found.mitigations[0], found.rig
     after = rig.replace(**{first.parameter: first.stops})
-    velocity = after.natural.velocity
-    path = found.recording.rig.drive.duration * rig.natural.velocity * velocity / rig.natural.velocity
-    lasts = replace(after, drive=constant(velocity, path / velocity), start=found.recording.rig.start)
+    before = found.recording.rig
+    lasts = replace(after, drive=constant(after.natural.velocity, before.drive.duration), start=before.start)
     yield f"Before and after: {found.changed(first)}", plot.side_by_side(found.run, simulate(lasts, long=True))
     watch(0.5)
     over: Any = ("velocity", "stiffness" if first.parameter == "velocity" else first.parameter)
