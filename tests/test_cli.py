@@ -203,7 +203,7 @@ def test_an_interrupt_leaves_nothing_half_written_and_says_so(tmp_path, number):
     file.write_text(SMALL.replace("distance = 40.0", "distance = 1e6"))
     target = tmp_path / "run.nc"
     process = subprocess.Popen(
-        [sys.executable, "-m", "stickslip.cli", "simulate", str(file), "-o", str(target)],
+        [sys.executable, "-m", "stickslip", "simulate", str(file), "-o", str(target)],
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=heed_interrupts,

@@ -364,7 +364,7 @@ SLOW = changed("run", {"contacts": 10_000, "distance": 250.0, "extensions": 0}, 
 
 
 def start_command(file, store, *options):
-    command = [sys.executable, "-m", "stickslip.cli", "sweep", str(file), "--store", str(store), *options]
+    command = [sys.executable, "-m", "stickslip", "sweep", str(file), "--store", str(store), *options]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipes = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
     return subprocess.Popen(command, **pipes, text=True, env=environment, preexec_fn=heed_interrupts)

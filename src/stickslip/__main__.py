@@ -1,5 +1,7 @@
 """``python -m stickslip``: the command line."""
 
+import sys
+
 from stickslip.cli import main
 
-main()
+sys.exit(main())

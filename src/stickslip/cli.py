@@ -605,7 +605,3 @@ def explore(
             webbrowser.open(address)
 
     explorer.serve(rig, port=port, ready=ready, share=share)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
