@@ -72,9 +72,6 @@ class ActivatedResponse(Response):
 
     accuracy: ClassVar[float] = 1e-8
 
-    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        return self.fluctuations(velocity, s).kappa
-
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity
         mean = mean_lives(self.interface, velocity)

@@ -85,10 +85,8 @@ def _kind(interface: Interface) -> Sliding:
     if interface.areas is not None:
         takes, laws = ("areas", "temperature", "sliding_force"), _by_lifetimes(interface, activated.mean_lives_of_areas)
         return Sliding(f"{who} of areas", takes, *laws, lambda: drawn.response_of_areas(interface))
-    else:
-        who += " of thresholds that grow" if interface.temperature is None else " with temperature"
-        own_mechanism, lives = "ageing", activated.mean_lives
-    laws, takes = _by_lifetimes(interface, lives), (own_mechanism, "temperature", "sliding_force")
+    who += " of thresholds that grow" if interface.temperature is None else " with temperature"
+    takes, laws = ("ageing", "temperature", "sliding_force"), _by_lifetimes(interface, activated.mean_lives)
     return Sliding(who, takes, *laws, lambda: activated.ActivatedResponse(interface))
 
 

@@ -121,9 +121,6 @@ class DrawnResponse(Response):
         """Whether contacts come back at once."""
         return self.interface.delay.moment(1) == 0
 
-    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        return self.fluctuations(velocity, s).kappa
-
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity
         missing, away, life = np.asarray(delay.absence(s)), velocity * delay.moment(1), self._life(q)

@@ -36,9 +36,6 @@ class AgedResponse(Response):
 
     accuracy: ClassVar[float] = 1e-3
 
-    def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        return self.fluctuations(velocity, s).kappa
-
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         u, p = self._reduced(velocity), s / self._square
         top = 1j * self._highest(u)

@@ -62,7 +62,7 @@ class Scales(NamedTuple):
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `kappa` or `parts`, `frequencies`, `scales` and its `accuracy`.
+    A model of contacts gives `kappa` or `fluctuations`, `frequencies`, `scales` and its `accuracy`.
     """
 
     accuracy: ClassVar[float]  #: of kappa, per contact: a mode nearer to neutral than that is undecided
@@ -88,7 +88,7 @@ class Response(ABC):
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""
-        raise NotImplementedError
+        return self.fluctuations(velocity, s).kappa
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         """What the contacts answer and what they do by themselves, at `s` on the imaginary axis that are not 0."""

@@ -42,9 +42,7 @@ from stickslip.sliding.response import (
     stretched,
 )
 
-_REMEMBERED = (
-    100.0  # wave number, over one over the standard deviation of thresholds, beyond which nothing is left of P^
-)
+_REMEMBERED = 100.0  # wave number times the standard deviation of thresholds, beyond which nothing is left of P^
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
 

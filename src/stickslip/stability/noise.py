@@ -45,35 +45,23 @@ _SLOWEST = 1e-4  # in the same unit, below which the noise is white and kappa go
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactNoise(Answer):
-    """What the noise of N contacts makes of smooth sliding, in the rig's own units.
+    """What the noise of N contacts makes of smooth sliding, in the rig's own units."""
 
-    Attributes
-    ----------
-    contacts : int
-        Their number ``N``.
-    spring_force, velocity : float
-        Root mean square of what the spring force and the slider's velocity deviate from their means.
-    mean_spring_force, mean_velocity : float
-        The means, that of the velocity being the drive's.
-    memory : float
-        Time over which the deviations of the spring force are alike: the integral of the square of their correlation.
-        A run of time ``T`` holds ``T/memory`` independent ones; of a mode that decays at the rate ``g`` it is
-        ``1/(2 g)``.
-    spectrum : Dataset
-        One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural units): their integrals are the
-        squares of the above.
-    rig : Rig
-        Whose noise it is.
-    """
-
-    contacts: int
-    spring_force: float
-    velocity: float
+    contacts: int  #: their number ``N``
+    spring_force: float  #: root mean square of its deviations from the mean
+    velocity: float  #: of the slider, the same
     mean_spring_force: float
-    mean_velocity: float
+    mean_velocity: float  #: that of the drive
+
+    #: Time over which the deviations of the spring force are alike: the integral of the square of their correlation. A
+    #: run of time ``T`` holds ``T/memory`` independent ones; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
     memory: float
+
+    #: One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural units): their integrals are the
+    #: squares of the above.
     spectrum: "xr.Dataset" = field(compare=False)
-    rig: Rig = field(compare=False)
+
+    rig: Rig = field(compare=False)  #: whose noise it is
 
     @property
     def relative_force(self) -> float:
@@ -136,10 +124,10 @@ class ContactNoise(Answer):
         return math.sqrt(0.5 * self.memory / number("error: duration", duration, above=0))
 
     def __str__(self) -> str:
-        rig, slow = self.rig, self.relative_velocity < 1.0
+        rig, part = self.rig, self.relative_velocity
         natural = ((self.spring_force, "f_s"), (self.velocity, "x_s/time"), (self.memory / _ERROR**2 / 2.0, "time"))
         force, velocity, run = (rig.in_units(value / rig.unit(unit), unit, 2) for value, unit in natural)
-        by = f"{_percent(self.relative_velocity)}" if slow else f"{digits(self.relative_velocity, 2)} times the drive's"
+        by = _percent(part) if self.linear else f"{digits(part, 2)} times the drive's"
         lines = [
             f"smooth sliding with {self.contacts} contacts: the spring force fluctuates by "
             f"{_percent(self.relative_force)} of its mean ({force} rms), the velocity by {by} ({velocity} rms)",
@@ -216,7 +204,12 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     0.0227 5165
     """
     velocity, response, body = modes.rig_parts(rig)
-    count, stiffness = _number_of(rig, contacts), getattr(body, "stiffness", 0.0)
+    method, stiffness = rig.method if contacts is None else Contacts(contacts), getattr(body, "stiffness", 0.0)
+    if not isinstance(method, DRAWN):
+        raise InputError(
+            f"contact_noise: contacts: the rig's method, {method}, stands for infinitely many, without noise; "
+            "give their number, such as contacts=1000"
+        )
     if not stiffness > 0:
         raise InputError(f"Rig.slider = {body!r}: no driving spring, whose force could be told; give it a stiffness")
     if growing := roots.count(response, body, velocity):
@@ -232,6 +225,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)
     mean = kinetic_friction(rig.interface, velocity) + drag
     force, speed, time = (rig.unit(unit) for unit in ("f_s", "x_s/time", "time"))
+    count = method.count
     per_hertz = 2.0 * time / count
     return ContactNoise(
         contacts=count,
@@ -243,17 +237,6 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         spectrum=_dataset(rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved),
         rig=rig,
     )
-
-
-def _number_of(rig: Rig, contacts: int | None) -> int:
-    if contacts is not None:
-        return Contacts(contacts).count
-    if not isinstance(rig.method, DRAWN):
-        raise InputError(
-            f"contact_noise: contacts: the rig's method, {rig.method}, stands for infinitely many, without noise; "
-            "give their number, such as contacts=1000"
-        )
-    return rig.method.count
 
 
 def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuations]:
