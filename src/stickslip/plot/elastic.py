@@ -46,11 +46,6 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
     upright : bool
         False to have time to the right and blocks upwards.
 
-    Raises
-    ------
-    InputError
-        If it is no run of a chain.
-
     Examples
     --------
     >>> import stickslip as ss
@@ -83,13 +78,7 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
 
 @house_style()
 def elastic_overview(run: xr.Dataset) -> Figure:
-    """Draw a run of a chain at a glance: driving force with its events, and the velocity of all blocks in time.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run of a `Chain`, or one row of a `Sheet`.
-    """
+    """Draw a run of a `Chain`, or a row of a `Sheet`: driving force with its events, velocity of all blocks in time."""
     figure = style.new_figure(style.PAGE, 4.8)
     upper, lower = figure.subplots(2, 1, sharex=True)
     precursors(run, upper)
@@ -101,14 +90,7 @@ def elastic_overview(run: xr.Dataset) -> Figure:
 
 @house_style()
 def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how fast contacts first broke along an elastic slider, with the speed of sound.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run of a `Chain`.
-    ax : Axes, optional
-    """
+    """Draw how fast contacts first broke along a `Chain` in a run, with the speed of sound."""
     found = measure.fronts(run)
     speed = found["speed"].where(found["speed"] > 0)
     ax = new_axes() if ax is None else ax
@@ -128,12 +110,8 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     """Draw the speed of fronts against the prestress ahead of them: theory, and what a run with a profile of it met.
 
-    Parameters
-    ----------
-    data : Dataset or Rig
-        A run of a `Chain` from a `Prestressed` start, whose local speeds are drawn against the local prestress, with
-        the exact curve; or a rig, for the curve alone.
-    ax : Axes, optional
+    Of a run of a `Chain` from a `Prestressed` start, local speeds against the local prestress, with the exact curve; of
+    a rig, the curve alone.
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
     ax = new_axes() if ax is None else ax
@@ -164,14 +142,7 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the driving force against time, each precursor a dot with the number of blocks that it reaches.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run of a `Chain` pulled at one end.
-    ax : Axes, optional
-    """
+    """Draw the driving force of a `Chain` pulled at one end, each precursor a dot with the blocks that it reaches."""
     ax, _ = along_time(run, "spring_force", ax, 2.6, color=style.GREY, linewidth=0.9)
     found = _events(run).sortby("reach", ascending=False)
     whole = found["blocks"] >= run.sizes["block"]
@@ -192,13 +163,8 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw how far each precursor ran against the driving force at which it did, with the exact curve.
 
-    The curve is that of a first slow pull, all thresholds at their mean and without re-attachment.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run of a `Chain` pulled at one end.
-    ax : Axes, optional
+    The run is of a `Chain` pulled at one end, the curve that of a first slow pull, all thresholds at their mean and
+    without re-attachment.
     """
     found, rig = _events(run), rig_of(run)
     ax = new_axes() if ax is None else ax
@@ -215,14 +181,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how far each block slipped in each event, early events dark and late ones bright.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run of a `Chain`.
-    ax : Axes, optional
-    """
+    """Draw how far each block of a `Chain` slipped in each event, early events dark and late ones bright."""
     moved, found = on_blocks(run, "displacement", "plot"), _events(run)
     if found.sizes["event"] == 0:
         raise InputError(f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run it for longer")

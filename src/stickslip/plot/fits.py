@@ -19,13 +19,7 @@ _WIDEST, _LOW, _SHOWN = 4.0, 0.02, 12
 
 @house_style()
 def slips(data: xr.Dataset) -> Figure:
-    """Draw the trace with its slips, the distribution of drops, peaks against troughs, and the loading rate.
-
-    Parameters
-    ----------
-    data : Dataset
-        As `Events.to_dataset` returns.
-    """
+    """Draw what `Events.to_dataset` returns: trace and slips, drops, peaks against troughs, and the loading rate."""
     figure = new_figure(style.PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
     trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=style.GREY, linewidth=0.6)
@@ -50,13 +44,7 @@ def slips(data: xr.Dataset) -> Figure:
 
 @house_style()
 def fitted(found: Fit) -> Figure:
-    """Draw some slips of the trace above simulated ones, the test of its statistics, and the parameters' intervals.
-
-    Parameters
-    ----------
-    found : Fit
-        What `stickslip.fit` returns.
-    """
+    """Draw a `fit`: slips of the trace above simulated ones, the test of its statistics, and the intervals."""
     figure = new_figure(style.PAGE, 6.6)
     measured, simulated, test, parameters = figure.subplot_mosaic("aa;bb;cd", height_ratios=(1, 1, 4)).values()
     simulated.sharex(measured)

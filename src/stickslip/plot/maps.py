@@ -53,12 +53,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
         A sweep with its ``regime``, or a refinement with the regime of its runs; with ``edge_<axis>`` and
         ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.theory.with_theory`. Axes are in the
         order of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of
-        them.
-
-    Raises
-    ------
-    InputError
-        If there are no regimes, or none or more than two axes beside seed and start.
+        them. A picture holds one axis or two, beside seed and start.
     """
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")

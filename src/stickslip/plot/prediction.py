@@ -31,13 +31,7 @@ _BY_THEORY = {
 
 @house_style()
 def prediction(answer: Prediction) -> Figure:
-    """Draw an answer: the motion at each speed, the force at the rig's speed, and how far each parameter may be varied.
-
-    Parameters
-    ----------
-    answer : Prediction
-        What `stickslip.predict` returns.
-    """
+    """Draw what `predict` says: motion at each speed, force at the rig's own, how far each parameter may be varied."""
     rows, moves = len(answer.margins), len(answer.in_time) > 1
     heights = [0.45, *([0.3] if moves else []), 2.0, *([0.24 * rows + 0.1] if rows else [])]
     figure = new_figure(PAGE, 2.0 + sum(heights))
@@ -154,13 +148,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
 
 @house_style()
 def waves(answer: Any) -> Figure:
-    """Draw at which speeds each wave on an elastic slider grows.
-
-    Parameters
-    ----------
-    answer : ElasticPrediction
-        What `stickslip.predict` returns of a `Chain` or a `Sheet`.
-    """
+    """Draw what `predict` says of a `Chain` or a `Sheet`: at which speeds each wave on it grows."""
     rows = max(len(answer.waves), 1)
     figure = new_figure(PAGE, 1.4 + 0.3 * rows)
     ax = figure.add_subplot()

@@ -26,23 +26,7 @@ _WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a lo
 def force_trace(
     run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = style.BLUE
 ) -> Axes:
-    """Draw the spring force against time.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run or a measured trace: ``spring_force`` along ``time``.
-    ax : Axes, optional
-        Where to draw; by default a new figure.
-    events : Dataset, optional
-        Slips to mark, from `stickslip.drops`.
-    color : str
-
-    Raises
-    ------
-    InputError
-        If the Dataset has no such variable.
-    """
+    """Draw the spring force of a run or a measured trace against time; `events` of `stickslip.drops` are marked."""
     ax, force = along_time(run, "spring_force", ax, color=color)
     if events is not None and events.sizes.get("event"):
         _mark_slips(ax, events)
@@ -63,12 +47,6 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the velocity of the slider, and of the drive, against time.
 
     Where the slider gets more than 25 times as fast as the drive the axis is logarithmic from the drive's velocity on.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run: ``velocity`` along ``time``.
-    ax : Axes, optional
     """
     ax, speed = along_time(run, "velocity", ax, color=style.GREEN, label="slider")
     if "drive_velocity" in run:
@@ -95,12 +73,7 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the spring force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
 
-    Parameters
-    ----------
-    run : Dataset
-        A run: ``spring_force`` and ``velocity`` along ``time``; select what comes after the transient:
-        ``run.sel(time=slice(10, None))``.
-    ax : Axes, optional
+    Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
     """
     speed, force = (variable(run, name, "time") for name in ("velocity", "spring_force"))
     ax = new_axes() if ax is None else ax

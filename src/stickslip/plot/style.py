@@ -209,13 +209,7 @@ def format_of(path: str | os.PathLike[str]) -> str:
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all.
-
-    Raises
-    ------
-    InputError
-        If the suffix is none of these or the place cannot be written.
-    """
+    """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all."""
     files.target(path)
     return files.write(path, drawn(figure, format_of(path)))
 
