@@ -110,14 +110,10 @@ def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array
 class Bench(Record):
     """How a made-up trace is loaded and recorded."""
 
-    #: Total contact strength.
-    strength: Annotated[float, Number(above=0, hint="in N")] = 15.0
-    #: Rise of the force between slips.
-    loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5
-    #: From slip to slip, on average.
-    samples: Annotated[float, Number(above=2)] = 50.0
-    #: Standard deviation of white noise, over the mean peak.
-    noise: Annotated[float, Number(at_least=0)] = 0.002
+    strength: Annotated[float, Number(above=0, hint="in N")] = 15.0  #: total contact strength
+    loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5  #: rise of the force between slips
+    samples: Annotated[float, Number(above=2)] = 50.0  #: from slip to slip, on average
+    noise: Annotated[float, Number(at_least=0)] = 0.002  #: standard deviation of white noise, over the mean peak
 
 
 def synthetic_trace(

@@ -147,11 +147,6 @@ class Chain(ElasticBody):
     spacing : float, optional
         Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then given as velocities.
 
-    Raises
-    ------
-    InputError
-        If a number is out of its bounds; the message names it.
-
     Examples
     --------
     >>> import stickslip as ss
@@ -185,11 +180,6 @@ class Sheet(ElasticBody):
         Number of rows beside each other.
     shear : float
         Stiffness between neighbouring rows, in units of ``k``.
-
-    Raises
-    ------
-    InputError
-        If a number is out of its bounds; the message names it.
 
     Examples
     --------

@@ -19,23 +19,6 @@ if TYPE_CHECKING:
 class Parameter:
     """One positive parameter of a `Rig` that can be read and set.
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    unit : str
-        Its natural unit: ``"x_s/time"``.
-    title : str
-        What it is, in words.
-    zero : bool
-        Whether it may be 0.
-    rescales : bool
-        Whether it is one of the rig's own units, so that varying it changes all that is measured in them.
-    get : callable
-        The value in a rig in natural units.
-    set : callable
-        The same rig with another value.
-
     Examples
     --------
     >>> import stickslip as ss
@@ -45,12 +28,12 @@ class Parameter:
     """
 
     name: str
-    unit: str
-    title: str = ""
-    zero: bool = False
-    rescales: bool = False
-    get: Callable[[Rig], float] = field(repr=False)
-    set: Callable[[Rig, float], Rig] = field(repr=False)
+    unit: str  #: natural unit, ``"x_s/time"``, or the quantity it measures
+    title: str = ""  #: what it is, in words
+    zero: bool = False  #: whether it may be 0
+    rescales: bool = False  #: whether it is a unit of the rig's own: varying it changes all that is measured in it
+    get: Callable[[Rig], float] = field(repr=False)  #: the value in a rig in natural units
+    set: Callable[[Rig, float], Rig] = field(repr=False)  #: the same rig with another value
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "unit", natural_unit(self.unit))

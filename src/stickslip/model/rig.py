@@ -31,26 +31,11 @@ _Speeds = tuple[Annotated[float, Number("x_s/time", above=0, hint="speeds, such 
 
 @dataclass(frozen=True, kw_only=True)
 class Operation(Record):
-    """How a rig is used; it changes no run, only what is asked of it.
+    """How a rig is used; it changes no run, only what is asked of it. Ranges increase, and all is above 0."""
 
-    Parameters
-    ----------
-    speeds : tuple of float
-        Speeds at which it works, that of its drive first.
-    between : (float, float), optional
-        In place of single speeds, a range of them.
-    feasible : tuple of (str, float, float)
-        Names of parameters, and the range of each that could be built or set.
-
-    Raises
-    ------
-    InputError
-        If a speed is not above 0, or a range is not increasing.
-    """
-
-    speeds: _Speeds = ()
-    between: _Speeds | None = None
-    feasible: tuple[tuple[str, float, float], ...] = ()
+    speeds: _Speeds = ()  #: speeds at which it works, that of its drive first
+    between: _Speeds | None = None  #: in place of single speeds, a range of them
+    feasible: tuple[tuple[str, float, float], ...] = ()  #: parameters, each with the range that could be built or set
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,11 +115,6 @@ class Rig(Answer):
     source : str
         Where the numbers come from.
 
-    Raises
-    ------
-    InputError
-        If a part is of the wrong kind; the message names it.
-
     Examples
     --------
     >>> import stickslip as ss
@@ -186,10 +166,7 @@ class Rig(Answer):
     def unit(self, natural: str) -> float:
         """Size in the rig's own units of a natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity it measures.
 
-        Raises
-        ------
-        InputError
-            If there is no such unit or quantity.
+        Raises `InputError` if there is no such unit or quantity.
         """
         unit = natural_unit(natural)
         return 1.0 if self.scales is None else self.scales.unit(unit)

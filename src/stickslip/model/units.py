@@ -34,12 +34,7 @@ class Scales(Record):
         """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity that it measures.
 
         A force in natural units is per contact and in ``f_s``: multiplied by ``N f_s`` it is the force of the whole
-        interface; stiffness, mass and energy likewise.
-
-        Raises
-        ------
-        InputError
-            If there is no such unit or quantity.
+        interface; stiffness, mass and energy likewise. Raises `InputError` if there is no such unit or quantity.
         """
         above = below = 1.0
         for scale, power in zip((self.force, self.stretching, self.time), _UNITS[natural_unit(name)][:3], strict=True):
