@@ -101,6 +101,7 @@ TESTS = {
     "rate_state": "test_friction_laws",
     "rigid.py": "test_rigid",
     "sliding": "test_theory test_stability test_friction_laws test_noise",
+    "sliding/rigid_motion.py": "test_rigid test_rig",
     "simulation": "test_simulate test_contacts test_work",
     "simulation/engines/blocks.py": "test_elastic",
     "simulation/engines/langevin.py": "test_ageing",

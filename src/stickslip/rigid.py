@@ -5,7 +5,6 @@ stiffness cannot follow the fall of the force.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,12 +13,11 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number, numbers
-from stickslip.kernels import renewal
 from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
-from stickslip.model.distribution import check_density
-from stickslip.model.distributions import SteadyState, excess
-from stickslip.model.newborn import stretching_nodes
+from stickslip.model.distributions import SteadyState
 from stickslip.simulation import labelled, pull_rigidly
+from stickslip.sliding.rigid_motion import check_renewal, solved
+from stickslip.sliding.rigid_motion import static_friction as static_friction
 
 
 def rigid_slide(
@@ -65,9 +63,9 @@ def rigid_slide(
         track = pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
         X, values = velocity * track.times, {name: track[name] for name in ("friction_force", "attached")}
     elif isinstance(method, Renewal):
-        _check_renewal(interface, "Renewal")
+        check_renewal(interface, "Renewal")
         X = np.linspace(0.0, distance, method.points + 1)
-        found = _solved(interface, distance, velocity, method.points)(X)
+        found = solved(interface, distance, velocity, method.points)(X)
         values = {"friction_force": found.force, "attached": found.attached}
         values |= {"breaking_rate": found.rate, "stiffness": found.stiffness}
     else:
@@ -77,23 +75,16 @@ def rigid_slide(
     return xr.Dataset(data, {place: labelled(place, place, X)})
 
 
-def _check_renewal(interface: Interface, who: str) -> None:
-    """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
-    instance(f"{who}: interface", interface, Interface, "an Interface")
-    interface.allow(("sliding_force", "newborn"), who)
-    check_density(interface.threshold_distribution)
-
-
 def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float = 1.0) -> Array:
     """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact, at displacements from the start.
 
     Computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical derivative. The velocity matters only
     with a delay.
     """
-    _check_renewal(interface, "effective_stiffness")
+    check_renewal(interface, "effective_stiffness")
     X = np.atleast_1d(numbers("effective_stiffness: X", X, at_least=0, hint="displacements in x_s"))
     distance = max(float(X.max()), 1e-3)
-    return -_solved(interface, distance, velocity, _points(interface, distance))(X).stiffness
+    return -solved(interface, distance, velocity, _points(interface, distance))(X).stiffness
 
 
 def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
@@ -126,7 +117,7 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 
 def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[float, float]:
     """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
-    _check_renewal(interface, "critical_stiffness")
+    check_renewal(interface, "critical_stiffness")
     instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
     bare = replace(interface, delay=Delay(0.0 if reattachment else math.inf))
     distribution = bare.threshold_distribution
@@ -138,7 +129,7 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
         4.0 * float(distribution.inverse_survival(1e-3)),
     )
     points = _points(bare, distance)
-    solution = _solved(bare, distance, 1.0, points)
+    solution = solved(bare, distance, 1.0, points)
     X = np.linspace(0.0, distance, points + 1)
     # Where the distribution jumps, the fall from a start without standard deviation is steepest just before or after:
     # look at both sides.
@@ -155,26 +146,6 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     return (value if value > 1e-9 else 0.0), place
 
 
-def static_friction(interface: Interface) -> tuple[float, float]:
-    """Largest friction force in quasi-static motion, per contact in ``f_s``, and where it is reached to nine digits.
-
-    Broken contacts re-attach at once, so that a force of detached ones does not enter.
-
-    Raises
-    ------
-    InputError
-        If thresholds age, or at a temperature: the force then depends on the rest before, and on the speed.
-    """
-    _check_renewal(interface, "static_friction")
-    bare = Interface(thresholds=interface.thresholds, initial=interface.initial, newborn=interface.newborn)
-    distance, points = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3)), Renewal().points
-    X = np.linspace(0.0, distance, points + 1)
-    force = _solved(bare, distance, 1.0, points)(X).force
-    # Of a force that only rises, rounding would decide where it is largest.
-    first = int(np.argmax(force >= (1.0 - 1e-9) * force.max()))
-    return float(force.max()), float(X[first])
-
-
 def _points(interface: Interface, distance: float) -> int:
     """Intervals of a grid that resolves the distributions to six digits where they are smooth, four at jumps."""
     stds = [interface.threshold_distribution.standard_deviation(), interface.initial.standard_deviation()]
@@ -186,44 +157,3 @@ def _points(interface: Interface, distance: float) -> int:
     # first order.
     kinked = stds[1] == 0 and any(0 < knot < distance for knot in interface.threshold_distribution.knots)
     return 16 * points if kinked else points
-
-
-_MOST_WORK = 2e7  # nodes of the start times positions: some ten seconds
-
-
-def _solved(interface: Interface, distance: float, velocity: float, points: int) -> Callable[[Array], renewal.Response]:
-    """Return the solution of the renewal equation, to be looked at anywhere."""
-    distribution, born, sliding_force = interface.threshold_distribution, interface.newborn, interface.sliding_force
-    # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
-    jumps = any(0 < knot < math.inf for knot in distribution.knots)
-    stretchings, weight = stretching_nodes(interface.initial, interface.threshold_distribution, 16 if jumps else 1)
-    work = stretchings.size * float(points)
-    if work > _MOST_WORK:
-        raise InputError(
-            f"{work:.1g} points are needed to resolve thresholds and initial stretchings, more than {_MOST_WORK:.0e}: "
-            "give standard deviations that differ less from each other and from the mean"
-        )
-    delay, part = interface.delay.quadrature()
-    contacts = renewal.Contacts(
-        distribution.density,
-        lambda x, n: excess(distribution, x, n),
-        stretchings,
-        weight,
-        np.maximum(stretchings, 0.0),
-        velocity * delay,
-        part,
-        *((np.zeros(1), np.ones(1)) if born is None else stretching_nodes(born, distribution)),
-    )
-    re_attached = renewal.solve(contacts, distance, points)
-
-    def at(X: Array) -> renewal.Response:
-        found = renewal.observe(contacts, re_attached, X)
-        if sliding_force == 0:
-            return found
-        # Detached contacts are stretched with the slider until they slide.
-        element, detached = np.minimum(X, sliding_force), 1.0 - found.attached
-        detaching = found.rate - renewal.re_attaching(contacts, re_attached, X, found.rate)
-        stiffness = found.stiffness + element * detaching + np.where(sliding_force > X, detached, 0.0)
-        return found._replace(force=found.force + element * detached, stiffness=stiffness)
-
-    return at

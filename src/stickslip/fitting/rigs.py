@@ -21,12 +21,12 @@ from stickslip.errors import InputError, UndecidedError, instance, number, whole
 from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
-from stickslip.io.friction import thresholds_of
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
 from stickslip.model import Gaussian, OnArrest, Output, Rig, constant
 from stickslip.model.quantities import read_value
 from stickslip.simulation import simulate
+from stickslip.sliding.rigid_motion import thresholds_of
 from stickslip.words import engineering
 
 if TYPE_CHECKING:

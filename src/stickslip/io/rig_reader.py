@@ -245,7 +245,7 @@ class _Reader:
             return Scales(force=1.0, stretching=1.0)
         strength = interface.get("contact_strength")
         if strength is None:
-            from stickslip.io.friction import thresholds_of
+            from stickslip.sliding.rigid_motion import thresholds_of
 
             with at("interface.mu_s"):
                 found = thresholds_of(interface["mu_s"], interface["mu_k"], interface["initial"])
