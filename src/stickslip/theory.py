@@ -131,21 +131,9 @@ def effective_potential(slider: Slider, position: ArrayLike, contact_force: Arra
 def newborn_pull(interface: Interface, velocity: float, distance: float, points: int) -> tuple[Array, Array]:
     """Return the force on a slider of constant velocity whose contacts were all newborn at its start, as in Fig. 11.
 
-    Lifetimes at constant velocity are alike, so it follows from a renewal equation.
-
-    Parameters
-    ----------
-    interface : Interface
-        With `Langevin` ageing, without delay; newborn contacts have no strength.
-    velocity, distance : float
-        Of the slider, above 0, in ``x_s`` per time and in ``x_s``.
-    points : int
-        Equal steps of the distance.
-
-    Returns
-    -------
-    positions, forces : ndarray, shape (points,)
-        In ``x_s``, and per contact in ``f_s``.
+    Lifetimes at constant velocity are alike, so it follows from a renewal equation. Contacts have `Langevin` ageing, no
+    delay, and no strength at birth. Returned are positions, so many equal steps of the distance, in ``x_s``, and forces
+    there, per contact in ``f_s``.
     """
     speed, distance = number("velocity", velocity, above=0), number("distance", distance, above=0)
     return pull_newborns(speed, ageing_constants(interface), distance, points)

@@ -121,10 +121,7 @@ class Fit(Answer):
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.
 
-        Raises
-        ------
-        InputError
-            If there is none of that name, or if what is known does not allow to tell it.
+        Raises `InputError` if there is none of that name, or if what is known does not allow to tell it.
         """
         if key in KEYS:
             return np.asarray(self.values[:, KEYS.index(key)])
@@ -190,10 +187,8 @@ class Fit(Answer):
     def rig(self, *, name: str = "fitted rig") -> Rig:
         """The rig: the most central draw whose own run makes the trace; what was fitted has its interval and draws.
 
-        Raises
-        ------
-        InputError
-            If the stiffness is not known: then no length is. If no draw makes the drops and the period of the trace.
+        Raises `InputError` if the stiffness is not known, without which no length is, or if no draw makes the drops and
+        the period of the trace.
         """
         from stickslip.fitting.rigs import rig_of
 

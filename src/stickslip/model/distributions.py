@@ -358,10 +358,6 @@ class Empirical(_Histogram):
         Rising edges of the bins.
     weights : sequence of float, shape (n,)
         Non-negative weights of the bins; stored normalised to a sum of one.
-
-    See Also
-    --------
-    Empirical.from_samples : make the histogram from measured values.
     """
 
     edges: tuple[Annotated[float, Number(**_BOUNDS, hint="edges of bins, in x_s")], ...]
@@ -385,19 +381,9 @@ class Empirical(_Histogram):
 
     @classmethod
     def from_samples(cls, samples: ArrayLike, bins: int | None = None) -> Self:
-        """Make the histogram of measured values.
+        """Make the histogram of measured values: at least two different finite ones, else `InputError`.
 
-        Parameters
-        ----------
-        samples : array_like
-            At least two different finite values.
-        bins : int, optional
-            Number of equal bins; by default numpy's rule ``"auto"``.
-
-        Raises
-        ------
-        InputError
-            If there are fewer than two different values, or one is not finite.
+        The `bins` are equal; by default there are as many as numpy's rule ``"auto"`` says.
         """
         values = np.ravel(numbers("Empirical.from_samples", samples))
         if np.ptp(values) == 0:

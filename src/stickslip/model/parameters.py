@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One positive parameter of a `Rig` that can be read and set.
-
-    Examples
-    --------
-    >>> import stickslip as ss
-    >>> rig = ss.read_rig("brake_pad")
-    >>> round(rig.value("stiffness"))
-    30000000
-    """
+    """One positive parameter of a `Rig` that can be read and set."""
 
     name: str
     unit: str  #: natural unit, ``"x_s/time"``, or the quantity it measures

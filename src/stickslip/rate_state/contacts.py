@@ -23,23 +23,9 @@ def small_step(
     """Force over ``ln`` of the ratio after a small step of the velocity of a load point: ``kappa`` behind a spring.
 
     The inverse transform of ``kappa(q)/q^2``: the sine transform of ``Im kappa/y^2``, its factor linear between
-    frequencies.
-
-    Parameters
-    ----------
-    interface : Interface
-    velocity : float
-    slip : ndarray, shape (n,)
-        Displacement of the load point, above 0, in ``x_s``.
-    stiffness : float
-        Of a spring between load point and slider, per contact; infinite for a rigid slider.
-    coarse : float
-        Coarsening of the frequency grid; 1 gives an error of 1e-4.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Per contact, in ``f_s``.
+    frequencies. It is per contact, in ``f_s``, over the displacement `slip` of the load point, above 0, in ``x_s``. The
+    spring has a `stiffness` per contact; a rigid slider an infinite one. A grid of frequencies that is not `coarse`
+    gives an error of 1e-4.
     """
     y, kappa = _answer(hashable(interface), velocity, coarse)
     if math.isfinite(stiffness):
@@ -93,27 +79,8 @@ def finite_step(
 ) -> tuple[Array, Array]:
     """Force over the displacement of the load point after a step of its velocity, from steady sliding.
 
-    Parameters
-    ----------
-    interface : Interface
-    before, after : float
-        Velocities, in ``x_s`` per time.
-    slip : float
-        How far the load point goes after the step.
-    stiffness : float
-        Of a spring between load point and slider, per contact; infinite for a rigid slider.
-    method : MasterEquation
-        How accurately.
-
-    Returns
-    -------
-    (ndarray, ndarray)
-        Displacement of the load point from the step on, and force per contact minus that before the step.
-
-    Raises
-    ------
-    InputError
-        If the master equation cannot take the interface.
+    What `velocity_step` gives, as two arrays: displacement of the load point from the step on, in ``x_s``, and force
+    per contact, in ``f_s``, minus that before the step.
     """
     instance("finite_step: interface", interface, Interface, "an Interface")
     run = velocity_step(interface, before=before, after=after, distance=slip, stiffness=stiffness, method=method)

@@ -171,19 +171,9 @@ class Healing(Answer):
 
 
 def healing(run: xr.Dataset, b: float) -> Healing:
-    """Say how much the peaks of a slide-hold-slide run grow with the time of the hold.
+    """Say how much the peaks of a `slide_hold_slide` run grow with the time of the hold, all of which differ.
 
-    Parameters
-    ----------
-    run : Dataset
-        Of `slide_hold_slide`.
-    b : float
-        Evolution effect of rate and state, in the unit of force of the run.
-
-    Raises
-    ------
-    InputError
-        If two holds are the same.
+    Beside it stands what rate and state says with the evolution effect `b`, in the unit of force of the run.
     """
     instance("healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it")
     run = run.sortby("hold")

@@ -42,12 +42,7 @@ def export_rate_and_state(
     area : str or float, optional
         Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and tandem take.
     path : path, optional
-        Where to write it.
-
-    Returns
-    -------
-    str
-        The text of the file.
+        Where to write it; the text is returned as well.
 
     Raises
     ------

@@ -45,7 +45,7 @@ class RateAndState(Record):
         return 1.0 / softness if softness > 0 else math.inf
 
     def slide(self, time: ArrayLike, velocity: ArrayLike, *, stiffness: float) -> Array:
-        """Friction relative to the start while a spring pulls a slider without mass, from steady sliding.
+        """Friction minus that of the start, velocity and state ``theta`` of a massless slider, from steady sliding.
 
         Parameters
         ----------
@@ -54,12 +54,7 @@ class RateAndState(Record):
         velocity : array_like, shape (n,)
             Of the far end of the spring, from each time to the next; 0 in a hold.
         stiffness : float
-            Of the spring, friction per displacement.
-
-        Returns
-        -------
-        ndarray, shape (3, n)
-            Friction minus that of the start, velocity and state ``theta``.
+            Of the spring that pulls it, friction per displacement.
 
         Raises
         ------

@@ -194,7 +194,7 @@ def fit_rate_and_state(
     span: tuple[float, float] | None = None,
     trend: bool = True,
 ) -> StepFit:
-    """Fit rate-and-state parameters to a velocity step of a run or of a measured trace.
+    """Fit rate-and-state parameters to a velocity step of a run or of a measured trace, in the units of the data.
 
     The time of the step is fitted, too, near the one that is given: no farther off than data is kept before it.
 
@@ -210,11 +210,6 @@ def fit_rate_and_state(
         Between load point and sliding surface, friction per displacement; fitted by default.
     trend : bool
         Whether friction may change linearly with displacement besides.
-
-    Returns
-    -------
-    StepFit
-        In the units of the data.
 
     Raises
     ------
@@ -305,10 +300,6 @@ def fit_contacts(
         Whether friction may change linearly with displacement besides.
     linear : bool
         Only fit the linear response, which takes seconds in place of a minute: for steps by a factor of a few.
-
-    Returns
-    -------
-    ContactsFit
 
     Raises
     ------

@@ -144,18 +144,12 @@ def rate_and_state(
 
     Parameters
     ----------
-    interface : Interface
     velocity : float
         Of smooth sliding before the step, in ``x_s`` per time.
     step : float
         Ratio of the velocities, above 1.
     law : {"best", "ageing", "slip"}
         Which law to fit.
-
-    Returns
-    -------
-    RateAndStateFit
-        Whatever the verdict; it prints what a person would say.
 
     Raises
     ------

@@ -78,23 +78,8 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
     """Return how steeply the friction force in smooth sliding changes with the speed, ``dF_k/dln v``.
 
     Above 0 the interface strengthens with velocity, below 0 it weakens: ``a - b`` of rate and state. Exact, from the
-    same integrals as `kinetic_friction`; with ageing by `Langevin` by differences of it, to 1e-3.
-
-    Parameters
-    ----------
-    interface : Interface
-    velocity : float or ndarray
-        Speed of sliding, above 0, in ``x_s`` per time.
-
-    Returns
-    -------
-    float or ndarray, shape of `velocity`
-        Per contact, in ``f_s``.
-
-    Raises
-    ------
-    InputError
-        As `kinetic_friction`.
+    same integrals as `kinetic_friction`, with its units and its refusals; with ageing by `Langevin` by differences of
+    it, to 1e-3. The velocity is above 0.
 
     Examples
     --------
@@ -123,23 +108,8 @@ def turning_velocities(interface: Interface, *, between: tuple[float, float]) ->
     """Find the speeds at which kinetic friction is smallest or largest: where `friction_slope` changes sign.
 
     Ageing and temperature make a minimum: slow contacts have time to age. Temperature and a delay make a maximum: fast
-    contacts are missed while they are detached.
-
-    Parameters
-    ----------
-    interface : Interface
-    between : (float, float)
-        Range of the speed, both above 0, in ``x_s`` per time.
-
-    Returns
-    -------
-    tuple of TurningVelocity
-        Rising in velocity; empty if friction only rises or only falls.
-
-    Raises
-    ------
-    InputError
-        If the range is empty, or as `kinetic_friction`.
+    contacts are missed while they are detached. They rise in velocity; there are none if friction only rises or only
+    falls in the range, two speeds above 0 in ``x_s`` per time. Refused is what `kinetic_friction` refuses.
 
     Examples
     --------
