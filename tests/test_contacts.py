@@ -11,6 +11,8 @@ from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.kernels import flight as flights
+from stickslip.kernels import hazard
+from stickslip.kernels.boxes import Rule, box_of, threshold_now
 from stickslip.kernels.event_queue import clear, drop, first_slot, make_queue, peek, pop, push, size, used
 from stickslip.simulation.engines import Beginning, contacts
 from stickslip.simulation.follow import follow
@@ -160,3 +162,34 @@ def test_sums_and_queues_survive_many_rebuilds(N):
     assert np.abs(x).max() <= 0.05 * (1 + 1e-12)
     assert lost[-1] > 100 * 0.5 * 0.03**2  # each has broken more than a hundred times
     assert engine.contact_force() == pytest.approx(np.mean(x), abs=1e-12)
+
+
+@settings(max_examples=300)
+@given(st.floats(0.1, 3.0), st.floats(0.1, 2.0), st.floats(0.1, 2.0), st.floats(0.0, 10.0), st.floats(-8.5, 0.0))
+def test_a_box_reaches_half_of_the_way_to_a_threshold(rate, newborn, strength, age, gap):
+    """However near the contact is to a threshold that grows or sinks: it never leaves a box where it stands."""
+    rule = Rule(hazard.NONE, hazard.Growth(hazard.EXPONENTIAL, rate, newborn))
+    threshold = threshold_now(rule, strength, age)
+    x = threshold * (1.0 - 10.0**gap)
+    box = box_of(rule, x, strength, age, 1.0, 0.0)
+    assert box.time > 0.0
+    assert box.reach - x >= 0.49 * (threshold - x)
+
+
+@pytest.mark.parametrize(
+    "mechanism",
+    [
+        {"ageing": ss.LogarithmicGrowth(slope=0.01, time=1.0)},
+        {"ageing": ss.ExponentialGrowth(rate=0.5, newborn=0.1)},
+        {"temperature": ss.model.Parabolic(temperature=0.01, attempts=1e3)},
+    ],
+)
+def test_thresholds_below_the_rounding_of_positions_break(mechanism):
+    """One threshold in twenty is less than the last digits of how far the slider has come."""
+    interface = ss.Interface(thresholds=ss.Gamma(mean=1.0, std=2.0), delay=ss.Delay(0.05), **mechanism)
+    slider, drive = ss.Slider(stiffness=5.0, mass=1e-3, damping=50.0), ss.constant(1.0, 200.0)
+    rig = ss.Rig(interface, slider, drive, method=ss.Contacts(50, seed=3), start=ss.FromSliding())
+    noise = ss.stability.contact_noise(rig)
+    run = ss.simulate(rig, output=ss.Output(interval=0.01))
+    error = math.sqrt(float(noise.spectrum.spring_force[0]) / 2.0 / drive.duration)
+    assert abs(float(run.spring_force.mean()) - noise.mean_spring_force) < 4.0 * error

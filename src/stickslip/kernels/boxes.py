@@ -68,14 +68,18 @@ def can_hold(rule: Rule, strength: float, speed: float) -> bool:
 
 
 @inlined
-def is_met(x: float, threshold: float) -> bool:
-    """Whether a contact has come to its threshold."""
-    return abs(x) >= threshold * _MET
+def is_met(x: float, threshold: float, rounding: float) -> bool:
+    """Whether a contact has come to its threshold, its stretching being known to within a rounding."""
+    return abs(x) + rounding >= threshold * _MET
 
 
 @bare
-def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> Box:
-    """Box of a contact that is stretched by ``|x|``, with the slider at this speed."""
+def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, rounding: float) -> Box:
+    """Box of a contact that is stretched by ``|x|``, to within a rounding, with the slider at this speed.
+
+    A threshold that sinks shortens its time, until it reaches half of the way to the threshold: more than the rounding,
+    or the contact would leave it where it stands.
+    """
     x = abs(x)
     growth, hazard = rule.growth, rule.hazard
     threshold = threshold_now(rule, strength, age)
@@ -84,14 +88,14 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float) -> B
         lead = 1.0 - abs(speed) / (threshold_now(rule, strength, math.inf) * growth.first)
         time = min(YOUTH, 0.5 * lead) / growth.first
         return Box(threshold_now(rule, strength, time), time, 0.0)
-    if is_met(x, threshold):
+    if is_met(x, threshold, rounding):
         return Box(x, 0.0, 0.0)
     time = ageing_time(growth, age)
     lowest, sinks = threshold, False
     if time < math.inf:
         later = threshold_now(rule, strength, age + time)
         sinks = later < threshold
-        while later <= x:
+        while later < 0.5 * (x + threshold):
             time *= 0.5
             if time <= 1e-13 * (1.0 + age):
                 return Box(x, 0.0, 0.0)
@@ -119,7 +123,7 @@ def lifetimes(rule: Rule, start: Floats, strength: Floats, velocity: float, vari
         while True:
             if used + 2 > variates.size:
                 return i
-            box = box_of(rule, x, strength[i], (x - start[i]) / velocity, velocity)
+            box = box_of(rule, x, strength[i], (x - start[i]) / velocity, velocity, 0.0)
             if box.time == 0.0:
                 break
             end = min(box.reach, x + velocity * box.time)

@@ -43,6 +43,7 @@ from .tournament import enter, smallest, tournaments, winner
 BOX = np.dtype([("since", float), ("reach", float), ("most", float), ("place", np.int64)])
 
 _NEED = 4  # variates that an event may need, at most
+_ULPS = 4.0 * 2.0**-52
 _TRIES = 64  # thresholds from which a newborn without strength may choose
 
 
@@ -282,13 +283,19 @@ def _variate(m: Record, draws: Draws) -> float:
     return float(draws.variates[m.variates_used - 1])
 
 
+@inlined
+def _rounding(m: Record) -> float:
+    """How well a stretching is known far from the origin: a few units in the last place of the slider's position."""
+    return _ULPS * abs(float(m.position))
+
+
 @bare
 def _enclose(
     m: Record, slot: int, birth: float, strength: float, draws: Draws, rule: Rule, of: Records, times: Floats, N: int
 ) -> float:
     """Draw the next box of a contact; how far it reaches."""
     own = of[slot]
-    box = box_of(rule, m.position - birth, strength, m.time - own["since"], m.velocity)
+    box = box_of(rule, m.position - birth, strength, m.time - own["since"], m.velocity, _rounding(m))
     wait, own["reach"], own["most"] = box.time, box.reach, 0.0
     if box.time == 0.0:
         own["most"] = -1.0
@@ -311,7 +318,7 @@ def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
         if own["most"] < 0.0:
             return True
         return bool(_variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
-    return is_met(x, threshold)
+    return is_met(x, threshold, _rounding(m))
 
 
 @inlined
