@@ -16,6 +16,7 @@ from stickslip.stability import ContactNoise, contact_noise
 from verification.study import Study, finding
 
 _RIGS, _SEEDS, _ERROR = 30, 3, 0.012
+_FLUCTUATION = 0.25  # of the velocity, whose square is the next order: at .39 runs are 6 % above theory, at .2 2 %
 _MOST_BREAKS = 3e6  # of all runs of a rig
 
 
@@ -54,7 +55,7 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
-    """Yield stable rigs within the range of theory, the velocity fluctuating by less than half the drive's."""
+    """Yield stable rigs whose velocity fluctuates by so little that the next order in ``1/N`` is within the bound."""
     rng = np.random.default_rng(seed)
     while True:
         velocity, delay = _between(rng, 0.3, 3.0), _between(rng, 0.01, 0.3)
@@ -74,7 +75,7 @@ def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
             noise = contact_noise(rig)
         except (InputError, UndecidedError):  # unstable, or newborns beyond the thresholds
             continue
-        if noise.relative_velocity < 0.5 and _SEEDS * _duration(noise) * velocity * noise.contacts < _MOST_BREAKS:
+        if noise.relative_velocity < _FLUCTUATION and _SEEDS * _duration(noise) * velocity * noise.contacts < _MOST_BREAKS:
             yield rig, noise
 
 
