@@ -14,6 +14,7 @@ from stickslip.model.records import hashable
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
 
+ROUGH = MasterEquation(rtol=1e-3)  # for a step that is fitted: errs by 1 % of its range, laws by several
 _FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
 
 

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import Array, memory
-from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth, MasterEquation
+from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
-from stickslip.rate_state.contacts import finite_step, small_step
+from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
 from stickslip.rate_state.experiments import Step, velocity_step_in
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
@@ -116,9 +116,9 @@ class ContactsFit(FittedStep):
         x, spring = since[since > 0] / x_s, self.stiffness * x_s / unit
         if self.linear:
             force = math.log(ratio) * small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
-        else:  # to 1e-3: the noise of what was measured is larger
-            reach, rough = float(since.max()) / x_s + 1.0, MasterEquation(rtol=1e-3)
-            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=rough))
+        else:
+            reach = float(since.max()) / x_s + 1.0
+            force = np.interp(x, *finite_step(interface, 1.0, ratio, reach, stiffness=spring, method=ROUGH))
         found[since > 0] = unit * force
         return found
 

@@ -13,7 +13,7 @@ from stickslip.measure.arrays import Array
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.records import Number, rescaled
 from stickslip.model.units import si_unit
-from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
+from stickslip.rate_state.contacts import ROUGH, contact_stiffness, finite_step, small_step
 from stickslip.rate_state.fitting import Estimate, Fit, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.sliding import kinetic_friction, respond
@@ -240,7 +240,7 @@ def _of_a_step(
     reach = SLIP * interface.threshold_distribution.moment(1)
 
     def fits(before: float, after: float) -> list[Fit]:
-        lead, force = (each[::3] for each in finite_step(interface, before, after, reach))
+        lead, force = (each[::3] for each in finite_step(interface, before, after, reach, method=ROUGH))
         how = {"ratio": after / before, "stiffness": contact_stiffness(interface, before)}
         return [_fitted(lambda one: one.step(lead, **how), force, reach, law, near) for law in laws]
 
