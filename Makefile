@@ -72,8 +72,8 @@ coverage: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --cov --cov-report=html --cov-report=term:skip-covered
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-columns=min,median,rounds --benchmark-json=.benchmarks.json
-	$(BIN)/python tools/bench_table.py .benchmarks.json README.md
+	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-timer=time.process_time --benchmark-columns=min,median,rounds --benchmark-json=.benchmarks.json
+	$(BIN)/python tools/bench_table.py .benchmarks.json README.md docs/howto/what-it-costs.md
 
 fuzz: $(VENV)/.dev
 	$(BIN)/python tools/fuzz.py $(or $(MINUTES),10) $(SEED)

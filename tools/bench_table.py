@@ -1,6 +1,6 @@
-"""Turn the record of `make bench` into one table of ratios, and put it into the README; 1 if a promise is broken.
+"""Turn the record of `make bench` into tables of ratios, and put them into pages; 1 if a promise is broken.
 
-Usage: python tools/bench_table.py BENCHMARK.json [README.md]
+Usage: python tools/bench_table.py BENCHMARK.json [PAGE.md ...]
 """
 
 from __future__ import annotations
@@ -12,57 +12,65 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-BEGIN, END = "<!-- benchmarks:begin -->", "<!-- benchmarks:end -->"
 NOT_MET = "**not met**"
 
 
-def table(record: dict[str, Any]) -> str:
-    """Return the table of all groups that have a plain loop and a fast path."""
-    groups: dict[str, dict[str, Any]] = {}
+def tables(record: dict[str, Any]) -> dict[str, str]:
+    """Return the table of fast paths beside the plain loops of their groups, and that of what runs cost, by name.
+
+    A benchmark says its `role`: "plain", what the others of its group are beside; "fast", at least so many times as
+    quick; "cost", at most so many times as long.
+    """
+    plain = {item["group"]: item for item in record["benchmarks"] if item["extra_info"].get("role") == "plain"}
+    beside = {"fast": "plain loop", "cost": "beside"}
+    lines = {
+        role: [f"| what | {name} | time | ratio | promised |", "|---|---|---|---|---|"] for role, name in beside.items()
+    }
     for item in record["benchmarks"]:
-        role = item["extra_info"].get("role")
-        if role is not None:
-            groups.setdefault(item["group"], {})[role] = item
-    lines = ["| what | plain loop | fast path | ratio | promised |", "|---|---|---|---|---|"]
-    for name, pair in groups.items():
-        if set(pair) != {"plain", "fast"}:
+        info = item["extra_info"]
+        if (role := info.get("role")) not in lines:
             continue
-        plain = pair["plain"]["stats"]["min"] * pair["plain"]["extra_info"].get("scale", 1.0)
-        fast = pair["fast"]["stats"]["min"]
-        info = pair["fast"]["extra_info"]
-        kept = "" if plain / fast >= info["promised"] else f", {NOT_MET}"
-        lines.append(
-            f"| {name}: {info['what']} | {seconds(plain)} | {seconds(fast)} "
-            f"| {plain / fast:.3g} | at least {info['promised']}{kept} |"
+        reference, here = _least(plain[item["group"]]), _least(item)
+        ratio, bound = (reference / here, "at least") if role == "fast" else (here / reference, "at most")
+        kept = ratio >= info["promised"] if role == "fast" else ratio <= info["promised"]
+        lines[role].append(
+            f"| {item['group']}: {info['what']} | {seconds(reference)} | {seconds(here)} | {ratio:.3g} "
+            f"| {bound} {info['promised']}{'' if kept else ', ' + NOT_MET} |"
         )
     when = datetime.fromisoformat(record["datetime"]).astimezone(UTC).date()
     cpu = record["machine_info"]["cpu"].get("brand_raw", "unknown processor")
-    lines += ["", f"Minimum of each, in one run on {when}; {cpu}, Python {record['machine_info']['python_version']}."]
-    return "\n".join(lines)
+    made = f"Minimum of each, in one run on {when}; {cpu}, Python {record['machine_info']['python_version']}."
+    return {role: "\n".join([*rows, "", made]) for role, rows in lines.items()}
+
+
+def _least(item: dict[str, Any]) -> float:
+    return float(item["stats"]["min"] * item["extra_info"].get("scale", 1.0))
 
 
 def seconds(value: float) -> str:
     """Return a time in words, with three digits."""
-    return f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
+    unit, name = next((pair for pair in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")) if value >= pair[0]), (1e-9, "ns"))
+    return f"{value / unit:.3g} {name}"
 
 
-def insert(text: str, found: str) -> str:
-    """Return a page with the table between its two marks."""
-    pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
-    return pattern.sub(lambda _: f"{BEGIN}\n{found}\n{END}", text)
+def insert(text: str, role: str, found: str) -> str:
+    """Return a page with a table between its two marks."""
+    begin, end = f"<!-- {role}:begin -->", f"<!-- {role}:end -->"
+    pattern = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
+    return pattern.sub(lambda _: f"{begin}\n{found}\n{end}", text)
 
 
 def main(arguments: list[str]) -> int:
-    """Print the table; write it into the page named, if any."""
+    """Print the tables; write them into the pages named, where these have marks for them."""
     if not arguments:
         print(__doc__, file=sys.stderr)
         return 2
-    found = table(json.loads(Path(arguments[0]).read_text()))
-    print(found)
-    for name in arguments[1:]:
-        page = Path(name)
-        page.write_text(insert(page.read_text(), found))
-    return 1 if NOT_MET in found else 0
+    found = tables(json.loads(Path(arguments[0]).read_text()))
+    print(*found.values(), sep="\n\n")
+    for page in map(Path, arguments[1:]):
+        for role, table in found.items():
+            page.write_text(insert(page.read_text(), role, table))
+    return 1 if any(NOT_MET in table for table in found.values()) else 0
 
 
 if __name__ == "__main__":
