@@ -98,6 +98,8 @@ docs: $(VENV)/.docs
 # The pages draw what they can while they are built; these the README shows, or they take a browser or minutes.
 pictures: $(VENV)/.dev $(VENV)/.browser
 	$(BIN)/python tools/pictures.py docs/images
+	mkdir -p docs/made
+	$(BIN)/python examples/practice/regime_diagram.py docs/made/diagram.png docs/images/measured_and_model.png
 	STICKSLIP_SCREENSHOTS=docs/images $(BIN)/python -m pytest -q tests/test_explorer_journeys.py -k every_page_fits
 	rm -f docs/images/*-phone-dark.png
 

@@ -17,7 +17,7 @@ What both models fail at tells more. At 42 µm/s the force drops by 11, 24 and 8
 Five motions, drops and periods stand against five parameters that were set by these traces and four more (number of
 contacts, standard deviation of the thresholds, breaking displacement, strength, damping), and one more for the delay.
 
-Run it with ``python examples/practice/regime_diagram.py diagram.png``.
+Run it with ``python examples/practice/regime_diagram.py diagram.png beside.png``.
 """
 
 import sys
@@ -144,9 +144,26 @@ def draw_trace(ax: Axes, trace: xr.Dataset, motion: measure.Kinematics, velocity
     ax.tick_params(labelsize=7, labelbottom=False)
 
 
-def draw() -> Figure:
+def draw_beside(rows: list[Row]) -> Figure:
+    """The measured traces above those of the model without weakening."""
+    names = ["measured", "no weakening"]
+    figure = plot.style.new_figure(9.0, 3.0)
+    axes = figure.subplots(len(names), len(rows), sharex=True, sharey=True)
+    for column, (bench, row) in zip(axes.T, rows, strict=True):
+        for ax, name in zip(column, names, strict=True):
+            trace, motion = row[name]
+            draw_trace(ax, trace, motion, bench[1])
+        column[0].set_title(f"{bench[0]} N/m, {bench[1]} µm/s\n{word(row['measured'][1])}", fontsize=8)
+        column[-1].tick_params(labelbottom=True)
+    for ax, label in zip(axes[:, 0], ("measured:\npaper on paper", "280 contacts\nwithout weakening"), strict=True):
+        ax.set_ylabel(label, fontsize=8)
+    figure.supylabel("spring force [mN]", fontsize=8)
+    figure.supxlabel("travel of the drive [mm]", fontsize=8)
+    return figure
+
+
+def draw(rows: list[Row]) -> Figure:
     """Print what is seen, and draw the diagram of the model above the traces."""
-    rows = compared()
     figure = plot.style.new_figure(plot.style.PAGE, 7.6)
     grid = figure.add_gridspec(1 + len(rows), 1 + len(MODELS), height_ratios=(2.6, *[1] * len(rows)))
     draw_diagram(figure.add_subplot(grid[0, :]), diagram(), rows)
@@ -167,6 +184,7 @@ def draw() -> Figure:
 
 
 if __name__ == "__main__":
-    figure = draw()
-    if sys.argv[1:]:
-        plot.save(figure, sys.argv[1])
+    rows = compared()
+    figures = (draw(rows), draw_beside(rows))
+    for figure, file in zip(figures, sys.argv[1:], strict=False):
+        plot.save(figure, file)
