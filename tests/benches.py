@@ -1,6 +1,11 @@
-"""Rig files, and readings of runs, that more than one room is tested with."""
+"""Rigs, and readings of runs, that more than one room is tested with."""
+
+import math
+from dataclasses import replace
 
 import numpy as np
+
+import stickslip as ss
 
 WARM = """
 name = "Warm bench"
@@ -23,10 +28,42 @@ attempts = "1e6 1/s"
 velocity = "2 um/s"
 """
 
+STILL = ss.constant(velocity=0.0, duration=1.0)
+
+
+def bar(kappa, leaf=0.0, alpha=0.0, zeta=0.0, *, std=0.0, sliding=0.0, mean=1.0, delay=ss.Delay(math.inf), **more):
+    """A rig by the groups that a front depends on: contacts, leaf springs, damping and viscosity against the bulk."""
+    coupling = 1.0 / kappa
+    chain = {"blocks": 400, "coupling": coupling, "mass": coupling, "damping": alpha, "viscosity": zeta * coupling}
+    chain |= {"leaf": leaf * coupling} | more
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=mean, std=std), delay=delay, sliding_force=sliding)
+    return ss.Rig(interface, ss.Chain(**chain), STILL)
+
+
+def pushed(rig, profile, duration):
+    """A bar at rest under a prestress that is pushed at one end."""
+    start, drive = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3), ss.constant(0.0, duration=duration)
+    return replace(rig, drive=drive, method=ss.Contacts(20), start=start)
+
+
+def springs_between(body):
+    """Matrix of the springs that couple the blocks."""
+    matrix = np.zeros((body.size, body.size))
+    for (i, j), k in zip(*body.links, strict=True):
+        matrix[[i, j], [i, j]] += k
+        matrix[[i, j], [j, i]] -= k
+    return matrix
+
+
+def oscillations(signal, interval):
+    """Growth and angular frequency of what oscillates in a signal, as complex rates, by the matrix pencil."""
+    rows = np.lib.stride_tricks.sliding_window_view(signal, signal.size // 3)
+    basis = np.linalg.svd(rows, full_matrices=False)[2][:8].T
+    return np.log(np.linalg.eigvals(np.linalg.pinv(basis[:-1]) @ basis[1:])) / interval
+
 
 def imbalance(run):
     """Largest gap between the work of the drive and what became of it, as a fraction of all energy turned over."""
-    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
-    found = sum(run[name] for name in parts)
+    found = sum(run[name] for name in run if name.endswith("_energy"))
     gap = run["work"] - found
     return float(np.abs(gap - gap[0]).max()) / max(float(found.max()), 1e-6)

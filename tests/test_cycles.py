@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 import stickslip as ss
 from stickslip import cycles
@@ -97,41 +96,6 @@ def test_an_oscillation_that_has_not_settled_is_undecided(monkeypatch):
     hurried = is_sustained(pulled(0.0757))
     assert (hurried.sustained, hurried.kind) == (None, "undecided")
     assert "still changes" in hurried.reason
-
-
-@pytest.mark.eq(11)
-@pytest.mark.parametrize(
-    ("interface", "slider", "velocity", "duration"),
-    [
-        (delayed(0.2), FIG6.slider, 1.0, 80),
-        (delayed(0.2), FIG4.slider, 1.0, 80),
-        (delayed(0.2, 0.06), FIG6.slider, 2.0, 20),
-        (delayed(0.1), FIG6.slider, 1.0, 60),
-        (delayed(0.13), FIG6.slider, 1.0, 60),
-    ],
-)
-def test_small_perturbations_grow_or_decay_at_the_linear_rate(interface, slider, velocity, duration):
-    method = ss.MasterEquation(rtol=1e-10)  # the slow mode starts at 1e-7
-    run = ss.simulate(
-        ss.Rig(interface, slider, ss.constant(velocity, duration)),
-        method=method,
-        start=ss.FromSliding(perturbation=1e-3),
-    )
-    late = run.sel(time=slice(0.6 * duration, None))
-    t = late.time.values - late.time.values[0]
-    speed = late.velocity.values / velocity - 1.0
-    assert np.abs(speed).max() < 0.02
-    linear = ss.growth_rate(ss.Rig(interface, slider, ss.constant(velocity)))
-
-    def misfit(guess):
-        rate, omega = guess
-        bare = speed * np.exp(-rate * t)
-        waves = np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1)
-        return (bare - waves @ np.linalg.lstsq(waves, bare, rcond=None)[0]) / np.abs(bare).max()
-
-    rate, omega = least_squares(misfit, [linear.real, linear.imag], x_scale=[0.1, 0.1]).x
-    assert rate == pytest.approx(linear.real, rel=0.01)
-    assert omega == pytest.approx(linear.imag, rel=1e-3)
 
 
 def test_tau_star_of_fig_6():

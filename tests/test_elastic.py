@@ -7,7 +7,7 @@ import tomllib
 
 import numpy as np
 import pytest
-import xarray as xr
+from benches import bar, imbalance, oscillations, pushed, springs_between
 from test_told import BAR
 
 import stickslip as ss
@@ -23,44 +23,29 @@ def alike(sliding_force: float = 0.0, delay: ss.model.DelayModel = ss.Delay(NEVE
     return ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=delay, sliding_force=sliding_force)
 
 
-def energy_defect(run: xr.Dataset) -> float:
-    """What is missing in the balance of energy, over the largest work."""
-    kept = run.kinetic_energy + run.spring_energy + run.bulk_energy + run.contact_energy
-    defect = kept + run.damped_energy + run.viscous_energy + run.broken_energy - run.work
-    return float(np.abs(defect - defect[0]).max() / np.abs(run.work).max())
-
-
 # ---------------------------------------------------------------------- fronts against the exact speed on the lattice
 
 
-def front(kappa: float, tau: float, K: float = 0.0, alpha: float = 0.0, zeta: float = 0.0, f_d: float = 0.0) -> ss.Rig:
-    """A front along a chain of homogeneous prestress, in lattice units: sound takes 1 a block."""
-    k_b = 1.0 / kappa
-    bar = ss.Chain(blocks=400, coupling=k_b, mass=k_b, damping=alpha, viscosity=zeta * k_b, leaf=K * k_b)
-    start = ss.Prestressed(stretching=f_d + (1.0 - f_d) * tau, push=3.0, pushed_blocks=3)
-    method, output = ss.Contacts(20, seed=1), ss.Output(interval=5.0)
-    return ss.Rig(alike(f_d), bar, ss.constant(0.0, duration=400.0), method=method, start=start, output=output)
-
-
 @pytest.mark.parametrize(
-    "case",
+    ("groups", "tau"),
     [
-        {"kappa": 100, "tau": 0.7, "f_d": 0.425},  # stiff contacts, nearly Amontons-Coulomb
-        {"kappa": 1, "tau": 0.9},  # soft contacts, no leaf springs: faster than sound
-        {"kappa": 1, "tau": 0.5, "zeta": 0.3162},  # dashpots in the bulk
-        {"kappa": 0.25, "tau": 0.6, "K": 0.05, "alpha": 0.3},  # leaf springs and damping: slower than sound
-        {"kappa": 0.04, "tau": 0.5, "K": 0.01, "alpha": 0.2, "f_d": 0.425},
-        {"kappa": 0.01, "tau": 0.6, "K": 0.0025, "alpha": 0.1},
+        ({"kappa": 100, "sliding": 0.425}, 0.7),  # stiff contacts, nearly Amontons-Coulomb
+        ({"kappa": 1}, 0.9),  # soft contacts, no leaf springs: faster than sound
+        ({"kappa": 1, "zeta": 0.3162}, 0.5),  # dashpots in the bulk
+        ({"kappa": 0.25, "leaf": 0.05, "alpha": 0.3}, 0.6),  # leaf springs and damping: slower than sound
+        ({"kappa": 0.04, "leaf": 0.01, "alpha": 0.2, "sliding": 0.425}, 0.5),
+        ({"kappa": 0.01, "leaf": 0.0025, "alpha": 0.1}, 0.6),
     ],
 )
-def test_front_speed(case: dict[str, float]) -> None:
-    rig = front(**case)
-    exact = float(ss.elastic.front_speed(rig, prestress=case["tau"]))
-    run = ss.simulate(rig.replace(drive=ss.constant(0.0, duration=420.0 / min(exact, 1.0))))
+def test_front_speed(groups: dict[str, float], tau: float) -> None:
+    rig = bar(**groups)
+    exact = float(ss.elastic.front_speed(rig, prestress=tau))
+    stretching = tau + rig.interface.sliding_force * (1.0 - tau)
+    run = ss.simulate(pushed(rig, stretching, 420.0 / min(exact, 1.0)), output=ss.Output(interval=5.0))
     block = np.arange(240, 380)
     speed = np.polyfit(run.first_break.values[block], block, 1)[0]
     assert speed == pytest.approx(exact, rel=2e-4)
-    assert energy_defect(run) < 1e-4
+    assert imbalance(run) < 6e-6  # of all energy, which is up to fifteen times the work
     found = ss.measure.fronts(run)
     assert found.blocks.values.tolist() == [400]
     assert float(found.speed[300]) == pytest.approx(exact, rel=1e-2)
@@ -68,7 +53,7 @@ def test_front_speed(case: dict[str, float]) -> None:
 
 def test_a_prestress_below_the_threshold_of_fronts_stops_the_front() -> None:
     K, kappa = 0.05, 0.25  # of the coupling: Griffith's prestress is sqrt(K/(K + kappa)) = .41
-    run = ss.simulate(front(kappa, 0.35, K=K, alpha=0.3))
+    run = ss.simulate(pushed(bar(kappa, K, 0.3), 0.35, 400.0), output=ss.Output(interval=5.0))
     assert int(ss.measure.fronts(run).last_block[0]) < 20
     assert np.isnan(run.first_break[-1])
 
@@ -85,37 +70,27 @@ def test_stuck_blocks_oscillate_as_springs_do() -> None:
     assert np.abs(run.displacement[:, 2] - exact).max() < 1e-4
 
 
-WAVE = np.cos(2 * np.pi * np.arange(8) / 8)
-
-
-def held(blocks: int, coupling: float) -> np.ndarray:
-    """The softest mode of a chain that is pulled at its end."""
-    matrix = coupling * (2.0 * np.eye(blocks) - np.eye(blocks, k=1) - np.eye(blocks, k=-1))
-    matrix[0, 0], matrix[-1, -1] = coupling + 40.0, coupling
-    return np.linalg.eigh(matrix)[1][:, 0]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("bar", "shape", "mode"),
+    ("springs", "mode"),
     [
-        ({"coupling": 2.0, "leaf": 3.0, "ends": "periodic", "viscosity": 2e-3}, WAVE, 1),
-        ({"coupling": 40.0, "side": 40.0}, held(8, 40.0), 0),
-        ({"coupling": 80.0, "side": 40.0}, held(8, 80.0), 0),
+        ({"coupling": 2.0, "leaf": 3.0, "ends": "periodic", "viscosity": 2e-3}, 1),
+        ({"coupling": 40.0, "side": 40.0}, 0),
+        ({"coupling": 80.0, "side": 40.0}, 0),
     ],
 )
-def test_modes_of_smooth_sliding_grow_as_in_linear_theory(bar: dict[str, float], shape: np.ndarray, mode: int) -> None:
+def test_modes_of_smooth_sliding_grow_as_in_linear_theory(springs: dict[str, float], mode: int) -> None:
+    chain = ss.Chain(blocks=8, mass=1e-4, damping=42.426, **springs)
+    shape = np.linalg.eigh(np.diag(chain.pulled) + springs_between(chain))[1][:, mode]
     shape = shape / np.abs(shape).max()
-    start, chain = ss.FromSliding(perturbation=tuple(0.2 * shape)), ss.Chain(blocks=8, mass=1e-4, damping=42.426, **bar)
+    start = ss.FromSliding(perturbation=tuple(0.2 * shape))
     drive, interface = ss.constant(1.5, duration=10.0), ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     rig = ss.Rig(interface, chain, drive, start=start, output=ss.Output(interval=1e-2))
     expected = ss.elastic.modes(rig).isel(mode=mode)
     moved = (run := ss.simulate(rig, long=True)).displacement.values - 1.5 * run.time.values[:, None]
     signal = ((moved - moved[0]) @ shape)[run.time.values >= 3.0][::5]
-    # The oscillations in a signal by the matrix pencil, the slowest decay first.
-    v = np.linalg.svd(np.lib.stride_tricks.sliding_window_view(signal, signal.size // 3 + 1))[2][:8]
-    found = np.log(np.linalg.eigvals(np.linalg.pinv(v[:, :-1].T) @ v[:, 1:].T)) / 0.05
-    found = max(found[np.abs(found.imag) > 1.0], key=lambda s: s.real)
+    found = oscillations(signal, 0.05)
+    found = max(found[np.abs(found.imag) > 1.0], key=lambda s: s.real)  # the slowest decay
     assert found.real == pytest.approx(float(expected.growth), abs=1e-3)
     assert abs(found.imag) == pytest.approx(float(expected.frequency), abs=1e-3)
 
@@ -321,7 +296,7 @@ def test_runs_of_elastic_sliders_in_si_units() -> None:
     assert plate.start == ss.Prestressed(stretching=(0.8,) * 8 + (0.4,) * 16, push=2.0, pushed_blocks=1)
     assert (plate.slider.along, plate.slider.across, plate.method) == (8, 3, ss.Contacts(20, seed=1))
     run = ss.simulate(plate)
-    assert energy_defect(run) < 1e-4
+    assert imbalance(run) < 6e-5
     assert float(run.broken[-1].max()) == 1.0
 
 

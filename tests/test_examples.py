@@ -19,9 +19,9 @@ PAGES = sorted(
 DEAR = ("practice/basalt_step", "practice/bowed_string", "practice/regime_diagram")
 
 
-def example(name):
+def example(name, folder="practice"):
     """What an example holds."""
-    return SimpleNamespace(**runpy.run_path(str(EXAMPLES / "practice" / f"{name}.py")))
+    return SimpleNamespace(**runpy.run_path(str(EXAMPLES / folder / f"{name}.py")))
 
 
 @pytest.mark.parametrize("name", rig.example_names())
@@ -104,6 +104,27 @@ def test_a_trace_tells_the_strength_of_its_contacts():
     found = trace.fitted(draws=1500)
     assert found["contact_strength"].low < trace.BENCH.strength < found["contact_strength"].high
     assert found["stiffness_ratio"].low < trace.TRUTH["stiffness_ratio"] < found["stiffness_ratio"].high
+
+
+@pytest.mark.parametrize(("blocks", "at_rest", "left"), [(8, 4, 8), (16, 8, 0), (12, 0, 0), (12, 12, 12)])
+def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_either_stays(blocks, at_rest, left):
+    case = example("side_by_side", "elastic")
+    count = case.in_stick_slip(case.run(blocks, at_rest, duration=30.0))
+    assert (count[0], count[-1]) == (at_rest, left)
+
+
+def test_a_slow_front_by_slow_slip():
+    """The fast front as theory has it, which stops where the prestress falls; a slow one goes on."""
+    module = example("slow_front", "elastic")
+    run = ss.simulate(module.rig(beyond=0.44))
+    fast, slow = module.speeds(run)
+    fronts = ss.measure.fronts(run)
+    assert int(fronts["blocks"][0]) == pytest.approx(114, abs=1)
+    assert fast == pytest.approx(float(ss.elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
+    assert slow == pytest.approx(0.026, abs=0.001)
+    assert float(fronts["front_speed"][1]) == pytest.approx(slow, rel=0.1)
+    without = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
+    assert (int(np.isfinite(without).sum()), float(without.max()) < 250) == (114, True)
 
 
 @pytest.mark.takes(4)

@@ -1,13 +1,11 @@
 """Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
 
 import math
-import runpy
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benches import STILL, bar, pushed, springs_between
 from drawn import assert_drawn, assert_kept
 from scipy.optimize import brentq
 
@@ -15,18 +13,6 @@ import stickslip as ss
 from stickslip import cli, elastic
 from stickslip.io import rig_files
 from stickslip.model.units import Scales
-
-NEVER = ss.Delay(math.inf)
-STILL = ss.constant(velocity=0.0, duration=1.0)
-
-
-def bar(kappa, leaf=0.0, alpha=0.0, zeta=0.0, *, std=0.0, sliding=0.0, mean=1.0, delay=NEVER, **more):
-    """A rig by the groups that a front depends on: contacts, leaf springs, damping and viscosity against the bulk."""
-    coupling = 1.0 / kappa
-    chain = {"blocks": 400, "coupling": coupling, "mass": coupling, "damping": alpha, "viscosity": zeta * coupling}
-    chain |= {"leaf": leaf * coupling} | more
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=mean, std=std), delay=delay, sliding_force=sliding)
-    return ss.Rig(interface, ss.Chain(**chain), STILL)
 
 
 def speed(rig, prestress, **how):
@@ -148,26 +134,11 @@ def test_what_is_said_of_a_front(rig, prestress, words):
 # ---------------------------------------------------------------- precursors
 
 
-def side_driven(blocks=50, coupling=4.0, sliding=0.425, **more):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=NEVER, sliding_force=sliding)
-    chain = {"blocks": blocks, "coupling": coupling, "mass": 4.0, "damping": 0.1, "side": 4.0} | more
-    return ss.Rig(interface, ss.Chain(**chain), STILL)
-
-
-def springs_between(body):
-    """Matrix of the springs that couple the blocks."""
-    matrix = np.zeros((body.size, body.size))
-    for (i, j), k in zip(*body.links, strict=True):
-        matrix[[i, j], [i, j]] += k
-        matrix[[i, j], [j, i]] -= k
-    return matrix
-
-
 @pytest.mark.parametrize("tip", [0, 1, 17, 28, 29])
 def test_precursor_force_from_the_balance_of_every_block(tip):
     """The same from the equations of all blocks at once: those behind the tip slide, the tip is at its threshold."""
     n, sliding = 30, 0.3
-    rig = side_driven(n, 3.0, sliding)
+    rig = bar(1 / 3.0, sliding=sliding, blocks=n, side=4.0)
     stuck = np.arange(n) >= tip
     matrix = springs_between(rig.slider) + np.diag(np.where(stuck, 1.0, 0.0))
     unit = np.zeros(n)
@@ -179,10 +150,10 @@ def test_precursor_force_from_the_balance_of_every_block(tip):
 
 def test_screening_length_is_how_stuck_blocks_follow():
     """The displacement of a row of stuck blocks, pushed at one end, falls by e over the screening length."""
-    rig = side_driven(400, 25.0)
+    rig = bar(1 / 25.0, side=4.0)
     decay = 25.0 / (1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / elastic.screening_length(rig)))
     assert decay == pytest.approx(math.exp(-1 / elastic.screening_length(rig)), rel=1e-12)
-    assert elastic.screening_length(side_driven(10, 1e6)) == pytest.approx(1000.0, rel=1e-6)
+    assert elastic.screening_length(bar(1e-6, side=4.0)) == pytest.approx(1000.0, rel=1e-6)
 
 
 # ---------------------------------------------------------------- modes of smooth sliding
@@ -294,12 +265,6 @@ def test_bad_input(ask, rig, message):
 # ---------------------------------------------------------------- pictures
 
 
-def pushed(rig, profile, duration):
-    """A bar at rest under a prestress that is pushed at one end."""
-    start, drive = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3), ss.constant(0.0, duration=duration)
-    return replace(rig, drive=drive, method=ss.Contacts(20), start=start)
-
-
 @pytest.fixture(scope="module")
 def passing():
     """A front that slows down as the prestress falls along a bar."""
@@ -354,31 +319,6 @@ def test_precursors_grow_along_the_line(pulled):
 def test_pictures_that_cannot_be_drawn(pulled, ask, message):
     with pytest.raises(ss.InputError, match=message):
         ask(pulled)
-
-
-def gallery(name):
-    return SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "examples" / "elastic" / f"{name}.py")))
-
-
-@pytest.mark.parametrize(("blocks", "at_rest", "left"), [(8, 4, 8), (16, 8, 0), (12, 0, 0), (12, 12, 12)])
-def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_either_stays(blocks, at_rest, left):
-    case = gallery("side_by_side")
-    count = case.in_stick_slip(case.run(blocks, at_rest, duration=30.0))
-    assert (count[0], count[-1]) == (at_rest, left)
-
-
-def test_a_slow_front_by_slow_slip():
-    """The fast front as theory has it, which stops where the prestress falls; a slow one goes on."""
-    module = gallery("slow_front")
-    run = ss.simulate(module.rig(beyond=0.44))
-    fast, slow = module.speeds(run)
-    fronts = ss.measure.fronts(run)
-    assert int(fronts["blocks"][0]) == pytest.approx(114, abs=1)
-    assert fast == pytest.approx(float(elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
-    assert slow == pytest.approx(0.026, abs=0.001)
-    assert float(fronts["front_speed"][1]) == pytest.approx(slow, rel=0.1)
-    without = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
-    assert (int(np.isfinite(without).sum()), float(without.max()) < 250) == (114, True)
 
 
 def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy import optimize
+from benches import oscillations
 
 import stickslip as ss
 from stickslip.simulation.engines import Beginning, engine_of
@@ -230,27 +230,14 @@ def test_slide_hold_slide(name):
     assert float(contacts.peak[0]) == pytest.approx(peak, abs=4 * error)
 
 
-def mode_of(run, frequency):
-    """Growth and angular frequency of the one mode that is left late in a run."""
-    late = run.time > 6.0
-    t, force = run.time[late].to_numpy(), run.friction_force[late].to_numpy()
-
-    def misfit(mode):
-        # The amplitudes of one complex mode are linear: search its growth and frequency alone.
-        shape = np.exp(mode[0] * t)
-        basis = np.stack([shape * np.cos(mode[1] * t), shape * np.sin(mode[1] * t), np.ones_like(t), t], axis=1)
-        return float(np.sum((force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]) ** 2)) / np.ptp(force) ** 2
-
-    options = {"xatol": 1e-5, "fatol": 1e-12}
-    return optimize.minimize(misfit, [0.0, frequency], method="Nelder-Mead", options=options).x
-
-
 @pytest.mark.parametrize(("stiffness", "growth", "frequency"), [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)])
 def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequency):
     run = ss.velocity_step(LT, before=1.0, after=1.003, distance=25.0, stiffness=stiffness)
-    found = mode_of(run, frequency)
-    assert found[0] == pytest.approx(growth, abs=0.001)
-    assert found[1] == pytest.approx(frequency, rel=0.003)
+    late = run.sel(time=slice(6.0, None))
+    found = oscillations(late.friction_force.to_numpy(), float(late.time[1] - late.time[0]))
+    found = found[np.argmin(np.abs(found - complex(growth, frequency)))]
+    assert found.real == pytest.approx(growth, abs=0.001)
+    assert found.imag == pytest.approx(frequency, rel=0.003)
 
 
 def test_a_rig_has_its_own_units():
