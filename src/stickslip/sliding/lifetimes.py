@@ -7,8 +7,7 @@ interface and a speed; `stickslip.sliding.activated` reads them.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
-from itertools import pairwise
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -24,10 +23,12 @@ from stickslip.model.records import hashable
 
 def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:
     """The lifetimes of contacts in steady sliding at a speed, for perturbations of wave numbers up to `highest`."""
+    contacts = map(hashable, (interface.threshold_distribution, interface.temperature, interface.ageing))
+    lifetimes = partial(_lifetimes, *contacts, float(velocity))
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
-    contacts = interface.threshold_distribution, interface.temperature, interface.ageing
-    return _lifetimes(*map(hashable, contacts), float(velocity), longest)
+    whole = lifetimes(1.0)
+    return whole if whole.width.max(initial=0.0) <= longest else lifetimes(longest)
 
 
 @lru_cache(maxsize=128)
@@ -62,7 +63,7 @@ def threshold_nodes(distribution: Distribution, first: float, places: list[tuple
         return np.array([distribution.moment(1)]), np.ones(1)
     start = max(distribution.support[0], 0.0)
     places = [(start, first), *((knot, 0.05) for knot in distribution.knots), *places]
-    x, weight = gauss_nodes(panel_edges(distribution, start, distribution.support[1], places, math.inf))
+    x, weight = gauss_nodes(panel_edges(distribution, start, distribution.support[1], places))
     weight = weight * distribution.density(x)
     met = weight > 1e-14 * weight.sum()
     return x[met], weight[met]
@@ -95,7 +96,6 @@ def panel_edges(
     start: float,
     end: float,
     places: list[tuple[float, float]],
-    longest: float,
     steepest: Callable[[float], float] = lambda _: math.inf,
 ) -> Array:
     """Ends of panels: as fine as the distribution is wide, finer towards each place, down to the scale there.
@@ -108,7 +108,7 @@ def panel_edges(
     edges = [start]
     while edges[-1] < end:
         x = edges[-1]
-        step = min(max(core, 0.12 * abs(x - middle)), longest, steepest(x), end - x)
+        step = min(max(core, 0.12 * abs(x - middle)), steepest(x), end - x)
         for place, scale in fine:
             step = min(step, 0.6 * scale + 0.5 * abs(x - place))
             if x < place < x + step:
@@ -142,7 +142,11 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     low, high = distribution.support
     if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lifetimes
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
-    width, x, weight = _radau(_edges_in_one(distribution, hazard, growth, v, longest))
+    edges = _edges_in_one(distribution, hazard, growth, v)
+    count = np.maximum(np.ceil(np.diff(edges) / longest), 1.0).astype(int)
+    part = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    edges = np.append(np.repeat(edges[:-1], count) + part * np.repeat(np.diff(edges) / count, count), edges[-1])
+    width, x, weight = _radau(edges)
     strength, steeper, later = _met(growth, x, v)
     capped = np.maximum(strength, low)
     density = np.where(strength >= low, distribution.density(capped), 0.0)
@@ -167,15 +171,14 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     return kernel.Lifetimes(width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, zero)
 
 
-def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Array:
+@lru_cache(maxsize=128)
+def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Array:
     """Ends of panels for all contacts at once, up to where the strongest have broken."""
     (low, high), A = distribution.support, hazard.scale
     newborn = 0.0, _shortest(distribution, hazard, growth, v)
     if hazard.attempts == 0:  # at a high speed all break within a small part of the panels that suit their strengths
-        strengths = panel_edges(distribution, max(low, 0.0), high, [newborn], math.inf).tolist()
-        met = sorted({0.0, *(kernel.reach(growth, strength, v) for strength in strengths)})
-        cut = [np.linspace(a, b, math.ceil((b - a) / longest), endpoint=False) for a, b in pairwise(met)]
-        return np.append(np.concatenate(cut), met[-1])
+        strengths = panel_edges(distribution, max(low, 0.0), high, [newborn]).tolist()
+        return np.array(sorted({0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}))
 
     def follow(x: float) -> float:
         """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
@@ -188,11 +191,11 @@ def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v:
     end, places = kernel.reach(growth, high, v), [newborn]
     if distribution.knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
-        width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, longest, follow))
+        width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
         places += [(float(np.interp(knot, reached, x)), A) for knot in distribution.knots if knot < reached[-1]]
     places += [(kernel.reach(growth, knot, v), A) for knot in distribution.knots if knot > 0 or growth.first > 0.0]
-    edges = panel_edges(distribution, 0.0, end, places, longest, follow)
+    edges = panel_edges(distribution, 0.0, end, places, follow)
     # All have broken long before the strongest meet their thresholds.
     width, x, _ = _radau(edges)
     broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], high + 4.0 * A)
