@@ -30,7 +30,9 @@ from stickslip.errors import (
 )
 from stickslip.io import datasets as store
 from stickslip.model import SteadyState
-from stickslip.theory import closure_friction
+from stickslip.model.drive import Drive, Piece
+from stickslip.stability import dynamic_stiffness
+from stickslip.theory import attached_fraction, closure_friction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 INTERFACE = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
@@ -44,6 +46,7 @@ def interface(**parts):
 
 NEVER, EQUAL = interface(delay=ss.Delay(math.inf)), interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
 AGEING, LASTING = (interface(ageing=ss.Langevin(rate=1.0, newborn=newborn)) for newborn in (0.0, 0.3))
+TRACK = interface(newborn=ss.Uniform(-0.1, 0.4), track_scatter=0.1)
 WARM = interface(temperature=ss.Bell(width=0.01, attempts=1e6))
 
 
@@ -96,6 +99,34 @@ REFUSED = [
     (lambda: interface(delay=0.2), r"^Interface\.delay = 0\.2: must be a delay, such as Delay"),
     (lambda: interface(initial=ss.Gaussian(3, 0.1)), r"^Interface\.initial = .*100 % of the .* \(1\.83.*\); narrow"),
     (lambda: interface(thresholds=ss.Gaussian(1.0, 1e11)), "units of x_s, the breaking displacement"),
+    (lambda: interface(newborn=ss.Gaussian(1.5, 0.3)), "newborn = .*would start beyond the largest threshold"),
+    (lambda: interface(sliding_force=-0.1), "^Interface.sliding_force = -0.1: must be .* at least 0"),
+    (lambda: interface(track_scatter=1.5), "^Interface.track_scatter = 1.5: must be .* at most 1"),
+    # drives
+    (lambda: ss.constant(math.nan, 1), r"^drive velocity = nan: must be a finite number"),
+    (lambda: ss.ramp(1, "2", 1), r"^drive velocity = '2': must be a number"),
+    (lambda: ss.constant(1, 0), r"^drive duration = 0: must be a finite number above 0"),
+    (lambda: ss.constant(0), r"^constant: velocity = 0 needs a duration"),
+    (lambda: ss.constant(1, 1).until(3.0), r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow"),
+    (lambda: ss.constant(1, 1).then(3.0), r"^Drive\.then = 3\.0: must be a drive, made with constant\(\) or ramp\(\)"),
+    (lambda: Drive(()), r"^Drive\.pieces: must hold at least one piece; make one with constant\(\) or ramp\(\)"),
+    (lambda: Drive([Piece(start=1, end=1, duration=1)]), r"^Drive\.pieces = \[.*: must be a tuple of pieces"),
+    (lambda: Drive((1.0,)), r"^Drive\.pieces\[0\] = 1\.0: must be a piece"),
+    (lambda: ss.model.Travel(0), r"^Travel\.distance = 0: must be .* above 0 \(in x_s\)"),
+    (lambda: ss.model.ForceBelow("low"), r"^ForceBelow\.force = 'low': must be a number \(in f_s\)"),
+    # closed forms
+    (lambda: attached_fraction(AGEING, 1.0), "ageing"),
+    (lambda: ss.kinetic_friction(AGEING), "velocity = 0"),
+    (lambda: ss.kinetic_friction(NEVER), "velocity = 0"),
+    (lambda: ss.kinetic_friction(replace(AGEING, delay=ss.Delay(0.1)), 1.0), "newborn = 0"),
+    (lambda: ss.kinetic_friction(replace(AGEING, sliding_force=0.1), 1.0), "sliding_force = 0.1: not"),
+    (lambda: ss.kinetic_friction(interface(track_scatter=0.1)), "0.1: not available with smooth sliding"),
+    (lambda: ss.static_friction(interface(track_scatter=0.1)), "0.1: not available with static_friction"),
+    (lambda: dynamic_stiffness(interface(delay=ss.OnArrest()), 1.0, 1j), "delay = .*: not available"),
+    *(
+        (lambda rate=rate, v=v: ss.kinetic_friction(interface(ageing=ss.Langevin(rate=rate)), v), r"times rate\*\*2")
+        for rate, v in ((1.0, 1e8), (1e-10, 1e-6), (1e3, 1e20), (1e-25, 1.0))
+    ),
     # verbs
     (lambda: ss.kinetic_friction(INTERFACE, -1.0), "^velocity = -1: must be a finite number at least 0"),
     (lambda: ss.kinetic_friction(3, 1.0), "^kinetic_friction: interface = 3: must be an Interface"),
@@ -115,6 +146,8 @@ REFUSED = [
     (run_of(output=ss.Output(snapshots=(2.0,))), r"^Output\.snapshots: 2 lies beyond the end of the"),
     (run_of(start=ss.FromSliding(), drive=ss.constant(0.0, 1.0)), r"^FromSliding: .* at velocity 0: .* above 0"),
     (run_of(start=ss.FromSliding(), interface=NEVER), r"^FromSliding: contacts that never re-attach"),
+    (run_of(interface=TRACK, method=ss.Contacts(9)), "delay = .*above 0"),
+    (run_of(interface=replace(TRACK, areas="site"), method=ss.Contacts(9)), "0.1: contacts that keep their areas"),
     (run_of(interface=EQUAL), r"^Gaussian\.std = 0: .* or use the method Contacts"),
     (run_of(output=ss.Output(interval=1e-9)), r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
     (run_of(interface=replace(AGEING, thresholds=ss.Uniform(0.5, 1.5))), "Gaussian"),

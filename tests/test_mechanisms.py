@@ -295,12 +295,6 @@ def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damp
     assert (stability.growth_rate(rig).real > 0) == (counted > 0)
 
 
-def test_without_delay_a_sliding_force_does_nothing():
-    rigs = [rig_of(ss.Interface(thresholds=TENTH, sliding_force=force), ss.constant(1.5)) for force in (0.0, 0.5)]
-    assert len({stability.growth_rate(rig) for rig in rigs}) == 1
-    assert all(stability.count_unstable(rig) == 0 for rig in rigs)
-
-
 WIDE = ss.Gaussian(mean=1.0, std=0.2)
 SCATTERED = ss.RandomDelay(mean=0.3, std=0.1)
 
@@ -356,37 +350,6 @@ def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay
     never = [ss.critical_stiffness(one, reattachment=False) for one in (plain, sliding)]
     # The fall is that of breaking contacts, each of which now keeps .4 of about 1.
     assert never[1] == pytest.approx(0.6 * never[0], rel=0.07)
-
-
-def simulated(interface):
-    return ss.simulate(rig_of(interface))
-
-
-def response(interface):
-    return stability.dynamic_stiffness(interface, 1.0, 1j)
-
-
-@pytest.mark.parametrize(
-    ("changes", "call", "words"),
-    [
-        (
-            {"newborn": ss.Gaussian(mean=1.5, std=0.3)},
-            simulated,
-            "newborn = .*would start beyond the largest threshold",
-        ),
-        ({"newborn": STRETCHED, "track_scatter": 0.1, "delay": ss.Delay(0.0)}, simulated, "delay = .*above 0"),
-        ({"sliding_force": -0.1}, simulated, "Interface.sliding_force = -0.1: must be .* at least 0"),
-        ({"areas": "site", "track_scatter": 0.1}, simulated, "track_scatter = 0.1: contacts that keep their areas"),
-        ({"track_scatter": 1.5}, simulated, "Interface.track_scatter = 1.5: must be .* at most 1"),
-        ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with smooth sliding"),
-        ({"track_scatter": 0.1}, ss.static_friction, "track_scatter = 0.1: not available with static_friction"),
-        ({"delay": ss.OnArrest()}, response, "delay = .*: not available"),
-        ({"sliding_force": 0.1, "ageing": ss.Langevin(rate=1.5)}, ss.kinetic_friction, "sliding_force = 0.1: not"),
-    ],
-)
-def test_what_cannot_be_or_has_no_closed_form_is_refused(changes, call, words):
-    with pytest.raises(InputError, match=words):
-        call(ss.Interface(**{"thresholds": TENTH, "delay": ss.Delay(0.1)} | changes))
 
 
 # ------------------------------------------------------------------------------------------------ rig files

@@ -61,30 +61,7 @@ def test_friction_of_ageing_thresholds_depends_on_velocity_over_rate_squared(rat
     assert kinetic_friction(ageing, 0.5 * rate**2) == pytest.approx(float(force[1]), rel=1e-12)
 
 
-AGEING = Interface(thresholds=FIG4.interface.thresholds, ageing=Langevin(rate=1.0))
 NEVER = replace(FIG4.interface, delay=Delay(math.inf))
-
-
-@pytest.mark.parametrize(
-    ("ask", "why"),
-    [
-        (lambda: attached_fraction(AGEING, 1.0), "ageing"),
-        (lambda: kinetic_friction(AGEING), "velocity = 0"),
-        (lambda: kinetic_friction(replace(AGEING, delay=Delay(0.1)), 1.0), "newborn = 0"),
-        (lambda: kinetic_friction(NEVER), "velocity = 0"),
-        (lambda: kinetic_friction(FIG4.interface, -1.0), "velocity = -1"),
-        *(
-            (
-                lambda rate=rate, v=v: kinetic_friction(replace(AGEING, ageing=Langevin(rate=rate)), v),
-                r"times rate\*\*2",
-            )
-            for rate, v in ((1.0, 1e8), (1e-10, 1e-6), (1e3, 1e20), (1e-25, 1.0))
-        ),
-    ],
-)
-def test_no_closed_form_where_there_is_none(ask, why):
-    with pytest.raises(InputError, match=why):
-        ask()
 
 
 def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
