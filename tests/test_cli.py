@@ -229,19 +229,6 @@ def test_a_command_of_nohup_outlives_its_terminal():
         assert done.stdout.strip() == expected
 
 
-def test_help_is_quick_and_loads_no_heavy_library():
-    code = (
-        "import sys, resource\n"
-        "from stickslip import cli\n"
-        "try:\n    cli.main(['--help'])\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numba', 'xarray', 'matplotlib', 'scipy.stats', 'pint'} & set(sys.modules)\n"
-        "print('heavy', sorted(heavy), resource.getrusage(resource.RUSAGE_SELF).ru_utime)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "heavy []" in done.stdout
-    assert "predict" in done.stdout
-
-
 def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
     """A bare number is in s or N, whatever the unit of the file."""
     file = tmp_path / "ms.csv"

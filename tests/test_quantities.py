@@ -3,7 +3,6 @@
 import math
 import sys
 import time
-from contextlib import suppress
 from fractions import Fraction
 
 import pytest
@@ -101,12 +100,16 @@ WRONG = (
     "4 N/\u043c|4e3\u00b2 N/m"
 )
 JUNK = [*WRONG.split("|"), "9" * 65, "4 N" + "N" * 100_000, "4." + "0" * 100_000 + " N/m", "(" * 64, "4 " + "N*" * 31]
+JUNK += ["4 " + "m*" * 30 + "m", "4 " + "m**9*" * 12 + "m", "4 " + "Qm^9*" * 11 + "Qm^9", "1e999 " + "Qm^9*" * 11 + "m"]
+JUNK += [" " * 64, "9*N m^(" * 12]
 
 
 def test_junk_is_refused_at_once():
     begun = time.process_time()
     for text in JUNK:
         refusal(text)
+        with pytest.raises(InputError):
+            read_number(text)
     assert time.process_time() - begun < 2.0
 
 
@@ -162,25 +165,6 @@ def test_what_is_accepted_is_the_number_times_the_unit(number, above, below, tim
         refusal(text, wanted)
     else:
         assert read_quantity(text, wanted, "") == expected
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "4 " + "m*" * 30 + "m",
-        "4 " + "m**9*" * 12 + "m",
-        "4 " + "Qm^9*" * 11 + "Qm^9",
-        "1e999 " + "Qm^9*" * 11 + "m",
-        " " * 64,
-        "9*N m^(" * 12,
-    ],
-)
-def test_no_text_takes_long(text):
-    begun = time.thread_time()
-    for read in (lambda: read_quantity(text, "N", "768 N"), lambda: read_number(text)):
-        with suppress(InputError):
-            assert math.isfinite(read())
-    assert time.thread_time() - begun < 0.5
 
 
 def test_plain_numbers():

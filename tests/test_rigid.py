@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import reference
 
 import stickslip as ss
 from stickslip.model.distributions import SteadyState
@@ -21,7 +22,8 @@ def gaussian(initial, thresholds, delay=0.0):
     )
 
 
-def test_static_friction_is_the_largest_force():
+def test_static_friction_is_the_largest_force_and_the_critical_stiffness_its_steepest_fall():
+    assert ss.critical_stiffness(gaussian(0.01, 0.1)) == pytest.approx(reference.CRITICAL_STIFFNESS, abs=0.003)
     force, place = ss.static_friction(gaussian(0.01, 0.1, delay=0.5))
     assert force == pytest.approx(0.79560, abs=1e-4)
     assert place == pytest.approx(0.8435, abs=2e-3)
