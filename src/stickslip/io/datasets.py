@@ -11,13 +11,12 @@ import sys
 import warnings
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
-from stickslip import model
+from stickslip import __version__, model
 from stickslip.errors import InputError, instance
 from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
@@ -93,7 +92,7 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
 
 def provenance(call: str, arguments: Mapping[str, object]) -> str:
     """Return the JSON string that says which call made a result, with what, by which version."""
-    return json.dumps({"stickslip": version("stickslip"), "call": call, "arguments": encode(arguments)}, sort_keys=True)
+    return json.dumps({"stickslip": __version__, "call": call, "arguments": encode(arguments)}, sort_keys=True)
 
 
 def read_provenance(data: xr.Dataset) -> dict[str, Any]:
