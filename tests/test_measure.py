@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import reference
 import xarray as xr
@@ -205,8 +206,8 @@ FORCES = {
     "that stop late": (stops(35.0, 0.0), "undecided", "stick-slip to t = 35, then smooth sliding: judge"),
     "smaller ones": (
         alone(60.0, 0.01, lambda t: 2 + np.where(t < 30, 1, 0.4) * (t % 1), 0.01),
-        None,
-        "first half: 0.5",
+        "stick-slip",
+        "in 2 segments: drop 0.989 to t = 30, then drop 0.396",
     ),
     "paper, K 168, V 42": (lambda: paper("k168_v42"), "stick-slip", "irregular and persistent; slipping takes 5 %"),
     "paper, K 168, V 1100": (lambda: paper("k168_v1100"), "stick-slip", r"at its full rate for 5\d % of the time"),
@@ -253,6 +254,41 @@ def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     result = regime(trace(t, force))
     assert result.kind == "stick-slip"
     assert result.period == pytest.approx(drawn.mean(), rel=0.3)
+
+
+@settings(max_examples=20)
+@given(when=st.floats(12.0, 48.0), factor=st.floats(2.5, 8.0), level=st.floats(-1.0, 1.0))
+def test_steps_of_amplitude_and_level_are_found_where_they_are(when, factor, level):
+    t = np.arange(0.0, 60.0, 0.01)
+    force = 5.0 + np.where(t < when, t % 1.0, level + t % 1.0 / factor) + white(t.size, std=0.01)
+    seen = regime(trace(t, force))
+    assert [part.kind for part in seen.segments] == ["stick-slip", "stick-slip"]
+    assert seen.segments[0].window[1] == pytest.approx(when, abs=1.0)  # a cycle
+    assert seen == "stick-slip"
+    smooth = regime(trace(t, 5.0 + (t > when) + white(t.size, std=0.02)))
+    assert (smooth.kind, len(smooth.segments)) == ("smooth sliding", 2)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
+def test_noise_has_no_steps_whatever_its_colour(memory):
+    t = 0.05 * np.arange(4000)
+    stepped = [
+        bool(regime(trace(t, 5.0 + 0.2 * slow(t.size, memory=memory, seed=seed))).segments) for seed in range(40)
+    ]
+    assert sum(stepped) <= 5
+
+
+def test_a_force_over_its_times_is_enough():
+    force = bench()[0]["spring_force"]
+    series = force.to_series()
+    dates = pd.Timestamp("2024-02-01") + pd.to_timedelta(series.index, unit="s")
+    kept = drops(force.to_dataset())["recurrence"].attrs["mean"]
+    for each in (force, force.rename(time="t"), series, series.set_axis(dates)):
+        assert regime(each) == "stick-slip"
+        assert drops(each)["recurrence"].attrs["mean"] == pytest.approx(kept, rel=1e-6)
+    for each in (force.drop_vars("time"), series.reset_index(drop=True), series.values):
+        with pytest.raises(ss.InputError, match="a force with its times"):
+            regime(each)
 
 
 @pytest.mark.parametrize("samples", [300, 2000, 20_000])
@@ -460,6 +496,8 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
         data = read_trace(file, step=0.01)
         assert int(data["filled"].sum()) == spikes.size
         assert (f"{spikes.size} spikes of a single sample" in data.attrs["note"]) == (spikes.size > 0)
+        moving = ss.measure.motion(data, stiffness=10.0, velocity=1.0)
+        assert ss.measure.kinematics(moving).spikes == data.attrs["spikes"] == spikes.size
         assert drops(data).sizes["event"] == pytest.approx(slips, abs=1)
 
 

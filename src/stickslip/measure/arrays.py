@@ -7,17 +7,23 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.fft import dct, idct
+from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
-from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
+from stickslip.errors import LARGEST, SMALLEST, InputError, printable
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import rig_of
 from stickslip.words import engineering
 
 FEWEST_READINGS = 16
+FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
+ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
+CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chance
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
 _VARIABLES = {
     "t": "time",
@@ -37,6 +43,20 @@ def check_numbers(place: str, variable: xr.DataArray) -> None:
     largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
     if largest > LARGEST:
         raise InputError(f"{place}: {variable.name} = {largest:g}: must be at most {LARGEST:g} in size")
+
+
+def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
+    """A Dataset with a force along time: as it is, or made of a force alone over its times; dates become seconds."""
+    if isinstance(data, pd.Series) and not isinstance(data.index, pd.RangeIndex):
+        data = xr.DataArray(data.to_numpy(), {"time": data.index.to_numpy()}, "time")
+    if isinstance(data, xr.DataArray) and len(data.dims) == 1 and data.dims[0] in data.coords:
+        data = data.rename({data.dims[0]: "time"}).to_dataset(name="spring_force")
+    if not isinstance(data, xr.Dataset):
+        raise InputError("measure: data must be a Dataset, as read_trace() returns, or a force with its times")
+    if "time" in data.coords and data["time"].dtype.kind in "mM":
+        seconds = (data["time"].values - data["time"].values[0]) / np.timedelta64(1, "s")
+        data = data.assign_coords(time=("time", seconds, {"units": "s", "long_name": "time"}))
+    return data
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +84,9 @@ class Trace:
     quantity: str = "force"
 
     @classmethod
-    def of(cls, data: xr.Dataset) -> Self:
+    def of(cls, data: xr.Dataset | xr.DataArray | pd.Series) -> Self:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
-        instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
+        data = dataset_of(data)
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
             raise InputError(
                 "measure: need a Dataset with the variable spring_force along time; read a file with read_trace()"
@@ -145,6 +165,13 @@ def in_words(value: float, unit: str, digits: int = 4) -> str:
 def without_line(values: Array, at: Array) -> Array:
     """Values less the straight line through them."""
     return np.asarray(values - values.mean() - slope(values, at) * (at - at.mean()))
+
+
+def without_drift(values: Array) -> Array:
+    """Even samples less what goes through fewer than four cycles in them: too slow to be told from a drift."""
+    waves = dct(values, norm="ortho")
+    waves[: 2 * FEWEST_CYCLES] = 0.0
+    return np.asarray(idct(waves, norm="ortho"))
 
 
 def slope(values: Array, at: Array) -> float:

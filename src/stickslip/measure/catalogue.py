@@ -7,7 +7,7 @@ import xarray as xr
 
 from stickslip import words
 from stickslip.errors import number, printable
-from stickslip.measure.arrays import Array, Trace, mean_and_std
+from stickslip.measure.arrays import Array, Trace, dataset_of, mean_and_std
 from stickslip.measure.bench import find_strokes
 from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips
 from stickslip.measure.verdict import Regime, judged
@@ -24,17 +24,14 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     and the attribute ``drops_are`` says so.
 
     Peaks and troughs alternate such that every drop and every rise between them is at least `minimum_drop`.
-    Drops that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
-    where only the force is known, the force came back much faster than it usually rises, and as quickly as it
-    dropped) by less than the drop
-    itself, within the cycle. In stick-slip, where the velocity is known, drops slower than 3.5 times the drive are
-    left out. A drop cut off by the start or the end of the data is left out and counted in the
-    attribute ``cut``. The strokes of a reciprocating test are read apart.
+    Drops that belong to the ringing after a slip are joined to it. In stick-slip, where the velocity is known, drops
+    slower than 3.5 times the drive are left out. A drop cut off by the start or the end of the data is left out and
+    counted in the attribute ``cut``. The strokes of a reciprocating test are read apart. Raises what `regime` does.
 
     Parameters
     ----------
-    data : Dataset
-        A run or a measured trace.
+    data : Dataset, DataArray or Series
+        As for `regime`.
     minimum_drop : float, optional
         Smallest drop that counts, in the unit of `spring_force`. By default the larger of (a) the drop that the noise
         from sample to sample could show by chance in so many samples, and (b) a tenth of the typical drop
@@ -58,11 +55,6 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
         stick-slip, "cycles" of a sustained oscillation in which the slider never sticks, else "drops"),
         ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
 
-    Raises
-    ------
-    InputError
-        If the data hold no force, or values that are not finite, or nothing lies after `after`.
-
     Examples
     --------
     >>> import numpy as np, xarray as xr, stickslip as ss
@@ -81,7 +73,7 @@ def regime_and_drops(
     """Return what `regime` and `drops` do, from one look at the data."""
     if minimum_drop is not None:
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
-    trace, seen = judged(data, after)
+    trace, seen = judged(data := dataset_of(data), after)
     parts = (find_strokes(trace) if trace.measured else []) or [trace]
     tables = [_table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts]
     whole, along = xr.concat(tables, "event", combine_attrs="override"), 1.0

@@ -45,12 +45,7 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
     The front starts on the block that breaks first and runs to either side. It stops where the next block breaks only
     after ten times what each of the twenty blocks before took (their median); what goes on from there is a front of its
-    own, slower or faster.
-
-    Parameters
-    ----------
-    run : Dataset
-        Of a `Chain`, or one row of a `Sheet`, as `simulate` returns it.
+    own, slower or faster. The `run` is one of a `Chain`, or one row of that of a `Sheet`; else `InputError`.
 
     Returns
     -------
@@ -58,11 +53,6 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
         Along ``block``: `first_break` and `half_detached` (times), and `speed`, blocks per time, from the first breaks
         of five blocks around. Along ``front``, in order of time: `first_block`, `last_block` (where it stopped, or the
         end), `blocks`, `start`, `end`, and its mean `front_speed` (NaN below five blocks).
-
-    Raises
-    ------
-    InputError
-        If it is no run of an elastic slider.
 
     Examples
     --------
@@ -120,12 +110,8 @@ def events(run: xr.Dataset) -> xr.Dataset:
     A block slips while it moves ten times as fast as the drive at its fastest, or, if that stands still, faster than a
     hundredth of the fastest block, and its contacts break, or most of them are detached. It takes part if it then
     breaks at least half of its contacts, or had been detached before; an event has at least one block that breaks.
-    Times are those of the samples of the run: record it often enough to see an event grow.
-
-    Parameters
-    ----------
-    run : Dataset
-        Of a `Chain` or a `Sheet`, as `simulate` returns it.
+    Times are those of the samples of the run, which is one of a `Chain` or a `Sheet` (else `InputError`): record it
+    often enough to see an event grow.
 
     Returns
     -------
@@ -133,11 +119,6 @@ def events(run: xr.Dataset) -> xr.Dataset:
         Along ``event``, in order of time: `start`, `end`, `first_block`, `blocks`, `moment` (slip summed over blocks),
         `drop` of the spring force, `peak_velocity` of a block, and `front_speed`, blocks per time (NaN below five
         blocks; from a chain only).
-
-    Raises
-    ------
-    InputError
-        If it is no run of an elastic slider.
 
     Examples
     --------

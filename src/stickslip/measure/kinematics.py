@@ -12,14 +12,16 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
 from stickslip.measure.arrays import Array, Trace, mean_and_std
 from stickslip.measure.headings import ratio
-from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
+from stickslip.measure.periods import Cycles, find_cycles, spectral_line
 from stickslip.measure.slips import EDGE, find_slips, weighted_median, white_noise
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 from stickslip.words import engineering
 
 SLOPE_ERROR = 0.1  # error of a slope, over that of the loading: its window is as long as that takes, and no longer
-RESTS = 0.25  # times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly
+RESTS = 0.25
+"""Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
+the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
 HALF = 0.5  # of the time, and times the drive: a slider that sticks and slips is stuck, and off the drive, by more
 _WORDS = {
     "sticks": "sticks and slips",
@@ -68,6 +70,9 @@ def motion(
 ) -> xr.Dataset:
     """Return a measured trace with the motion of its slider, which the force of a known spring tells.
 
+    It has `displacement` in m, `velocity` and `drive_velocity` in m/s. Raises `InputError` if the data know the motion
+    already, or the force is no force, or its noise hides the motion.
+
     A drive at velocity ``V`` and a spring of stiffness ``K`` have the slider at ``X = V t - F/K``, so that its velocity
     is ``V - (dF/dt)/K``. Slopes are read by least squares over as many samples as tell the velocity to a tenth of the
     drive's, so that faster motion than that window is smoothed. `regime`, `drops` and pictures then know how fast the
@@ -82,16 +87,6 @@ def motion(
         and of the drive: in N/m and m/s, or texts with a unit.
     contacts : int, optional
         How many contacts there are, if that is known: what is no more than their noise is no oscillation.
-
-    Returns
-    -------
-    Dataset
-        With `displacement` in m, `velocity` and `drive_velocity` in m/s.
-
-    Raises
-    ------
-    InputError
-        If the data know the motion already, or the force is no force, or its noise hides the motion.
 
     Examples
     --------
@@ -131,11 +126,15 @@ def motion(
     return found.assign_attrs(stiffness=K, **known)
 
 
-class Motion(NamedTuple):
-    """How a slider moves: part of the time stuck, swing of its velocity about the drive's, cycles, and in a word.
+def stuck_for(trace: Trace) -> float | None:
+    """Part of the time in which a slider is stuck; None where its motion is not known."""
+    if trace.velocity is None or trace.drive is None or not trace.drive.any():
+        return None
+    return float(np.mean(trace.velocity < RESTS * float(np.median(trace.drive))))
 
-    A sine that just comes to rest is stuck for less than a quarter of the time, by the same measure.
-    """
+
+class Motion(NamedTuple):
+    """How a slider moves: part of the time stuck, swing of its velocity about the drive's, cycles, and in a word."""
 
     stuck: float
     swing: float
@@ -145,16 +144,16 @@ class Motion(NamedTuple):
     @classmethod
     def of(cls, trace: Trace) -> Self | None:
         """Motion of a measured trace; None where it is not known."""
-        if not trace.measured or trace.velocity is None or trace.drive is None:
+        stuck = stuck_for(trace)
+        if not trace.measured or trace.velocity is None or trace.drive is None or stuck is None:
             return None
         v = trace.velocity / np.median(trace.drive)
-        stuck, cycles = float(np.mean(v < RESTS)), find_cycles(trace.t, v)
+        cycles = find_cycles(trace.t, v)
         swing = math.sqrt(max(float(np.mean((v - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
-        by_chance = 1.0 / 3.0 + 2.0 / math.sqrt(2.0 * max(cycles.count, 1))
         words = {
             "sticks": stuck >= HALF and swing >= HALF,
             "even": swing < RESTS,
-            "oscillates": cycles.count >= FEWEST_CYCLES and cycles.correlation > by_chance,
+            "oscillates": cycles.periodic or spectral_line(trace.t, v)[1] > RESTS,
             "halts": stuck > RESTS,
             "uneven": True,
         }
@@ -195,6 +194,7 @@ class Kinematics(Answer):
     effective_mass: float
 
     noise: float  #: of the sensor, in m of the spring
+    spikes: int  #: samples that were left out as faults of the sensor, in all of the record
 
     def __str__(self) -> str:
         lines = [f"the slider {self.motion}"]
@@ -207,23 +207,14 @@ class Kinematics(Answer):
         if math.isfinite(self.effective_mass):
             of = f", {self.effective_mass / self.mass:.2g} of what it weighs" if math.isfinite(self.mass) else ""
             lines.append(f"it moves as {engineering(1e3 * self.effective_mass, 'g', 3)} would on this spring{of}")
-        return "\n".join([*lines, f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring"])
+        spikes = f"; {self.spikes} spikes left out" if self.spikes else ""
+        return "\n".join([*lines, f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring{spikes}"])
 
 
 def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinematics:
-    """Return how a slider moves, from a trace with the motion that `motion` found.
+    """Return how a slider moves, from a trace with the motion that `motion` found, or a part of it; else `InputError`.
 
-    Parameters
-    ----------
-    data : Dataset
-        As `motion` returns it, or a part of that.
-    mass : float or str, optional
-        Of the slider, in kg, or a text with a unit: what the effective mass is compared with.
-
-    Raises
-    ------
-    InputError
-        If the motion is not known.
+    The `mass` of the slider, in kg, or a text with a unit, is what the effective mass is compared with.
 
     Examples
     --------
@@ -260,4 +251,5 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         loading=loading(trace.force, step, found.noise)[0] * newton / second / (K * V),
         effective_mass=K * (second * half / math.pi) ** 2 if swings else math.nan,
         noise=found.noise * newton / K,
+        spikes=int(data.attrs.get("spikes", 0)),
     )

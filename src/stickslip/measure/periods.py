@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stickslip.measure.arrays import Array, mean_and_std, without_line
+from stickslip.measure.arrays import CHANCE, FEWEST_CYCLES, Array, mean_and_std, without_line
 
 PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
 JITTER = math.sqrt(-2.0 * math.log(PERIODIC)) / (2.0 * math.pi)
 """Variation of the cycles that leaves a sine this correlation at one period, as ``exp(-(2 pi CV)^2 / 2)``: .13."""
-FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 _HALF = 0.5  # the first peak of the autocorrelation above this part of the highest is that of one period
 _TOGETHER = 0.7  # of a period: rises closer than this belong to one cycle (ringing crosses the levels again)
 
@@ -74,7 +73,7 @@ def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.i
     return risen, t[risen] - passed * (t[risen] - t[risen - 1])
 
 
-def spectral_line(t: Array, force: Array, chance: float) -> tuple[float, float]:
+def spectral_line(t: Array, force: Array, chance: float = CHANCE) -> tuple[float, float]:
     """Period and swing, peak to peak, of the highest line of a spectrum; NaN and 0 if noise may show it by chance.
 
     A line is held against the `_BESIDE_A_LINE` frequencies beside it, two next to it left out: of noise of any colour

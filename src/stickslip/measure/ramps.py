@@ -35,6 +35,10 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     A ramp passes the boundary before the oscillation has grown (delayed bifurcation) and noise may set it off
     early, so the answers depend on the rate of the ramp; they are not the velocities of linear stability.
 
+    Raises `InputError` if the run has no drive velocity, or the drive turns back, or the run is in SI units and does
+    not say what rig it was made of; `UndecidedError` if the drive does not change, goes up and down more than once, or
+    travels less than two windows, or there are too few samples in a window.
+
     Parameters
     ----------
     run : Dataset
@@ -53,15 +57,6 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         there, and the times `begin`, `middle` and `end` of the window. Along ``velocity``, where the drive
         goes up and then down: `up` and `down`, the peak to peak on either way.
         Attributes ``level``, ``window`` (travel of the drive over the longest one), ``notes``.
-
-    Raises
-    ------
-    InputError
-        If the run has no drive velocity, or the drive turns back, or the run is in SI units and does not say what rig
-        it was made of.
-    UndecidedError
-        If the drive does not change, goes up and down more than once, or travels less than two windows, or
-        there are too few samples in a window.
     """
     trace = Trace.of(run)
     if trace.drive is None or np.any(trace.drive < 0):

@@ -45,6 +45,9 @@ def read_trace(
     there is interpolated linearly in time, so that the gap stays a gap in time; more than 3 of them, and more
     than 1 % of the rows, are an error. Spikes of a single sample, six standard deviations off, are interpolated, too.
 
+    Raises `InputError` if there is no such file, or it is no table of numbers, or no such column; if the choice of the
+    columns or a unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are left.
+
     Parameters
     ----------
     path : path
@@ -68,13 +71,7 @@ def read_trace(
         `spring_force` along `time`, and `filled`, true where the force was interpolated; `measured_displacement`,
         `load` and, with a load, `mu`, the force over the load, where the file has them. Units are those of the file; N
         and s where it says nothing. A coefficient of friction read as `spring_force` has the unit 1. Attributes
-        ``source``, ``rows``, ``flipped`` and ``note``: what was filled in and what was assumed, in words.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is no table of numbers, or no such column; if the choice of the columns or a
-        unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are left.
+        ``source``, ``rows``, ``flipped``, ``spikes`` and ``note``: what was filled in and what was assumed, in words.
 
     Examples
     --------
@@ -143,8 +140,8 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     spiky = spikes(values["force"])
     rows.loc[spiky, "force"] = np.nan
-    if spiky.any():
-        notes.append(f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
+    if count := int(np.count_nonzero(spiky)):
+        notes.append(f"{count} spikes of a single sample; the force there is interpolated")
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
     missing = rows["force"].isna()
     rows = rows.interpolate("index", limit_direction="both")
@@ -171,7 +168,7 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
     rows["filled"] = missing
     found = {texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1")) for key in rows}
     time = labelled("time", "time", rows.index, units["time"])
-    attrs = {"rows": values["force"].size, "flipped": int(flip), "note": "; ".join(notes)}
+    attrs = {"rows": values["force"].size, "flipped": int(flip), "spikes": count, "note": "; ".join(notes)}
     return xr.Dataset(found, {"time": time}, attrs)
 
 

@@ -10,8 +10,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
 from stickslip.kernels.turning_points import pick as zigzag
-from stickslip.measure.arrays import Array, Trace, slope, without_line
-from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
+from stickslip.measure.arrays import FEWEST_CYCLES, Array, Trace, slope, without_line
+from stickslip.measure.periods import Cycles, find_cycles
 
 Peaks = NDArray[np.intp]
 
@@ -231,7 +231,7 @@ def pick(
 
     A rise is ringing where it is smaller than the drop before, and the slider's swing back, by `back`, makes more of it
     than the way of the drive; else where it is twice as fast as the force usually rises, and takes at most twice
-    the time of the drop before it, as far as that is resolved: a swing back takes as long as a swing, however the
+    the samples of the drop before it, as far as that is resolved: a swing back takes as long as a swing, however the
     loading quickens.
     """
     peaks, troughs = turning_points(force, drop, rise)
@@ -240,8 +240,7 @@ def pick(
     rises, took = force[peaks[1:]] - force[troughs[:-1]], t[peaks[1:]] - t[troughs[:-1]]
     if back is None:
         swings = rises > RINGING * weighted_median(rises / took, took) * took
-        resolved = FEWEST_IN_A_DROP * (t[-1] - t[0]) / (t.size - 1)
-        swings &= took <= RINGING * np.maximum(t[troughs[:-1]] - t[peaks[:-1]], resolved)
+        swings &= peaks[1:] - troughs[:-1] <= RINGING * np.maximum(troughs[:-1] - peaks[:-1], FEWEST_IN_A_DROP)
     else:
         swings = back[peaks[1:]] >= back[troughs[:-1]]
     joined = [[int(peaks[0]), int(troughs[0])]]

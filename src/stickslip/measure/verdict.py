@@ -8,15 +8,27 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, mean_and_std, slope
+from stickslip.measure.arrays import (
+    CONSTANT_DRIVE,
+    FEWEST_CYCLES,
+    FEWEST_READINGS,
+    Array,
+    Trace,
+    dataset_of,
+    in_words,
+    mean_and_std,
+    slope,
+)
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
-from stickslip.measure.periods import FEWEST_CYCLES
+from stickslip.measure.kinematics import RESTS, stuck_for
+from stickslip.measure.segments import segments
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
 
@@ -26,14 +38,11 @@ Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecid
 
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
-STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
 SMOOTH: Kind = "smooth sliding"
 SLIPS: Kind = "stick-slip"
 LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
-
-_HIDDEN = "a period of {line} stands out of noise of {part}, which hides whether it is slips: record more often"
 
 _TURNED = (
     "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the command "
@@ -44,21 +53,22 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
     ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
     ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
-    ("-cycles", OPEN, "{short}"),
+    ("-cycles -even drops", OPEN, "too short: {count} complete cycles that a verdict needs; {more}"),
+    ("-cycles -even white", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
+    ("-cycles -even", OPEN, "the force still {drift} in the window, and shows no complete slip; {more}"),
     ("noise slips -small", SLIPS, "irregular and persistent slips of few contacts ({contacts}): {part}"),
     ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
     ("shrinks", OPEN, "{changes}; {more} whether it persists"),
     ("grows -slips", OPEN, "{changes}; {more}"),
-    ("stops", OPEN, "{turns}: judge each part by itself"),
     ("slips", SLIPS, "{manner} and persistent; {how}"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
     ("sticks", SLIPS, "the slider {motion}"),
     ("even", SMOOTH, "the slider {motion}"),
-    ("uneven", SMOOTH, "the slider {motion}"),
-    ("oscillates", OPEN, "the slider {motion}: by itself, or {shaken}"),
-    ("halts", OPEN, "the slider {motion}: by itself, or {shaken}"),
-    ("line", OPEN, _HIDDEN),
-    ("normal slight", SMOOTH, "{ample}, as slow noise does"),
+    ("uneven -rough -contacts", SMOOTH, "the slider {motion}"),
+    ("moves", OPEN, "the slider {motion}: by itself, or shaken by few contacts? Their number (--contacts) may tell"),
+    ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
+    ("line", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
+    ("normal slight -held", SMOOTH, "{ample}, as slow noise does"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
@@ -96,13 +106,16 @@ class Regime(Answer):
     noise: float  #: standard deviation from sample to sample, in the unit of the force
     drive_velocity: float | None = None  #: mean in the window, where it is known
     largest_velocity: float | None = None  #: of the slider, over that of the drive, where they are known
-    stuck: float | None = None  #: fraction of the time in which the slider is slower than a twentieth of the drive
+    stuck: float | None = None  #: fraction of the time in which the slider is slower than a quarter of the drive
     mean_mu: float | None = None  #: with a normal load: the coefficient of friction, on average in the window
     static_mu: float | None = None  #: the largest in all of the data
     quantity: str = "force"  #: what the force is: or "coefficient of friction"
     time_unit: str = ""  #: of the times above; empty where the data do not say
     force_unit: str = ""  #: of the forces above
     notes: tuple[str, ...] = ()  #: what a reader should know of the data: a saturated sensor, gaps, a drift
+
+    #: What lies between steps of level or amplitude, judged by itself; empty where there is no step.
+    segments: tuple["Regime", ...] = ()
 
     #: The tests that kind and reason are read off: each with its statistic, its limit, where that comes from, and
     #: whether it was passed.
@@ -112,7 +125,7 @@ class Regime(Answer):
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
         """What the drops of the force are: slips, or cycles of an oscillation without sticking, or just drops."""
         if self.kind == "sustained oscillation":
-            return "slips" if self.stuck is not None and self.stuck >= STICKS else "cycles"
+            return "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
         return "slips" if self.kind == "stick-slip" else "drops"
 
     @property
@@ -165,34 +178,31 @@ def _variation(value: float) -> str:
     return f" (CV {value:.2g})" if math.isfinite(value) else ""
 
 
-def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
+def regime(data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None = None) -> Regime:
     """Return the regime of motion under a constant drive, with the evidence; "undecided" where that does not suffice.
 
     The verdict is about the window judged. Transients can last very long near a boundary between regimes: an
     oscillation that still grows or shrinks there by more than 5 to 10 % from one half of the window to the other is
-    undecided.
+    undecided. Raises `InputError` if the data hold no force, or values that are not finite, or nothing after `after`.
 
     Parameters
     ----------
-    data : Dataset
-        A run or a measured trace.
+    data : Dataset, DataArray or Series
+        A run, a measured trace, or the force alone over its times: coordinate or index, which may be dates.
     after : float, optional
-        Judge what comes after this time, in the unit of `t`. By default the last 40 % of the last stretch of
+        Judge what comes after this time, in the unit of the times. By default the last 40 % of the last stretch of
         constant driving, or the last 80 % if the last 40 % hold fewer than five drops; for a trace of the
-        force alone, everything after the first loading. What lies between gaps, the strokes of a reciprocating
-        test, and what comes before and after slips pause, is judged apart, and told in turn where it differs.
+        force alone, everything after the first loading. What lies between gaps, between steps of the level or of the
+        amplitude, and the strokes of a reciprocating test, is judged apart, and told in turn where it differs.
 
-    Returns
-    -------
-    Regime
-        What the kinds mean is told there.
-
-    Raises
-    ------
-    InputError
-        If the data hold no force, or values that are not finite, or nothing lies after `after`.
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd, stickslip as ss
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> ss.regime(pd.Series(3.0 + 2.0 * (t % 1.5), index=t)) == "stick-slip"
+    True
     """
-    return judged(data, after)[1]
+    return judged(dataset_of(data), after)[1]
 
 
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
@@ -206,7 +216,7 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     if trace.drive is None or trace.measured:
         seen = _of_a_bench(trace, whole=after is None)
     else:
-        seen = _of_a_run(trace, trace.drive) if after is None else _judge(trace)
+        seen = _together(_apart(*_late(trace, trace.drive)) if after is None else _apart(trace))
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
         inside = size.sel(time=slice(*seen.window))
@@ -214,92 +224,110 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     return trace, seen
 
 
-def _of_a_run(trace: Trace, drive: Array) -> Regime:
-    """Judge the last part of the last stretch of constant driving, or twice as much if that holds few drops."""
+def _late(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
+    """The last part of the last stretch of constant driving, or twice as much if that holds few drops; its drops."""
     differs = np.flatnonzero(np.abs(drive - drive[-1]) > CONSTANT_DRIVE * abs(drive[-1]))
     first = int(differs[-1]) + 1 if differs.size else 0
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
-        return _judge(trace)
+        return trace, None
     begin, end = trace.t[first], trace.t[-1]
     for part in (LATE_PART, 2.0 * LATE_PART):
         late = trace.part(end - part * (end - begin))
         found = find_slips(late)
         if late.t.size >= FEWEST_READINGS and not 0 < found.size <= FEWEST_CYCLES:
             break
-    return _judge(late, found)
+    return late, found
 
 
 def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
-    """Judge a measured force: each stretch without a gap by itself; with notes."""
-    stretches, notes = trace.stretches, [*about_the_sensor(trace.force)]
+    """Judge a measured force, once it is loaded: between gaps and steps, and in strokes, each by itself; with notes."""
+    stretches, notes, parts, strokes = trace.stretches, [*about_the_sensor(trace.force)], list[Regime](), 0
     if len(stretches) > 1:
         begin, end = words.number(stretches[0].t[-1]), words.number(stretches[1].t[0])
         more = f", and {len(stretches) - 2} more gaps" * (len(stretches) > 2)
         notes.insert(0, f"no readings from t = {begin} to {end}{more}: each stretch without a gap was judged by itself")
-    long = [each for each in stretches if each.t.size >= FEWEST_READINGS]
-    parts = [_of_a_stretch(each, whole=whole) for each in long or [trace]]
-    seen, agree = _typical(parts)
-    if not agree:
-        told = f"{_in_turn(parts)}: judge each part by itself"
-        seen = replace(seen, kind=OPEN, reason=told, window=(parts[0].window[0], parts[-1].window[1]))
+    for stretch in [each for each in stretches if each.t.size >= FEWEST_READINGS] or [trace]:
+        ways = [_judge(stroke) for stroke in find_strokes(stretch)]
+        usual = float(np.median(stretch.force[stretch.force.size // 2 :]))
+        loaded = float(stretch.t[int(np.argmax(stretch.force >= usual))])
+        late = stretch.part(loaded) if whole and _drift(stretch.part(-math.inf, loaded)) > 0 else stretch
+        parts += ways or _apart(late if late.t.size >= FEWEST_READINGS else stretch)
+        strokes += len(ways)
+    seen = _together(parts, strokes)
     return replace(seen, notes=(*seen.notes, *notes))
 
 
-def _of_a_stretch(trace: Trace, *, whole: bool) -> Regime:
-    """Judge the strokes of a force without gaps, each by itself, or all of it once it is loaded."""
-    if strokes := find_strokes(trace):
-        parts = [_judge(stroke) for stroke in strokes]
-        seen, agree = _typical(parts)
-        told = ", ".join(f"{many} {kind}" for kind, many in Counter(each.kind for each in parts).most_common())
-        reason = f"reciprocating test, {len(parts)} strokes judged separately ({told}); {seen.reason}"
-        window = (parts[0].window[0], parts[-1].window[1])
-        if agree:
-            return replace(seen, reason=reason, window=window)
-        return replace(seen, kind=OPEN, reason=f"{reason}; judge a part of the strokes", window=window)
-    usual = float(np.median(trace.force[trace.force.size // 2 :]))
-    late = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
-    loaded = late if whole and late.t.size >= FEWEST_READINGS else trace
-    seen, rate = _judge(loaded), slope(loaded.force, loaded.t)
-    if seen.kind == OPEN or abs(rate) * np.ptp(loaded.t) <= MOST * np.ptp(loaded.force):
-        return seen
-    unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-    return replace(seen, notes=(f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),))
+def _drift(trace: Trace) -> float:
+    """Slope of the line that makes most of the range of a force; 0 if none does."""
+    if trace.t.size < 2:
+        return 0.0
+    rate = slope(trace.force, trace.t)
+    return rate if abs(rate) * np.ptp(trace.t) > MOST * np.ptp(trace.force) else 0.0
 
 
-def _typical(parts: Sequence[Regime]) -> tuple[Regime, bool]:
-    """The longest part of the kind that lasts longest, and whether that is most of the time; undecided if all are."""
+def _apart(trace: Trace, found: Slips | None = None) -> list[Regime]:
+    """Judge what lies between steps of level or amplitude by itself, or all of it where that decides nothing."""
+    found = found or find_slips(trace)
+    fault = _fault(trace, found)
+    parts = [] if fault else [_judge(part) for part in segments(trace, found)]
+    return parts if any(part.kind != OPEN for part in parts) else [_judge(trace, found, fault)]
+
+
+def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
+    """The longest part of the kind that lasts longest, if the others agree; else they are told in turn."""
     lasts = Counter[Kind]()
     for each in parts:
         lasts[each.kind] += np.ptp(each.window)
     kind = max(lasts, key=lambda kind: (kind != OPEN, lasts[kind]))
-    longest = max((each for each in parts if each.kind == kind), key=lambda each: float(np.ptp(each.window)))
-    return longest, lasts[kind] >= MOST_PARTS * lasts.total()
+    seen = max((each for each in parts if each.kind == kind), key=lambda each: float(np.ptp(each.window)))
+    agree, window = lasts[kind] >= MOST_PARTS * lasts.total(), (parts[0].window[0], parts[-1].window[1])
+    if strokes:
+        told = ", ".join(f"{many} {kind}" for kind, many in Counter(each.kind for each in parts).most_common())
+        reason = f"reciprocating test, {strokes} strokes judged separately ({told}); {seen.reason}"
+        if agree:
+            return replace(seen, reason=reason, window=window)
+        return replace(seen, kind=OPEN, reason=f"{reason}; judge a part of the strokes", window=window)
+    if len(parts) == 1 or kind == OPEN:
+        return seen
+    alike = agree and {*lasts} <= {kind, OPEN}
+    turns = _in_turn(parts, alike=alike)
+    if alike:
+        return replace(seen, segments=tuple(parts), notes=(*seen.notes, f"in {len(parts)} segments: {turns}"))
+    reason = f"{turns}: judge each part by itself"
+    return replace(seen, kind=OPEN, reason=reason, window=window, segments=tuple(parts))
 
 
-def _in_turn(parts: Sequence[Regime]) -> str:
-    """Say which kinds of motion follow one another, and until when."""
-    if not parts:
-        return "slips with pauses"
-    runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
-    told = [f"{run[0].kind} to t = {in_words(run[-1].window[1], run[0].time_unit, 3)}" for run in runs[:-1]]
-    return f"{', '.join(told)}, then {runs[-1][0].kind}" if told else f"{runs[0][0].kind} with pauses"
+def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
+    """Say which kinds of motion follow one another, and until when; of those that are alike, drop or mean force."""
+
+    def text(part: Regime) -> str:
+        drops = part.cycles and part.kind != SMOOTH
+        name, value = ("drop", part.drop) if drops else ("mean force", part.mean_force)
+        return f"{name} {in_words(value, part.force_unit, 3)}" if alike else part.kind
+
+    runs = [(said, [*each][-1]) for said, each in itertools.groupby(parts, key=text)]
+    told = [f"{said} to t = {in_words(last.window[1], last.time_unit, 3)}" for said, last in runs[:-1]]
+    return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
 
 
-def _judge(trace: Trace, found: Slips | None = None, *, part: bool = False) -> Regime:
-    """Weigh the evidence in a window, whose drops may have been found before; part of one may stand still."""
-    seen, largest, stuck, drive = Window(trace, found or find_slips(trace)), None, None, None
+def _judge(trace: Trace, found: Slips | None = None, fault: str = "") -> Regime:
+    """Weigh the evidence in a window, whose drops may have been found before."""
+    seen, largest, stuck, drive = Window(trace, found or find_slips(trace)), None, stuck_for(trace), None
     if trace.drive is not None:
         drive = float(trace.drive.mean())
         if trace.velocity is not None and drive:
             largest = float(trace.velocity.max()) / drive
-            stuck = float(np.mean(np.abs(trace.velocity) < STUCK * drive))
-    kind, reason = OPEN, "" if part else _fault(seen)
-    if not reason:
+    kind, reason = OPEN, fault
+    if not fault:
         kind, reason = next(
-            (kind, reason.format_map(_in_words(seen, stuck, within=part)))
+            (kind, reason.format_map(_in_words(seen, stuck)))
             for conditions, kind, reason in RULES
             if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
         )
+    notes = list[str]()
+    if kind != OPEN and trace.measured and (rate := _drift(trace)):
+        unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
+        notes.append(f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip())
     slips = fast_ones(trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
@@ -326,15 +354,15 @@ def _judge(trace: Trace, found: Slips | None = None, *, part: bool = False) -> R
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
+        notes=tuple(notes),
         table=tuple(seen.tests.values()),
     )
 
 
-def _fault(seen: Window) -> str:
+def _fault(trace: Trace, found: Slips) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not constant; empty if it may have one."""
-    trace = seen.trace
     if trace.drive is None or trace.measured:
-        if is_mirrored(trace, seen.found):
+        if is_mirrored(trace, found):
             return _TURNED
         return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
     if not trace.drive.any():
@@ -344,52 +372,33 @@ def _fault(seen: Window) -> str:
     return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
 
 
-def _in_words(seen: Window, stuck: float | None, *, within: bool) -> dict[str, object]:
+def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
-    trace, found, tests, span, count = seen.trace, seen.found, seen.tests, float(np.ptp(seen.trace.t)), seen.count
-
-    def time(value: float) -> str:
-        return in_words(value, trace.time_unit, 2)
-
-    of, force = abs(trace.largest) or 1.0, trace.force
-    sizes = (float(np.ptp(force)) / of, tests["swing"].statistic, float(np.ptp(force[force.size // 2 :])) / of)
-    part, size, small = (f"{100 * each:.3g} % of the largest force" for each in sizes)
-    test = tests.get("slips")
-    how = f"slipping takes {100 * found.slip_phase(trace):.0f} % of each cycle"
-    if test and "velocity" in test.name:
-        how = f"peak slider velocity {words.number(test.statistic, 3)} times that of the drive"
-    elif test and test.passed and "rate" in test.name:
-        how = f"the force rises at its full rate for {100 * test.statistic:.0f} % of the time"
+    trace, span, (trend, _) = seen.trace, float(np.ptp(seen.trace.t)), seen.trend
+    sizes = {
+        "part": float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0),
+        "size": seen.tests["swing"].statistic,
+        "small": float(np.ptp(trace.force[trace.force.size // 2 :])) / (abs(trace.largest) or 1.0),
+    }
+    said = {name: f"{100 * size:.3g} % of the largest force" for name, size in sizes.items()}
     sticks = "whether the slider sticks, the force alone does not tell"
     if stuck is not None:
-        sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= STICKS else 'never sticks'}"
+        sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= RESTS else 'never sticks'}"
     # So long that there are enough cycles, and a trend shows.
-    needed = max((FEWEST_CYCLES + 1) / max(count, 1), 2.0)
-    more = f"about {time(needed * span)} more would decide"
+    needed = span * max((FEWEST_CYCLES + 1) / max(seen.count, 1), 2.0)
     drift = slope(trace.force, trace.t) * span
-    way = f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}"
-    if count:
-        short = f"too short: {count} of the {FEWEST_CYCLES} complete cycles that a verdict needs; {more}"
-    elif "white" in seen.facts:
-        short = f"noise of {part} masks any oscillation, and slips: record more often"
-    else:
-        short = f"the force still {way} in the window, and shows no complete slip; {more}"
-    return {
-        "part": part,
-        "size": size,
-        "small": small,
-        "ample": f"the force fluctuates by {part}, without a period",
+    return said | {
+        "ample": f"the force fluctuates by {said['part']}, without a period",
         "moves": "oscillates" if seen.cycles else "fluctuates",
-        "line": time(seen.line[0]),
-        "short": short,
+        "line": in_words(seen.line[0], trace.time_unit, 2),
+        "count": f"{seen.count} of the {FEWEST_CYCLES}",
+        "drift": f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}",
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
-        "how": how,
+        "how": seen.slips[-1],
         "motion": seen.motion,
-        "shaken": "shaken by few contacts? Their number would tell (--contacts, contacts= in motion)",
         "sticks": sticks,
-        "changes": f"the amplitude {'decays' if seen.trend[0] < 1.0 else 'still grows'}, by a factor "
-        f"{seen.trend[0]:.2g} from one half of the window to the other",
-        "turns": _in_turn([_judge(each, part=True) for each in seen.parts if not within and "stops" in seen.facts]),
-        "more": more,
+        "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a factor {trend:.2g} from one half "
+        "of the window to the other",
+        "more": f"about {in_words(needed, trace.time_unit, 2)} more would decide",
     }

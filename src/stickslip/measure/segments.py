@@ -1,0 +1,78 @@
+"""Steps within a record: where the level or the amplitude of a force changes for good."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from stickslip.measure.arrays import CHANCE, FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
+from stickslip.measure.evidence import STEADY
+from stickslip.measure.slips import Slips, weighted_median
+
+_MOST_BLOCKS = 64
+AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift
+LARGE = np.array(
+    [1.0, math.log(2.0)]
+)  # a step of the level by the scatter about it; of the amplitude, by half or twice
+
+
+def segments(trace: Trace, found: Slips) -> list[Trace]:
+    """The parts of a trace between steps of its level or amplitude, in turn; none where there is no step.
+
+    Level and logarithm of the amplitude are those of blocks of a cycle or more, over their scatter between neighbours.
+    """
+    usual = weighted_median(np.diff(found.times), found.drops[1:] ** 2) if found.size > 1 else 0.0
+    count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS, int(np.ptp(trace.t) / (usual or 1e-300)))
+    if count < 2 * FEWEST_CYCLES or not np.ptp(trace.force):
+        return []
+    blocks = np.array_split(trace.force, count)
+    firsts, scatter = np.cumsum([0, *map(len, blocks)]), np.array([block.std() for block in blocks])
+    scale = float(np.median(scatter)) or float(scatter.max())
+    series = np.array([[block.mean() / scale for block in blocks], np.log(np.maximum(scatter, 1e-6 * scale))])
+    # By medians, which steps do not move. Of a series with a memory r, differences of the next but one are larger by
+    # 1 + r in squares, and means scatter as if it were larger by (1 + r)/(1 - r).
+    one, two = (1.4826 * np.median(np.abs(series[:, k:] - series[:, :-k]), axis=1) for k in (1, 2))
+    r = np.clip((two / np.maximum(one, STEADY)) ** 2 - 1.0, 0.0, 0.99)
+    noise = np.maximum(one, STEADY) * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r)
+    edges, times = _edges(series / noise[:, None]), [-math.inf]
+    for begin, edge, end in zip(edges, edges[1:], edges[2:], strict=False):
+        change, near = (
+            (series[:, edge:after].mean(axis=1) - series[:, before:edge].mean(axis=1)) / LARGE
+            for before, after in ((begin, end), (edge - 2, edge + 2))
+        )
+        if np.any((np.abs(change) >= 1.0) & (near / change >= AT_ONCE)):
+            first, last = firsts[edge - 2], firsts[edge + 2]
+            times.append(float(trace.t[first + _step(trace.force[first:last])]))
+    return [trace.part(*pair) for pair in pairwise([*times, math.inf])] if times[1:] else []
+
+
+def _edges(series: Array) -> list[int]:
+    """Where the segments begin that leave least squares, and where the last one ends.
+
+    Each must be worth ``2 ln(blocks/chance)``: so much does a step that is none take off the squares of two series of
+    unit scatter by chance (chi squared with two degrees of freedom).
+    """
+    count = series.shape[1]
+    padded = np.pad(series, ((0, 0), (1, 0)))
+    sums, squares = padded.cumsum(axis=1), (padded**2).sum(axis=0).cumsum()
+    price, least, came = 2.0 * math.log(count / CHANCE), np.full(count + 1, math.inf), np.zeros(count + 1, dtype=int)
+    least[0] = 0.0
+    for end in range(FEWEST_CYCLES, count + 1):
+        begin = np.arange(end - FEWEST_CYCLES + 1)
+        within = squares[end] - squares[begin] - ((sums[:, [end]] - sums[:, begin]) ** 2).sum(axis=0) / (end - begin)
+        total = least[begin] + within + price
+        came[end], least[end] = int(np.argmin(total)), float(total.min())
+    edges = [count]
+    while edges[0]:
+        edges.insert(0, int(came[edges[0]]))
+    return edges
+
+
+def _step(force: Array) -> int:
+    """Sample at which mean and scatter of a force change, by the likelihood of two normal distributions."""
+    count, rest = np.arange(2, force.size - 2), force - force.mean()
+    sums, squares = rest.cumsum()[1:-3], (rest**2).cumsum()[1:-3]
+    after, floor = force.size - count, 1e-12 * float(rest @ rest) + 1e-300
+    variances = squares / count - (sums / count) ** 2, (float(rest @ rest) - squares) / after - (sums / after) ** 2
+    before, behind = (np.log(np.maximum(each, floor)) for each in variances)
+    return int(count[np.argmin(count * before + after * behind)])
