@@ -18,7 +18,6 @@ from stickslip import simulate as simulated
 from stickslip.errors import InputError
 from stickslip.explorer import documents, fronts, simulate, stability, traces
 from stickslip.io import rig_files as rigs
-from stickslip.model import Rig
 from stickslip.paper import cases
 from stickslip.sliding import kinetic_friction
 
@@ -60,9 +59,7 @@ def numbers(packed):
     return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4")
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Documents
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- documents
 
 
 def test_presets_hold_every_figure_and_every_example_rig():
@@ -81,6 +78,9 @@ def test_a_rig_is_the_same_in_other_units(document):
     there = documents.in_units(document, "SI" if units == "natural" else "natural")
     returned = documents.in_units(there["document"], units, there.get("scales"))["document"]
     was, back = documents.rig_of(document), documents.rig_of(returned)
+    if document == documents.first():  # in its very words
+        for table, key in (("interface", "contact_strength"), ("slider", "stiffness"), ("drive", "velocity")):
+            assert returned[table][key] == document[table][key]
     # The unit of time may change on the way; ratios that hold no time do not. The page shows five digits.
     assert back.slider.stiffness == pytest.approx(was.slider.stiffness, rel=1e-3)
     assert back.slider.mass * back.natural.velocity**2 == pytest.approx(
@@ -89,14 +89,6 @@ def test_a_rig_is_the_same_in_other_units(document):
     assert back.slider.damping / back.slider.frequency == pytest.approx(
         was.slider.damping / was.slider.frequency, rel=3e-3
     )
-
-
-def test_the_way_back_from_natural_units_leads_to_the_same_bench():
-    document = documents.first()
-    there = documents.in_units(document, "natural")
-    back = documents.in_units(there["document"], "SI", there["scales"])["document"]
-    for table, key in (("interface", "contact_strength"), ("slider", "stiffness"), ("drive", "velocity")):
-        assert back[table][key] == document[table][key]
 
 
 @pytest.mark.parametrize("parameter", documents.NAMES)
@@ -155,9 +147,7 @@ def test_a_complaint_names_the_field(at, value):
     assert [complaint["key"] for complaint in documents.complaints(caught.value)] == [at]
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Answers
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- answers
 
 
 def test_a_run_is_thinned_out_and_keeps_its_peaks():
@@ -166,9 +156,7 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
     rig = documents.rig_of(document)
-    full = simulated(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, start=rig.start)[
-        "spring_force"
-    ].to_numpy()
+    full = simulated(rig)["spring_force"].to_numpy()
     assert force.max() == pytest.approx(full.max(), rel=1e-6)
     assert force.min() == pytest.approx(full.min(), rel=1e-6)
     assert run["regime"]["kind"] == "stick-slip"
@@ -295,9 +283,7 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
     assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98, "a slanted line in space and time"
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Fit
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- fit
 
 
 BENCH = {"stiffness": "350 N/m", "speed": "1.5 mm/s", "mass": "75.6 g"}
@@ -370,9 +356,7 @@ def test_what_a_page_refuses_is_one_line_about_the_fields_of_the_page(slips, mon
     assert not re.search(r"\n|--", str(refused.value))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The command and the server
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- the command and the server
 
 
 def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
@@ -450,9 +434,7 @@ def test_files_outside_the_static_folder_are_not_served(server):
         assert ask(server, path)[0] in (400, 404)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What no message can do
-# ---------------------------------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- what no message can do
 
 
 @pytest.fixture

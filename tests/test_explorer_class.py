@@ -11,12 +11,9 @@ from pathlib import Path
 import headless
 import numpy as np
 import pytest
+from test_explorer import preset
 
 from stickslip.explorer import documents
-
-for needed in ("starlette", "uvicorn", "plotly"):
-    pytest.importorskip(needed)
-pytest.importorskip("websockets.sync.client")
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +41,6 @@ def test_a_shared_app_is_behind_a_token(lesson):
     assert get(path, Host="evil.example") == 403
     assert get(path, Origin="http://evil.example") == 403
     assert any("whoever has this link" in line for line in lesson.said)
-
-
-def preset(title):
-    return next(each["document"] for each in documents.presets() if each["title"] == title)
 
 
 def test_a_long_computation_holds_up_nobody(lesson):

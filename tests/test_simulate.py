@@ -142,6 +142,3 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
     n = method.count if isinstance(method, ss.Contacts) else np.inf
     slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * distribution.density(0.0) / 400
     assert np.all(np.abs(got - expected) <= slack + 1e-4)
-
-
-# ------------------------------------------------------------------------------------------------ again, and elsewhere
