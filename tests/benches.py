@@ -1,5 +1,6 @@
 """Rigs, and readings of runs, that more than one room is tested with."""
 
+import copy
 import math
 from dataclasses import replace
 
@@ -27,6 +28,20 @@ attempts = "1e6 1/s"
 [drive]
 velocity = "2 um/s"
 """
+
+
+def with_value(document, path, value):
+    """A copy of a document with the value of a key set, or left out if it is None."""
+    changed = copy.deepcopy(document)
+    *parents, last = path.split(".")
+    node = changed
+    for part in parents:
+        node = node.setdefault(part, {})
+    node[last] = value
+    if value is None:
+        del node[last]
+    return changed
+
 
 STILL = ss.constant(velocity=0.0, duration=1.0)
 

@@ -18,6 +18,7 @@ from drawn import assert_drawn, assert_kept
 from other_units import rescaled
 from scipy import integrate
 from scipy.signal import lfilter
+from test_noise import DRAWN
 
 import stickslip as ss
 from stickslip.cli import main
@@ -93,6 +94,7 @@ def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope
         contacts(width=None, thresholds=ss.Gamma(mean=1.0, std=0.5), delay=0.02),
         contacts(0.1, width=None, ageing=ss.Langevin(rate=1.5)),
         contacts(0.1, width=None, ageing=ss.Langevin(rate=1.0, newborn=0.3), delay=0.2),
+        *DRAWN.values(),
     ],
 )
 def test_the_slope_is_that_of_the_force_and_of_slow_perturbations(interface):
@@ -476,10 +478,6 @@ REFUSED = [
     (lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)), "not available with temp"),
     (lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j), "never re-attach"),
     (lambda: ss.rate_and_state(contacts(width=None)), "does not change with the velocity"),
-    (
-        lambda: dynamic_stiffness(replace(THERMAL, ageing=ss.Langevin(rate=1.0, newborn=0.3)), 1.0, 1j),
-        "not available with the linear response of thresholds that age by Langevin",
-    ),
     (
         lambda: ss.kinetic_friction(LANGEVIN, 1.0),
         r"Langevin\.newborn = 0 with Interface\.temperature: .*; give newborn > 0",

@@ -8,7 +8,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import InputError
-from stickslip.stability import contact_noise, dynamic_stiffness, friction_slope
+from stickslip.stability import contact_noise, dynamic_stiffness
 
 SLIDER = ss.Slider(stiffness=3.0, mass=1e-3, damping=40.0)
 TENTHS = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.1))
@@ -87,14 +87,6 @@ def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
         jumps = (moment[2] - 2.0 * pull * moment[1] + 2.0 * pull**2) * velocity / way  # squares, by time
         lost = 4.0 * jumps / (math.pi * slider.frequency)
         assert found == pytest.approx(square - mean**2, abs=lost + 1e-4 * square)
-
-
-@pytest.mark.parametrize("interface", DRAWN.values(), ids=DRAWN)
-def test_slow_perturbations_of_contacts_that_draw_find_the_slope_of_their_friction(interface):
-    s = 1e-4
-    for velocity in (0.3, 1.0, 4.0):
-        slope = friction_slope(interface, velocity) / velocity
-        assert dynamic_stiffness(interface, velocity, s).real == pytest.approx(s * slope, rel=1e-3)
 
 
 @pytest.mark.parametrize("sliding_force", [0.0, 0.3])

@@ -1,6 +1,5 @@
 """The door for rigs: what a file says reaches the model, and every mistake gets one clear line."""
 
-import copy
 import json
 import math
 import re
@@ -8,6 +7,7 @@ import tomllib
 from dataclasses import replace
 
 import pytest
+from benches import with_value
 from drawn import NUMBER
 
 import stickslip as ss
@@ -24,19 +24,6 @@ EXAMPLE = rigs.example_file("pmma_slider")
 @pytest.fixture
 def document():
     return tomllib.loads(EXAMPLE.read_text())
-
-
-def with_value(document, path, value):
-    changed = copy.deepcopy(document)
-    node = changed
-    *parents, last = path.split(".")
-    for part in parents:
-        node = node[part]
-    if value is None:
-        del node[last]
-    else:
-        node[last] = value
-    return changed
 
 
 def test_the_published_bench_reaches_the_model_in_natural_units():

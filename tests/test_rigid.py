@@ -116,19 +116,6 @@ def test_effective_stiffness_is_minus_the_slope_of_the_force(distribution, veloc
 # ------------------------------------------------------------------------------------------------ three solvers
 
 
-@pytest.mark.parametrize(
-    "delay", [ss.Delay(0.0), ss.Delay(0.3), ss.Delay(math.inf), ss.RandomDelay(mean=0.2, std=0.12)], ids=str
-)
-@pytest.mark.eq(1, 2, 3, 4)
-def test_cohorts_agree_with_the_renewal(delay):
-    rig = replace(gaussian(0.05, 0.1), delay=delay)
-    exact = ss.rigid_slide(rig, 4.0, velocity=1.5, method=Renewal(4_000))
-    run = ss.rigid_slide(rig, 4.0, velocity=1.5, method=ss.MasterEquation(rtol=1e-4))
-    for name in ("friction_force", "attached"):
-        # Second order in the step of 1/400 of x_s, times curvatures of some (1/.1)^2.
-        np.testing.assert_allclose(run[name], exact[name], atol=3e-4, err_msg=name)
-
-
 @pytest.mark.parametrize("method", [ss.MasterEquation(rtol=1e-4), ss.Contacts(4_000, seed=1)], ids=["m", "c"])
 def test_other_methods_agree_with_the_renewal_for_every_distribution(distribution, method):
     rig = ss.Interface(thresholds=distribution, initial=ss.Uniform(low=0.0, high=0.04), delay=ss.Delay(0.2))

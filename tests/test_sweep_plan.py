@@ -1,6 +1,5 @@
 """Sweeps from the shell: files that an engineer writes, one line for every mistake, results that survive a kill."""
 
-import copy
 import json
 import os
 import signal
@@ -17,6 +16,7 @@ import pytest
 import reference
 import tomli_w
 import xarray as xr
+from benches import with_value
 from drawn import assert_drawn
 from test_cli import heed_interrupts, refused, run
 
@@ -52,17 +52,7 @@ NATURAL = {
 
 
 def changed(path, value, document=NATURAL):
-    """The document with one key set, or left out."""
-    result = copy.deepcopy(document)
-    node = result
-    *parents, last = path.split(".")
-    for part in parents:
-        node = node.setdefault(part, {})
-    if value is None:
-        node.pop(last, None)
-    else:
-        node[last] = value
-    return result
+    return with_value(document, path, value)
 
 
 @pytest.fixture
