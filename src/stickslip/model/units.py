@@ -14,21 +14,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Scales(Record):
-    """The three scales of a rig in SI units.
+    """The three scales of a rig in SI units."""
 
-    Parameters
-    ----------
-    force : float
-        Sum of the mean threshold forces of all contacts ``N f_s``, in N.
-    stretching : float
-        Mean breaking displacement of a contact ``x_s``, in m.
-    time : float
-        The unit of time, in s.
-    """
-
-    force: Annotated[float, Number(above=0, hint="in N")]
-    stretching: Annotated[float, Number(above=0, hint="in m")]
-    time: Annotated[float, Number(above=0, hint="in s")] = 1.0
+    force: Annotated[float, Number(above=0, hint="in N")]  #: sum of the mean threshold forces, ``N f_s``
+    stretching: Annotated[float, Number(above=0, hint="in m")]  #: mean breaking displacement of a contact, ``x_s``
+    time: Annotated[float, Number(above=0, hint="in s")] = 1.0  #: the unit of time
 
     def unit(self, name: str) -> float:
         """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity that it measures.

@@ -150,11 +150,11 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     for kind, colour, text in (partial, (whole, style.VERMILLION, "slip of all blocks")):
         if kind.any():
             ax.plot(found["start"][kind], found["force_before"][kind], "o", color=colour, markersize=3.5, label=text)
-    told: list[float] = []  # of events close together, the longest
+    written: list[float] = []  # of events close together, the longest
     for x, y, reach in found[["start", "force_before", "reach"]].isel(event=~whole.values).to_array().values.T:
-        if all(abs(x - other) > _APART * float(run["time"][-1]) for other in told):
+        if all(abs(x - other) > _APART * float(run["time"][-1]) for other in written):
             ax.annotate(f"{reach:.0f}", (x, y), (0, 4), textcoords="offset points", ha="center", fontsize=7)
-            told.append(x)
+            written.append(x)
     legend_above(ax)
     return ax
 

@@ -98,17 +98,9 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
 
 @house_style()
 def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *, length: str = "um") -> Figure:
-    """Draw a velocity step and the fits to it, and their residuals below.
+    """Draw a velocity step, as `velocity_step_in` cuts it out, the fits to it, and their residuals below.
 
-    Parameters
-    ----------
-    step : Step
-        What `stickslip.rate_state.velocity_step_in` cuts out.
-    fits : sequence of StepFit or ContactsFit
-    names : sequence of str
-        Of the fits, for the legend.
-    length : str
-        Unit of the displacement.
+    The `names` of the fits stand in the legend, `length` is the unit of the displacement.
     """
     figure = new_figure(style.PAGE, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
@@ -126,14 +118,9 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
 
 @house_style()
 def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figure:
-    """Draw how far the force peaks after holds, and how far it relaxes in them, over the time of the hold.
+    """Draw how far the force of a `slide_hold_slide` run peaks after holds, and relaxes in them, over their times.
 
-    Parameters
-    ----------
-    run : Dataset
-        Of `slide_hold_slide`.
-    per_decade : float, optional
-        Growth of the peaks by rate and state, ``b ln 10``: a line through the last peak.
+    Growth of the peaks `per_decade` by rate and state, ``b ln 10``, is a line through the last of them.
     """
     figure = new_figure(style.COLUMN, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)

@@ -169,14 +169,9 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
 
 @house_style()
 def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure:
-    """Draw a stability map: growth rate as shading, the boundary with its frequency, and the rig's own point.
+    """Draw the stability map of `advise.chart`: growth rate, the boundary with its frequency, and the rig's own point.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        What `stickslip.advise.chart` returns.
-    to : mapping of str to float, optional
-        Values of its parameters after a change, to which an arrow leads.
+    An arrow leads `to` the values of its parameters after a change.
     """
     across, up = map(str, found["growth_rate"].dims)
     figure = new_figure(1.6 * style.COLUMN, 4.6)
