@@ -168,10 +168,10 @@ def _draw(picture: Path | None, figure: Callable[[], Any]) -> None:
         ss.plot.save(figure(), picture)
 
 
-def _answer(text: object, told: Any, json: bool, **written: Path | None) -> None:
+def _answer(text: object, content: Any, json: bool, **written: Path | None) -> None:
     """Print an answer: as JSON, or as a text with where each thing was written, if it was."""
     if json:
-        console.print_json(told)
+        console.print_json(content)
     else:
         print(text, *(f"{what}: {place}" for what, place in written.items() if place is not None), sep="\n")
 
@@ -301,8 +301,8 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, json: boo
         ss.save(run, output)
     seen = ss.regime(run)
     _draw(plot, lambda: ss.plot.overview(run))
-    told = {"regime": plain(seen), "output": plain(output)}
-    _answer(_motion(run, seen), told, json, run=output, picture=plot)
+    content = {"regime": plain(seen), "output": plain(output)}
+    _answer(_motion(run, seen), content, json, run=output, picture=plot)
 
 
 def _motion(run: xr.Dataset, seen: object) -> str:
@@ -342,7 +342,7 @@ def measure(
     _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
     numbers = {str(name): each.attrs for name, each in catalogue.data_vars.items() if "mean" in each.attrs}
     statistics = {name: {key: plain(of[key]) for key in ("mean", "std", "units")} for name, of in numbers.items()}
-    told = {
+    content = {
         "regime": plain(seen),
         "statistics": statistics | {"count": about["count"], "drops_are": about["drops_are"]},
         "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
@@ -360,7 +360,7 @@ def measure(
         *(f"{name}: {text}" for name, text in means),
     ]
     lines += [f"note: {note}"] if note else []
-    _answer("\n".join(lines), told, json, **{about["drops_are"]: events, "picture": plot})
+    _answer("\n".join(lines), content, json, **{about["drops_are"]: events, "picture": plot})
 
 
 @app.command
@@ -459,8 +459,8 @@ def map(
     with console.working("mapping") as progress:
         found = chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
     _draw(output, lambda: ss.plot.chart(found))
-    told = {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
-    _answer(found.attrs["summary"], told, json, picture=output)
+    content = {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
+    _answer(found.attrs["summary"], content, json, picture=output)
 
 
 @app.command
@@ -514,13 +514,13 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, json: b
     regimes = {kind: codes.count(code) for code, kind in enumerate(KINDS) if code in codes}
     line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
     about = {"line": line, "regimes": regimes, "failures": failed, "crossings": crossings}
-    told = plain(counted) | plain(about | {"store": store, "picture": picture, "theory": theory})
+    content = plain(counted) | plain(about | {"store": store, "picture": picture, "theory": theory})
     lines = [*(f"{kind}: {count}" for kind, count in regimes.items()), f"store: {store}"]
     lines += [] if picture is None else [f"picture: {picture}, on top: {theory}"]
     lines += [f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]]
     if len(failed) > _FAILURES_SHOWN:
         lines.append(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
-    _answer("\n".join([*lines, line]), told, json)
+    _answer("\n".join([*lines, line]), content, json)
     return 1 if failed else 0
 
 

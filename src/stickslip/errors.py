@@ -60,15 +60,15 @@ class InputError(ValueError):
         return InputError(f"{place}: {message}", place)
 
 
-_MOST_TOLD = 320  # characters of mistakes after which the others are only counted
+_MOST_NAMED = 320  # characters of mistakes after which the others are only counted
 
 
 def together(mistakes: Iterable[str]) -> str:
     """Return mistakes in one line, as far as a message reaches; the others are counted."""
     each = list(mistakes)
-    told = 1 + sum(so_far <= _MOST_TOLD for so_far in accumulate(map(len, each)))
-    more = len(each) - told
-    return "; ".join(each[:told]) + (f"; and {more} more" if more > 0 else "")
+    named = 1 + sum(so_far <= _MOST_NAMED for so_far in accumulate(map(len, each)))
+    more = len(each) - named
+    return "; ".join(each[:named]) + (f"; and {more} more" if more > 0 else "")
 
 
 class UndecidedError(RuntimeError):

@@ -224,12 +224,12 @@ class Fit(Answer):
         parameters, quantities, p = self.parameters, self.quantities, self.p_values
         width = max(len(one.title) for one in (*parameters, *quantities))
         wide = max(len(str(one)) for one in parameters)
-        told = ["In SI units:", *(f"  {one.title:{width}}  {one!s}" for one in quantities)]
+        in_si = ["In SI units:", *(f"  {one.title:{width}}  {one!s}" for one in quantities)]
         return "\n".join(
             [
                 f"{self.events}\n\nParameters of the model, medians and 90 % intervals:",
                 *(f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}" for one in parameters),
-                *(told if quantities else ()),
+                *(in_si if quantities else ()),
                 f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics "
                 f"{min(p[name] for name in FITTED):.2g}, of {len(HELD_OUT)} others "
                 f"{min(p[name] for name in HELD_OUT):.2g}",

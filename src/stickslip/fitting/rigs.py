@@ -163,16 +163,16 @@ def _said(events: Events) -> str:
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key but the delay, in SI units."""
     values, events, count = found.values, found.events, len(found)
-    told = {**dict(zip(PARAMETERS, values.T, strict=True)), **in_si(values, found.strength, events, known)}
-    told |= {name: drawn(known, name, count) for name in ("stiffness", "mass", "speed") if name in known}
+    quantities = {**dict(zip(PARAMETERS, values.T, strict=True)), **in_si(values, found.strength, events, known)}
+    quantities |= {name: drawn(known, name, count) for name in ("stiffness", "mass", "speed") if name in known}
     if "mass" not in known:  # what lets a slip be as short as it was recorded, or anything lighter where none is seen
         lasts = events.slip_samples * events.step * seconds(events)
-        told["mass"] = told["stiffness"] * (lasts / math.pi) ** 2 * (1.0 - told["damping_ratio"] ** 2)
+        quantities["mass"] = quantities["stiffness"] * (lasts / math.pi) ** 2 * (1.0 - quantities["damping_ratio"] ** 2)
         if events.slip_samples < RESOLVED:
-            told["mass"] = told["mass"] * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
-    draws = {path: _rounded(told[name]) for path, (name, *_) in KEYS.items() if name in told}
+            quantities["mass"] = quantities["mass"] * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
+    draws = {path: _rounded(quantities[name]) for path, (name, *_) in KEYS.items() if name in quantities}
     of_all = draws["interface.contact_strength"] * draws["interface.newborn.mean"]
-    return draws | {"slider.stiffness": told["stiffness"], "interface.sliding_force": of_all}
+    return draws | {"slider.stiffness": quantities["stiffness"], "interface.sliding_force": of_all}
 
 
 def _rounded(values: Array) -> Array:
@@ -198,7 +198,7 @@ def quick_fit(
     damping_ratio: float = 0.15,
     name: str = "quick fit",
 ) -> Rig:
-    """Make a rig of readings of a bench, by closed forms.
+    """Make a rig, in SI units, of readings of a bench, by closed forms.
 
     Static over kinetic friction gives the standard deviation of the thresholds, and their size the total contact
     strength (slow rigid motion, Eqs. (1)-(4)). The loading rate ``R`` between slips gives the stiffness of the
@@ -219,13 +219,6 @@ def quick_fit(
         In place of the loading rate.
     half_speed : float or str, optional
         Speed at which kinetic friction has fallen to half; without it there is no delay, and the rig says so.
-    damping_ratio : float
-    name : str
-
-    Returns
-    -------
-    Rig
-        In SI units.
 
     Raises
     ------

@@ -112,8 +112,8 @@ class Either:
     Where none is given, and one is `needed`, the first is asked for.
     """
 
-    def __init__(self, *ways: str, needed: bool = False) -> None:
-        self.ways, self.needed = [way.split() for way in ways], needed
+    def __init__(self, *alternatives: str, needed: bool = False) -> None:
+        self.alternatives, self.needed = [alternative.split() for alternative in alternatives], needed
 
 
 def listed(names: Any) -> str:

@@ -175,9 +175,9 @@ class _Writer:
         if self.digits is not None:
             return engineering(exact, name, self.digits)
         near = [exact + steps * math.ulp(exact) for steps in ((0, -1, 1, -2, 2) if exact else ())]
-        ways = [*(engineering(exact, name, digits) for digits in range(4, 17)), *(f"{si!r} {name}" for si in near)]
+        texts = [*(engineering(exact, name, digits) for digits in range(4, 17)), *(f"{si!r} {name}" for si in near)]
         fits = [same or (lambda si: scales.natural(si, unit) == value)]
         if unit == "x_s/time":  # the fastest velocity of a drive is also what the unit of time comes from
             fits.insert(0, lambda si: fits[-1](si) and (not si or scales.stretching / abs(si) == scales.time))
-        read = {way: read_quantity(way, name, way) for way in ways}
-        return next((way for fit in fits for way, si in read.items() if fit(si)), f"{exact!r} {name}")
+        read = {text: read_quantity(text, name, text) for text in texts}
+        return next((text for fit in fits for text, si in read.items() if fit(si)), f"{exact!r} {name}")

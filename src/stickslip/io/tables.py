@@ -94,7 +94,7 @@ class Tables:
             word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
             self.wrong(path + name[:60], f"unknown key{word}")
         found: dict[str, Any] = {}
-        of_rules = {name for rule in rules for way in rule.ways for name in way}
+        of_rules = {name for rule in rules for alternative in rule.alternatives for name in alternative}
         for name, key in keys.items():
             if name in content:
                 try:
@@ -115,12 +115,12 @@ class Tables:
 
     def _choose(self, content: Mapping[str, Any], rule: Either, keys: Mapping[str, Key], place: str) -> None:
         """Note what a rule has against a table."""
-        ways = [way for way in rule.ways if keys.keys() >= {*way}]  # some are none in natural units
-        given = [way for way in ways if not content.keys().isdisjoint(way)]
+        possible = [each for each in rule.alternatives if keys.keys() >= {*each}]  # some are none in natural units
+        given = [each for each in possible if not content.keys().isdisjoint(each)]
         if len(given) > 1:
-            self.wrong(place or given[1][0], f"give {' or '.join(map(listed, rule.ways))}, not both")
-        elif ways and (given or rule.needed):
-            for name in (given or ways)[0]:
+            self.wrong(place or given[1][0], f"give {' or '.join(map(listed, rule.alternatives))}, not both")
+        elif possible and (given or rule.needed):
+            for name in (given or possible)[0]:
                 if name not in content:
                     self.missing(f"{place}.{name}", keys[name])
 

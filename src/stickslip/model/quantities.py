@@ -171,13 +171,13 @@ def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
 @lru_cache(maxsize=1)
 def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
     """Every spelling of one unit, with its size and the exponents of the SI base units."""
-    ways: dict[str, tuple[Fraction, dict[str, int]]] = {}
+    spellings: dict[str, tuple[Fraction, dict[str, int]]] = {}
     for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():  # without a prefix last: "ft" is not a femtotonne
         for symbols, names, size, parts in _UNITS[:_PREFIXED] if symbol else _UNITS:
             words = [name + own for own in names.split()]
-            for way in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
-                ways[way] = Fraction(10) ** power * size, parts
-    return ways
+            for spelling in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
+                spellings[spelling] = Fraction(10) ** power * size, parts
+    return spellings
 
 
 _SLIPS = (

@@ -69,13 +69,13 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
     """
     named = not data.exists() and data.name in rig_files.example_names()
     if given.step_at is None and (data.suffix == ".toml" or named):
-        told, words = _judged(data, given)
+        content, words = _judged(data, given)
     elif given.holds is None:
         found = _fitted(data, given)
-        told, words = found.to_dict(), f"{found}\n"
+        content, words = found.to_dict(), f"{found}\n"
     else:
         raise InputError("--holds: is for a rig; a measured trace has its own")
-    print(jsonlib.dumps(told, indent=2) + "\n" if told and given.json else words, end="")
+    print(jsonlib.dumps(content, indent=2) + "\n" if content and given.json else words, end="")
 
 
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
@@ -103,11 +103,11 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         how: dict[str, Any] = {"load": given.load, "area": given.area, "path": given.output}
         text = export_rate_and_state(scaled, given.export, scales=rig.scales, **how)
         return {}, text if given.output is None else f"{given.export}: {given.output}\n"
-    told, words = scaled.to_dict(), f"{scaled}\n"
+    content, words = scaled.to_dict(), f"{scaled}\n"
     if given.load:
         weight = read_value("--load", given.load, "N", "2 kN")
         mu, a, b = (value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b))
-        told["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
+        content["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
         words += f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, "
         words += f"a - b = {a - b:.3g}\n"
     if given.holds is not None:
@@ -117,13 +117,13 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         ]
         run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
         healed = healing(run, float(scaled.b))
-        told["holds"] = healed.to_dict()
+        content["holds"] = healed.to_dict()
         words += f"\n{healed}\n"
         if given.plot is not None:
             from stickslip import plot
 
             plot.save(plot.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
-    return told, words
+    return content, words
 
 
 def _fitted(path: Path, given: Options) -> StepFit:

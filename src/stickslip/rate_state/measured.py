@@ -83,8 +83,8 @@ class StepFit(FittedStep):
 
     def __str__(self) -> str:
         found = {"a": self.a, "b": self.b, "a - b": self.a_minus_b}
-        told = {name: (value, self.step.friction_unit) for name, value in found.items()}
-        return f"{self.law} law: {self._words(told | {'D': (self.distance, self.step.length_unit)})}"
+        estimates = {name: (value, self.step.friction_unit) for name, value in found.items()}
+        return f"{self.law} law: {self._words(estimates | {'D': (self.distance, self.step.length_unit)})}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -124,9 +124,9 @@ class ContactsFit(FittedStep):
 
     def __str__(self) -> str:
         cv = self.thresholds.standard_deviation() / self.thresholds.moment(1)
-        told = {"A": (self.width, ""), "c": (self.ageing, "")}
-        told["breaking displacement"] = (self.breaking_displacement, self.step.length_unit)
-        return f"contacts, thresholds with CV {cv:.2g}: {self._words(told)}"
+        estimates = {"A": (self.width, ""), "c": (self.ageing, "")}
+        estimates["breaking displacement"] = (self.breaking_displacement, self.step.length_unit)
+        return f"contacts, thresholds with CV {cv:.2g}: {self._words(estimates)}"
 
 
 def _fitted(

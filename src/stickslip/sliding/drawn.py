@@ -1,12 +1,12 @@
 """The linear response and the noise of contacts that draw, with each life, how they pull: stretched or larger ones.
 
-While it holds such a contact pulls with ``f = a + b x``, with ``x`` the way since it attached: newborns stretched by
-``a``, or contacts of the area ``b**2``. Without ageing and temperature a life depends on the way alone, so that
+While it holds such a contact pulls with ``f = a + b x`` at the distance ``x`` from its attachment: newborns stretched
+by ``a``, or contacts of the area ``b**2``. Without ageing and temperature a life depends on it alone, so that
 
     kappa(s) = (1 - E) [f_d (1 - P^) - q <Int f exp(-q x) dx>]/[(<l> + v <tau>) (1 - E P^)]
 
-per contact, as of equal contacts; `l` is the way to the break and ``P^`` its transform. Integrals over a life are sums
-over panels of the way, with what is left of the contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
+per contact, as of equal contacts; `l` is the distance to the break and ``P^`` its transform. Integrals over a life are
+sums over panels, with what is left of the contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
 """
 
 import math
@@ -30,12 +30,12 @@ _PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
 
 
 class Lives(NamedTuple):
-    """What is left of contacts along their way: of their number, and of their `f`, `a`, `b`, ``a f`` and ``b f``."""
+    """What is left of contacts with the distance: of their number, and of their `f`, `a`, `b`, ``a f`` and ``b f``."""
 
     held: Array
     """At nodes, times the weights of these, shape (n, 6)."""
     newborn: Array
-    """Of newborns, and its slope along the way, shape (2, 6)."""
+    """Of newborns, and its slope in the distance, shape (2, 6)."""
     x: Array
     """Nodes, shape (n,)."""
     highest: float

@@ -142,7 +142,7 @@ def whole_axis(response: Response, velocity: float) -> tuple[Array, Fluctuations
 
 
 class Unperturbed(NamedTuple):
-    """Transforms of a life in steady sliding, of length `l` along the way ``x``, at wave numbers ``q = i y``.
+    """Transforms of a life in steady sliding, of length `l` in the distance ``x``, at wave numbers ``q = i y``.
 
     ``1 - <exp(-q l)>``; of the force ``f``, with ``G = Int f exp(-q x) dx`` over the life, ``<conj(G) exp(-q l)>``,
     ``<G>`` and ``<|G|^2>``; and ``<l>``.
