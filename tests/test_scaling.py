@@ -84,6 +84,11 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     force = ss.kinetic_friction(there.interface, there.velocity)
     assert force == pytest.approx(length * ss.kinetic_friction(rig.interface, rig.velocity), rel=1e-9)
     assert ss.stability.count_unstable(there) == ss.stability.count_unstable(rig)
+    s = np.array([0.6j, 4.0j, 2.0 + 10.0j])
+    kappa = [
+        ss.stability.dynamic_stiffness(each.interface, each.velocity, s / by) for each, by in ((rig, 1), (there, time))
+    ]
+    np.testing.assert_allclose(kappa[1], kappa[0], rtol=1e-6)
 
 
 @UNITS
