@@ -75,7 +75,10 @@ def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
             noise = contact_noise(rig)
         except (InputError, UndecidedError):  # unstable, or newborns beyond the thresholds
             continue
-        if noise.relative_velocity < _FLUCTUATION and _SEEDS * _duration(noise) * velocity * noise.contacts < _MOST_BREAKS:
+        if (
+            noise.relative_velocity < _FLUCTUATION
+            and _SEEDS * _duration(noise) * velocity * noise.contacts < _MOST_BREAKS
+        ):
             yield rig, noise
 
 

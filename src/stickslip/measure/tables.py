@@ -5,6 +5,7 @@ Errors do not name the file.
 """
 
 import csv
+import datetime as dt
 import io
 import math
 import re
@@ -35,6 +36,9 @@ _COMMENTS = ("#", "%", "//", "!")
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
+_CLOCK = re.compile(
+    r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,3}):([0-5]\d)(?::([0-5]\d(?:\.\d*)?))?Z?"
+)  # 2024-02-01T12:00:00.5
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
 """What separates columns besides one character: blanks, or only those before a number, where units stand behind it."""
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
@@ -76,9 +80,17 @@ def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = N
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
-    """Number and unit of a cell; no number, and no unit, where it holds none that is finite, or words behind it."""
+    """Number and unit of a cell; no number, and no unit, where it holds none that is finite, or words behind it.
+
+    A time of the day, with a date or without, is seconds.
+    """
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
-    match = _NUMBER.fullmatch(cell.translate(_COMMAS) if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
+    plain = (cell.translate(_COMMAS) if comma else cell) if len(cell) <= _LONGEST_NUMBER else ""
+    if clock := _CLOCK.fullmatch(plain):
+        with suppress(ValueError):  # a thirtieth of February
+            days = dt.date.fromisoformat(clock[1] or "2000-01-01").toordinal() - dt.date(2000, 1, 1).toordinal()
+            return 86400.0 * days + 3600.0 * int(clock[2]) + 60.0 * int(clock[3]) + float(clock[4] or 0), "s"
+    match = _NUMBER.fullmatch(plain)
     value, unit = (float(match[1].translate(_FORTRAN)), (match[2] or "").strip()) if match else (math.inf, "")
     known = not unit or any(unit_named(word) or unit_size(word) for word in unit.split())
     return (value, unit) if known and math.isfinite(value) else (None, "")
@@ -167,6 +179,9 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     headings = headings_of(named, width)
     step = _labview([line for _, line in labview], headings, numeric, mark, comma)
     units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}
+    clocks = [i for i in numeric if ":" in columns[i][0]]
+    for i in clocks:  # whose heading may hold their form, hh:mm:ss
+        headings[i] = Heading(headings[i].name or "time", "s")
     for i, unit in units.items():
         if unit and not (ratio(unit, headings[i].unit) if headings[i].unit else unit_named(unit)):
             below = f" below the heading {headings[i].unit!r}" if headings[i].unit else ""
@@ -182,7 +197,12 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         keep = np.any([np.isfinite(numbers) for numbers in values.values()], axis=0)
         keep &= ~np.isin(octets[begins[start:-1]], list(b"#%/!"))
         keep[[row for row in np.flatnonzero(~keep).tolist() if _holds(line_of(start + row))]] = True
-        return {i: numbers[keep] for i, numbers in values.items()}, np.flatnonzero(keep) + start + 1
+        kept = {i: numbers[keep] for i, numbers in values.items()}
+        for i in {*clocks} & {*kept}:  # since the first, over midnight, too
+            kept[i] += (
+                86400.0 * np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0)) - kept[i][np.isfinite(kept[i])][:1]
+            )
+        return kept, np.flatnonzero(keep) + start + 1
 
     return Table(with_coefficients(headings), numeric, read, lambda number: line_of(number - 1).strip(), step)
 

@@ -65,6 +65,7 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("sticks", SLIPS, "the slider {motion}"),
     ("even", SMOOTH, "the slider {motion}"),
     ("uneven -rough -contacts", SMOOTH, "the slider {motion}"),
+    ("moves contacts", OPEN, "the slider {motion}: by itself, or shaken by its {contacts} contacts"),
     ("moves", OPEN, "the slider {motion}: by itself, or shaken by few contacts? Their number (--contacts) may tell"),
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
     ("line", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
@@ -302,11 +303,12 @@ def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
 
     def text(part: Regime) -> str:
         drops = part.cycles and part.kind != SMOOTH
-        name, value = ("drop", part.drop) if drops else ("mean force", part.mean_force)
+        name, value = ("drop", part.drop) if drops else (f"mean {part.quantity}", part.mean_force)
         return f"{name} {in_words(value, part.force_unit, 3)}" if alike else part.kind
 
     runs = [(said, [*each][-1]) for said, each in itertools.groupby(parts, key=text)]
-    told = [f"{said} to t = {in_words(last.window[1], last.time_unit, 3)}" for said, last in runs[:-1]]
+    digits = 3 + int(math.log10(max(abs(parts[-1].window[1]) / (parts[-1].window[1] - parts[0].window[0]), 1.0)))
+    told = [f"{said} to t = {in_words(last.window[1], last.time_unit, digits)}" for said, last in runs[:-1]]
     return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
 
 
