@@ -323,7 +323,7 @@ def measure(
     after: Annotated[str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")] = None,
     events: Annotated[File, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
-    plot: Plot = None,
+    plot: Annotated[Plot, Parameter(alias="-o")] = None,
 ) -> None:
     """Classify the motion and list the slips of a run or of a measured force trace."""
     from stickslip.io.datasets import as_csv

@@ -1,6 +1,7 @@
 """Pictures of a run or of a measured trace."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from stickslip.plot.style import along_time, dress, house_style, legend_above, n
 from stickslip.words import prefixed
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
+_ZOOM = 6  # slips of a measured trace that are drawn by themselves
 _WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a logarithmic axis
 
 
@@ -32,7 +34,8 @@ def force_trace(
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
         gap = force[run["filled"].to_numpy().astype(bool)]
-        ax.plot(gap["time"], gap, "x", color=style.BLACK, markersize=4, label=f"{gap.size} filled in")
+        size = 4.0 if gap.size <= _MANY_SLIPS else 1.5
+        ax.plot(gap["time"], gap, "x", color=style.BLACK, markersize=size, label=f"{gap.size} filled in")
     if "mu" in run and "load" in run:  # another scale, or, where the load changes, a line of its own
         right = ax.twinx()
         right.spines["right"].set_visible(True)
@@ -114,7 +117,8 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None) -> Figure:
     """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
 
-    Of a chain, the force with its events, and the velocity of every block.
+    Of a chain, the force with its events, and the velocity of every block. Of a measured trace that stick-slips, six of
+    its slips besides, how large drops are, troughs over peaks, and drops over the time before them.
 
     Parameters
     ----------
@@ -137,13 +141,24 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
         seen, found = regime_and_drops(run)
         events = found if events is None and seen.kind == "stick-slip" else events
     panels = [draw for name, draw in {"velocity": velocity, "attached": attached}.items() if name in run]
-    figure = style.new_figure(style.PAGE, 2.4 + 1.7 * len(panels))
-    axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    force_trace(run, axes[0], events=events).set_title(_title(run, seen))
+    rows, heights = 1 + len(panels), [2.4, *[1.7] * len(panels)]
+    measured = "attached" not in run and events is not None and events.sizes["event"] > 2 * _ZOOM
+    if measured:
+        heights += [2.0, 2.4]
+    figure = style.new_figure(style.PAGE, sum(heights))
+    grid = figure.add_gridspec(len(heights), 3, height_ratios=heights)
+    axes = [figure.add_subplot(grid[0, :])]
+    axes += [figure.add_subplot(grid[row, :], sharex=axes[0]) for row in range(1, rows)]
+    if measured and events is not None:
+        begin, end = _zoomed(figure.add_subplot(grid[-2, :]), run, events)
+        axes[0].axvspan(begin, end, facecolor=style.GREY, alpha=0.4, linewidth=0)
+        _draw_drops([figure.add_subplot(grid[-1, column]) for column in range(3)], events)
+    force_trace(run, axes[0], events=None if measured else events).set_title(_title(run, seen))
     for draw, ax in zip(panels, axes[1:], strict=True):
         draw(run, ax)
-    for ax in axes:
-        ax.label_outer()
+    for ax in axes[:-1]:
+        ax.tick_params(labelbottom=False)
+        ax.set_xlabel("")
     figure.align_ylabels(axes)
     return figure
 
@@ -160,6 +175,35 @@ def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
         ax.set_title(f"{seen.kind}{speed}")
     axes[1].set_ylabel("")
     return figure
+
+
+def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float]:
+    """Draw six slips from the middle of a trace, and return the times between which they lie."""
+    first = events.sizes["event"] // 2 - _ZOOM // 2
+    some = events.isel(event=slice(first, first + _ZOOM))
+    around = float(np.nanmedian(events["recurrence"]))
+    begin, end = float(some["start"][0]) - around, float(some["end"][-1]) + around
+    part = run[["spring_force"]].sel(time=slice(begin, end))
+    force_trace(part, ax, events=some.assign_attrs(count=_ZOOM)).set_xlim(begin, end)
+    return begin, end
+
+
+def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
+    """How large drops are, troughs over peaks, and drops over the time before them."""
+    names = {
+        "drop": "drop",
+        "force_before": "peak",
+        "force_after": "trough",
+        "recurrence": "recurrence",
+    }
+    of = {name: events[name].assign_attrs(long_name=title) for name, title in names.items()}
+    axes[0].hist(events["drop"], bins="auto", color=style.BLUE)
+    panel(axes[0], "", of["drop"], f"number of {events.attrs.get('drops_are', 'slips')}")
+    for ax, across, up in zip(axes[1:], ("force_before", "recurrence"), ("force_after", "drop"), strict=True):
+        ax.plot(
+            of[across], of[up], ".", color=style.BLUE, markersize=6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
+        )
+        panel(ax, "", of[across], of[up])
 
 
 def _title(run: xr.Dataset, seen: Regime) -> str:
