@@ -1,10 +1,13 @@
 """A distribution, delay, ageing, barrier, body, engine and parameter of one's own: a class and a registration each."""
 
+import ast
 import math
+import re
 import tomllib
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated
 from unittest import mock
 
@@ -30,37 +33,32 @@ from stickslip.simulation.engines.base import (
 )
 from stickslip.sliding import respond
 
-
-@dataclass(frozen=True, kw_only=True)
-class Triangular(Distribution):
-    """Symmetric triangle about the mean, given by its density alone."""
-
-    mean: float
-    half_width: float
-
-    def density(self, x):
-        away = np.abs(np.asarray(x, dtype=float) - self.mean) / self.half_width
-        return np.maximum(1.0 - away, 0.0) / self.half_width
+PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add-a-distribution.md"
+TABLES = (distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES, methods.METHODS)
+TABLES += (activation.ACTIVATIONS, parameters.BY_NAME, ENGINES)
 
 
-@dataclass(frozen=True)
-class ConstantRate(delays.DelayModel):
-    """Detached contacts re-attach at a constant rate: delays are exponential."""
+@contextmanager
+def as_shipped():
+    """Whatever is registered within, is known within alone."""
+    with ExitStack() as stack:
+        for table in TABLES:
+            stack.enter_context(mock.patch.dict(table))
+        yield
 
-    rate: Annotated[float, Number("1/time", above=0)]
 
-    def moment(self, order):
-        return math.factorial(order) / self.rate**order
+def taught():
+    """Classes and functions of the page on extensions, as its readers write them."""
+    tree = ast.parse("\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)))
+    kinds = (ast.Import, ast.ImportFrom, ast.ClassDef, ast.FunctionDef)
+    tree.body = [node for node in tree.body if isinstance(node, kinds)]
+    known = {"__name__": __name__}
+    with as_shipped():
+        exec(compile(tree, PAGE, "exec"), known)
+    return [known[name] for name in ("Triangular", "ConstantRate", "Steep", "set_ratio")]
 
-    def laplace(self, s):
-        return self.rate / (self.rate + np.asarray(s, dtype=complex))
 
-    def sample(self, rng, size):
-        return rng.exponential(1 / self.rate, size)
-
-    def quadrature(self):
-        node, weight = np.polynomial.laguerre.laggauss(40)
-        return node / self.rate, weight
+Triangular, ConstantRate, Steep, set_ratio = taught()
 
 
 @dataclass(frozen=True)
@@ -97,17 +95,6 @@ class HardenedContacts(contacts.EventByEvent):
 @dataclass(frozen=True, kw_only=True)
 class Unknown(ageing.AgeingModel):
     """One that says nothing of itself."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Steep(activation.ActivationModel):
-    """Bell's barrier by its slope, in ``kT`` per stretching, and by the time between two attempts."""
-
-    slope: Annotated[float, Number("1/x_s", above=0)]
-    period: Annotated[float, Number("time", above=0)]
-
-    def form(self):
-        return ss.Bell(width=1 / self.slope, attempts=1 / self.period)
 
 
 class GluedContacts(Engine):
@@ -155,20 +142,14 @@ ZETA = Parameter(
     unit="1",
     title="damping ratio of the slider",
     get=lambda rig: rig.slider.damping / (2 * rig.slider.frequency),
-    set=lambda rig, value: replace(
-        rig, slider=replace(rig.slider, damping=2 * value * math.sqrt(rig.slider.stiffness / rig.slider.mass))
-    ),
+    set=set_ratio,
 )
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _registered() -> Iterator[None]:
     """As the decorators do it; other tests see only what comes with the package."""
-    tables = (distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES, methods.METHODS)
-    tables += (activation.ACTIVATIONS,)
-    with ExitStack() as as_shipped:
-        for table in (*tables, parameters.BY_NAME, ENGINES):
-            as_shipped.enter_context(mock.patch.dict(table))
+    with as_shipped():
         distributions.register("triangle of a test")(Triangular)
         delays.register("rate of a test")(ConstantRate)
         parameters.register(ZETA)
