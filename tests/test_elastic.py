@@ -14,13 +14,7 @@ import stickslip as ss
 from stickslip.io import rig_files
 from stickslip.model import Sheet
 
-NEVER = math.inf
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
-
-
-def alike(sliding_force: float = 0.0, delay: ss.model.DelayModel = ss.Delay(NEVER)) -> ss.Interface:
-    """Contacts whose thresholds are all the same."""
-    return ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=delay, sliding_force=sliding_force)
 
 
 # ---------------------------------------------------------------------- fronts against the exact speed on the lattice
@@ -62,10 +56,8 @@ def test_a_prestress_below_the_threshold_of_fronts_stops_the_front() -> None:
 
 
 def test_stuck_blocks_oscillate_as_springs_do() -> None:
-    bar = ss.Chain(blocks=5, coupling=3.0, mass=2.0, damping=0.0, leaf=0.5)
     start = ss.Prestressed(stretching=0.0, push=0.1, pushed_blocks=5)
-    rig = ss.Rig(alike(), bar, ss.constant(0.0, duration=20.0), method=ss.Contacts(10), start=start)
-    run = ss.simulate(rig)
+    run = ss.simulate(pushed(bar(1 / 3.0, leaf=0.5 / 3.0, blocks=5, mass=2.0), 0.0, 20.0), start=start)
     exact = 0.1 / 1.5 * (1.0 - np.cos(math.sqrt(1.5 / 2.0) * run.time))
     assert np.abs(run.displacement[:, 2] - exact).max() < 1e-4
 
@@ -96,13 +88,9 @@ def test_modes_of_smooth_sliding_grow_as_in_linear_theory(springs: dict[str, flo
 
 
 def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
-    chain = ss.Chain(blocks=60, coupling=4.0, mass=4.0, damping=0.1, leaf=0.2)
+    rig = pushed(bar(0.25, leaf=0.05, alpha=0.1, sliding=0.3, blocks=60), 0.8, 80.0)
     sheet = Sheet(along=60, across=3, coupling=4.0, shear=1.5, mass=4.0, damping=0.1, leaf=0.2)
-    start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
-    one, three = (
-        ss.simulate(ss.Rig(alike(0.3), body, ss.constant(0.0, duration=80.0), method=ss.Contacts(10), start=start))
-        for body in (chain, sheet)
-    )
+    one, three = (ss.simulate(rig.replace(slider=body)) for body in (rig.slider, sheet))
     # The wider body has a higher bound on its frequencies, hence shorter steps.
     assert np.abs(three.first_break.values.reshape(3, 60) - one.first_break.values).max() < 0.02
     assert three.across.values.reshape(3, 60)[2, 5] == 2
@@ -112,11 +100,10 @@ def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
 # -------------------------------------------------------------------------------------------- in balance all the time
 
 
-def precursors(method: object, std: float = 0.0) -> ss.Rig:
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(NEVER), sliding_force=0.425)
-    bar = ss.Chain(blocks=50, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
+def precursors(method: object) -> ss.Rig:
+    rig = bar(0.25, alpha=0.1, sliding=0.425, blocks=50, mass=1.0, side=4.0)
     start, output = ss.Prestressed(stretching=0.0), ss.Output(interval=20.0)
-    return ss.Rig(interface, bar, ss.constant(2e-3, duration=8e4), method=method, start=start, output=output)  # type: ignore[arg-type]
+    return rig.replace(drive=ss.constant(2e-3, duration=8e4), method=method, start=start, output=output)
 
 
 def test_quasi_static_forces_of_precursors_are_exact() -> None:
@@ -138,10 +125,9 @@ def test_slow_dynamics_agree_with_balance() -> None:
 @pytest.mark.parametrize("ends", ["free", "periodic"])
 def test_balance_with_re_attachment_and_a_drive_that_turns(ends) -> None:
     delay = ss.RandomDelay(mean=100.0, std=30.0, negative="redraw")
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=delay, sliding_force=0.425)
-    bar = ss.Chain(blocks=30, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1, ends=ends)
+    rig = bar(0.25, 0.025, 0.1, std=0.05, sliding=0.425, delay=delay, blocks=30, mass=1.0, side=4.0, ends=ends)
     drive = ss.constant(2e-3, duration=1.5e4).then(ss.ramp(2e-3, -2e-3, duration=4e3)).then(ss.constant(0.0, 300.0))
-    run = ss.simulate(ss.Rig(interface, bar, drive, method=ss.QuasiStatic(50, seed=1)))
+    run = ss.simulate(rig.replace(drive=drive, method=ss.QuasiStatic(50, seed=1)))
     # All forces balance at the end: the springs carry the friction.
     assert float(run.spring_force[-1]) == pytest.approx(float(run.friction_force[-1].sum()), abs=1e-9)
     # At rest for longer than any delay, all contacts are attached.
@@ -150,21 +136,18 @@ def test_balance_with_re_attachment_and_a_drive_that_turns(ends) -> None:
 
 def test_detached_contacts_stick_again_when_the_drive_turns() -> None:
     """They carry the sliding force until then, and are as stiff as attached ones until they slide the other way."""
-    leaf = 2.0
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(NEVER), sliding_force=0.4)
-    bar = ss.Chain(blocks=2, coupling=3.0, mass=1.0, damping=1.0, leaf=leaf)
     drive = ss.constant(1.0, duration=1.5).then(ss.constant(-1.0, duration=0.2))
-    rig = ss.Rig(interface, bar, drive, method=ss.QuasiStatic(100, seed=1), output=ss.Output(interval=0.01))
-    back = ss.simulate(rig).sel(time=slice(1.5, None))
+    rig = bar(1 / 3.0, std=0.2, sliding=0.4, blocks=2).replace(drive=drive, leaf=2.0)
+    run = ss.simulate(rig, method=ss.QuasiStatic(100, seed=1), output=ss.Output(interval=0.01))
+    back = run.sel(time=slice(1.5, None))
     assert 0.03 < float(back.attached.min()) <= float(back.attached.max()) < 0.1
-    assert np.diff(back.displacement, axis=0) == pytest.approx(-0.01 * leaf / (leaf + 1.0), rel=1e-9)
+    assert np.diff(back.displacement, axis=0) == pytest.approx(-0.01 * 2.0 / 3.0, rel=1e-9)
 
 
 def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
     """Between two samples that lie near each other no contact of a block may break, though it slips all the while."""
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(5.0), sliding_force=0.4)
-    bar = ss.Chain(blocks=20, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1)
-    rig = ss.Rig(interface, bar, ss.constant(5e-3, duration=1320.0), method=ss.Contacts(50, seed=1))
+    rig = bar(0.25, 0.025, 0.1, std=0.2, sliding=0.4, delay=ss.Delay(5.0), blocks=20, mass=1.0, side=4.0)
+    rig = rig.replace(drive=ss.constant(5e-3, duration=1320.0), method=ss.Contacts(50, seed=1))
     some, many = (
         ss.measure.events(ss.simulate(rig, output=ss.Output(interval=each), long=True)) for each in (0.5, 0.05)
     )
