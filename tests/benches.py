@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 import stickslip as ss
+from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.follow import follow
 
 WARM = """
 name = "Warm bench"
@@ -68,6 +70,12 @@ def springs_between(body):
         matrix[[i, j], [i, j]] += k
         matrix[[i, j], [j, i]] -= k
     return matrix
+
+
+def rigidly(interface, method, drive, times, start=ss.FromSliding()):
+    """What contacts do under a slider that is moved with the drive, from its first velocity on."""
+    beginning = Beginning(interface, None, drive.pieces[0].start, start)
+    return follow(engine_of(interface, method, None)(beginning, method), drive, 0.0, times)
 
 
 def oscillations(signal, interval):

@@ -5,6 +5,7 @@ from math import erfc, exp, sqrt
 
 import numpy as np
 import pytest
+from benches import rigidly
 
 import stickslip as ss
 from stickslip.kernels.langevin import Langevin, Life
@@ -12,8 +13,6 @@ from stickslip.kernels.langevin_contacts import aged_threshold, crossing, reflec
 from stickslip.kernels.langevin_response import excursions, life_transforms
 from stickslip.kernels.langevin_steady import life_moments, steady_friction, steady_moments
 from stickslip.paper.cases import FIG8
-from stickslip.simulation.engines import Beginning, engine_of
-from stickslip.simulation.follow import follow
 from stickslip.theory import closure_friction
 
 STD = 0.1
@@ -23,12 +22,6 @@ HEAVY = ss.Slider(stiffness=20.0, mass=1.0, damping=5.0)
 
 def aged(rate, newborn=0.0, **changes):
     return replace(FIG8.interface, ageing=ss.Langevin(rate=rate, newborn=newborn), **changes)
-
-
-def rigidly(interface, method, drive, times, start=ss.FromSliding()):
-    """Forces of contacts under a slider that is moved with the drive, from its first velocity on."""
-    beginning = Beginning(interface, None, drive.pieces[0].start, start)
-    return follow(engine_of(interface, method, None)(beginning, method), drive, 0.0, times)["friction_force"]
 
 
 # ---------------------------------------------------------------- thresholds, and the pieces of a step
@@ -106,10 +99,11 @@ def test_lives_from_the_volterra_equation_are_those_of_the_kinetic_equation(u, n
 @pytest.mark.parametrize(("u", "error"), [(0.5, 0.001), (1.0, 0.001), (2.0, 0.01), (5.0, 0.02)])
 def test_their_density_slides_with_it_at_second_order(u, error):
     exact, times = steady_friction(np.array([u]), ONE)[0], np.linspace(0.0, 1.0 / u, 50)
-    errors = [
-        rigidly(aged(1.0), ss.MasterEquation(rtol=rtol), ss.constant(u, 1.0 / u), times).mean() / exact - 1
+    tracks = (
+        rigidly(aged(1.0), ss.MasterEquation(rtol=rtol), ss.constant(u, 1.0 / u), times)
         for rtol in (16e-4, 1e-4)  # cells and steps of a quarter
-    ]
+    )
+    errors = [track["friction_force"].mean() / exact - 1 for track in tracks]
     assert abs(errors[1]) < error
     assert u > 1 or np.log(errors[0] / errors[1]) / np.log(4) > 1.6
 
@@ -122,7 +116,7 @@ def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
     drive = ss.ramp(velocity[0], velocity[1], t[1])
     for k in range(1, 4 * per):
         drive = drive.then(ss.ramp(velocity[k], velocity[k + 1], t[k + 1] - t[k]))
-    force = rigidly(aged(1.0), ss.MasterEquation(), drive, t)[2 * per :]
+    force = rigidly(aged(1.0), ss.MasterEquation(), drive, t)["friction_force"][2 * per :]
     way = np.r_[0.0, np.cumsum(0.5 * np.diff(t) * (velocity[1:] + velocity[:-1]))][2 * per :]
     waves = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size), t])[2 * per :]
     pulled, shaken = (np.linalg.lstsq(waves, part, rcond=None)[0] for part in (force, way))
@@ -133,7 +127,7 @@ def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
 def test_fast_motion_to_and_fro_agrees_with_many_contacts():
     n, drive, times = 40_000, ss.constant(10.0, 0.12).then(ss.constant(-10.0, 0.28)), np.linspace(0.005, 0.4, 80)
     density, contacts = (
-        rigidly(aged(1.5), method, drive, times, start=ss.FromRest())
+        rigidly(aged(1.5), method, drive, times, start=ss.FromRest())["friction_force"]
         for method in (ss.MasterEquation(rtol=2.5e-5), ss.Contacts(n, seed=14))
     )
     # A contact's stretching scatters by less than 0.5.

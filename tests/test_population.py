@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from benches import rigidly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -51,10 +52,6 @@ DELAYS = [
 ]
 
 
-def engine_for(interface, method, slider=SLIDER, start=ss.FromRest()):
-    return engine_of(interface, method, slider)(Beginning(interface, slider, 1.0, start), method)
-
-
 # ---------------------------------------------------------------- conservation
 
 interfaces = st.builds(
@@ -76,7 +73,8 @@ interfaces = st.builds(
     st.sampled_from([20.0, 200.0]),
 )
 def test_every_contact_is_attached_or_waits(interface, drive, end, count, damping):
-    engine = engine_for(interface, ss.Population(count, seed=1, rtol=1e-3), replace(SLIDER, damping=damping))
+    method, slider = ss.Population(count, seed=1, rtol=1e-3), replace(SLIDER, damping=damping)
+    engine = engine_of(interface, method, slider)(Beginning(interface, slider, 1.0, ss.FromRest()), method)
     follow(engine, drive, 0.0, np.linspace(0, end, 5))
     state = engine.state
     attached = state.cohorts[COUNT, : state.used.cohorts]
@@ -92,12 +90,6 @@ def test_every_contact_is_attached_or_waits(interface, drive, end, count, dampin
 # ---------------------------------------------------------------- fluctuations
 
 
-def rigidly(interface, method, times):
-    """Friction force and attached fraction in rigid sliding at velocity 1."""
-    track = follow(engine_for(interface, method, None, ss.FromSliding()), ss.constant(1.0, times[-1]), 0.0, times)
-    return track["friction_force"], track["attached"]
-
-
 def moments(interface):
     """Variances, times N, of friction force and attached fraction in rigid sliding at velocity 1."""
     m1, m2, m3 = (interface.threshold_distribution.moment(order) for order in (1, 2, 3))
@@ -110,7 +102,9 @@ def moments(interface):
 def test_fluctuations_in_rigid_sliding(delay, count):
     interface, lifetimes = replace(CYCLING, delay=delay), 600.0
     force, attached = moments(interface)
-    F, A = rigidly(interface, ss.Population(count, seed=1), np.arange(0.0, lifetimes, 0.037))
+    times = np.arange(0.0, lifetimes, 0.037)
+    track = rigidly(interface, ss.Population(count, seed=1), ss.constant(1.0, times[-1]), times)
+    F, A = track["friction_force"], track["attached"]
     # A contact's force forgets in a life: so many independent values, of a variance with a relative error of sqrt(2/n).
     slack = 4 * math.sqrt(2 / lifetimes)
     assert F.var() * count == pytest.approx(force, rel=slack)
@@ -130,7 +124,8 @@ def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
     times = 0.037 * np.arange(parts * length)
 
     def octaves(method):
-        F = rigidly(CYCLING, method, times)[0].reshape(parts, length)
+        track = rigidly(CYCLING, method, ss.constant(1.0, times[-1]), times)
+        F = track["friction_force"].reshape(parts, length)
         power = np.abs(np.fft.rfft(F - F.mean(), axis=1)) ** 2 / length * method.count
         edges = (power.shape[1] * 0.5 ** np.arange(7)).astype(int)
         bands = np.stack([power[:, low:high].mean(axis=1) for high, low in pairwise(edges)])

@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from benches import oscillations
+from benches import oscillations, rigidly
 
 import stickslip as ss
-from stickslip.simulation.engines import Beginning, engine_of
-from stickslip.simulation.follow import follow
 
 NARROW, WIDE = ss.Gaussian(mean=1.0, std=0.1), ss.Gaussian(mean=1.0, std=0.3)
 BELL = ss.Bell(width=0.01, attempts=1e6)
@@ -71,9 +69,8 @@ ONE_BY_ONE = {
 
 def slide(interface, velocity, method, distance):
     """Friction force on the way of a rigid slider that starts in steady sliding."""
-    engine = engine_of(interface, method)(Beginning(interface, None, velocity, ss.FromSliding()), method)
     times = np.linspace(0.0, distance / velocity, 201)
-    return follow(engine, ss.constant(velocity, distance / velocity), 0.0, times)["friction_force"]
+    return rigidly(interface, method, ss.constant(velocity, times[-1]), times)["friction_force"]
 
 
 def lasting(names, *long):
