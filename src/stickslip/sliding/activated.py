@@ -70,7 +70,7 @@ class ActivatedResponse(Response):
 
     interface: Interface
 
-    accuracy: ClassVar[float] = 1e-8
+    accuracy: ClassVar[float] = 1e-7
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity

@@ -8,17 +8,21 @@ interface and a speed; `stickslip.sliding.activated` reads them.
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kernels import lifetimes as kernel
 from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
-from stickslip.kernels.lifetimes import INTEGRAL, NODE, Lifetimes, relax, rule
+from stickslip.kernels.lifetimes import INTEGRAL, NODE, NODES, Lifetimes, relax, rule
 from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, Parabolic
 from stickslip.model.activation import ActivationModel
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.records import hashable
+
+Whole = NDArray[np.int64]
 
 
 def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:
@@ -47,6 +51,8 @@ def _lifetimes(
         and distribution.standard_deviation() > 2.0 * temperature.width
     )
     if one_variable and not inner and not distribution.single:
+        if longest < 1.0 and temperature is not None:  # each node is an integral over all thresholds
+            return _cut(_lifetimes(distribution, temperature, ageing, velocity, 1.0), longest)
         return _in_one(distribution, hazard, growth, velocity, longest)
     if high > 1e3 * distribution.moment(1) and temperature is not None:
         longest = math.inf if longest == 1.0 else longest
@@ -55,6 +61,31 @@ def _lifetimes(
         bend = temperature.width * math.log1p(temperature.attempts * temperature.width / velocity)
         bends = [(bend, temperature.width)]
     return kernel.march(hazard, growth, *threshold_nodes(distribution, 0.01, bends), velocity, longest)
+
+
+def _cut(one: Lifetimes, longest: float) -> Lifetimes:
+    """Lives of all contacts at once on shorter panels, by the polynomials through the nodes of each panel."""
+    panel, part, count = _parts_of(one.width, longest)
+    place = (part[:, None] + NODE) / count[panel, None]
+    basis = np.vander(place.ravel(), NODES) @ np.linalg.inv(np.vander(NODE, NODES))
+    basis = basis.reshape(*place.shape, NODES)
+
+    def between(values: Array) -> Array:
+        return np.asarray(np.einsum("pij,pj->pi", basis, values.reshape(-1, NODES)[panel])).ravel()
+
+    width = (one.width / count)[panel]
+    weight = (width[:, None] * INTEGRAL[-1]).ravel()
+    named = ("x", "survival", "slope", "decay", "source", "push", "drop", "cap_x", "cap_slope")
+    found: dict[str, Any] = {name: between(getattr(one, name)) for name in named}
+    cap = weight * between(one.cap_weight / one.weight)
+    return Lifetimes(width=width, fresh=one.fresh[panel] & (part == 0), weight=weight, cap_weight=cap, **found)
+
+
+def _parts_of(width: Array, longest: float) -> tuple[Whole, Whole, Whole]:
+    """Panels cut into equal parts of at most this length: of each part its panel and its number, and their counts."""
+    count = np.maximum(np.ceil(width / longest), 1.0).astype(np.int64)
+    panel = np.repeat(np.arange(count.size), count)
+    return panel, np.arange(panel.size) - (np.cumsum(count) - count)[panel], count
 
 
 def threshold_nodes(distribution: Distribution, first: float, places: list[tuple[float, float]]) -> tuple[Array, Array]:
@@ -143,10 +174,8 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lifetimes
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
     edges = _edges_in_one(distribution, hazard, growth, v)
-    count = np.maximum(np.ceil(np.diff(edges) / longest), 1.0).astype(int)
-    part = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    edges = np.append(np.repeat(edges[:-1], count) + part * np.repeat(np.diff(edges) / count, count), edges[-1])
-    width, x, weight = _radau(edges)
+    panel, number, count = _parts_of(np.diff(edges), longest)
+    width, x, weight = _radau(np.append(edges[panel] + number * (np.diff(edges) / count)[panel], edges[-1]))
     strength, steeper, later = _met(growth, x, v)
     capped = np.maximum(strength, low)
     density = np.where(strength >= low, distribution.density(capped), 0.0)
