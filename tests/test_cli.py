@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from benches import WARM
 
 import stickslip as ss
 from stickslip import cli
@@ -112,6 +113,7 @@ def unusable(tmp_path, monkeypatch):
     Path("empty.csv").touch()
     Path("binary.csv").write_bytes(bytes(range(256)) * 10)
     Path("half.toml").write_text("slider = ")
+    Path("warm.toml").write_text(WARM)
     Path("damaged.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + b"nonsense" * 100)
 
 
@@ -142,6 +144,15 @@ def unusable(tmp_path, monkeypatch):
         ("map rig.toml --points 1", "points"),
         ("map rig.toml --points 10.5", "whole number"),
         *((f"map rig.toml --points {n}", "must be a number") for n in ("1_0", "0x10", "²", "9" * 5_000)),
+        ("rsf warm.toml --holds 100", "--holds = '100': has no unit; write it as in '10 s'"),
+        ("rsf warm.toml --plot holds.svg", "--plot holds.svg: needs --holds"),
+        ("rsf warm.toml --area '1 cm^2'", "--area 1 cm^2: needs --export"),
+        ("rsf warm.toml --export qdyn", "--export qdyn: needs --load"),
+        ("rsf rig.toml", "; add [interface.temperature]"),
+        *((f"rsf trace.csv{speeds}", "of a measured trace say --step-at") for speeds in ("", " --from 3um/s")),
+        ("rsf trace.csv --step-at '9 s' --from '3 um/s' --to '9 um/s' --holds '1 s'", "--holds: is for a rig"),
+        ("fit trace.csv", "samples from slip to slip"),
+        ("fit trace.csv -o fitted.toml", "--stiffness"),
         ("paper fig99", "fig99"),
         ("paper fig1 -o rig.toml", "rig.toml"),
         ("paper fig1 --format gif", "gif"),

@@ -538,25 +538,3 @@ def test_the_command_writes_pictures_and_scripts(warm, tmp_path, capsys):
     assert picture.stat().st_size > 10_000
     assert main(["rsf", str(warm), "--export", "qdyn", "--load", "2 kN", "--area", "1 cm^2", "-o", str(script)]) == 0
     assert capsys.readouterr().out.endswith(f"qdyn: {script}\n")
-
-
-DELAYED = WARM[: WARM.index("ageing")] + 'delay = "2 ms"\n' + WARM[WARM.index("[drive]") :]
-
-
-@pytest.mark.parametrize(
-    ("file", "asked", "why"),
-    [
-        (WARM, ["--holds", "100"], "--holds = '100': has no unit; write it as in '10 s'"),
-        (WARM, ["--plot", "holds.svg"], "--plot holds.svg: needs --holds"),
-        (WARM, ["--area", "1 cm^2"], "--area 1 cm^2: needs --export"),
-        (WARM, ["--export", "qdyn"], "--export qdyn: needs --load"),
-        (DELAYED, [], "; add [interface.temperature]"),
-        (None, [], "of a measured trace say --step-at"),
-        (None, STEP[2:], "of a measured trace say --step-at"),
-        (None, [*STEP, "--holds", "1 s"], "--holds: is for a rig"),
-    ],
-)
-def test_what_the_command_refuses(warm, capsys, file, asked, why):
-    warm.write_text(file or "")
-    assert main(["rsf", str(warm if file else BASALT), *asked]) == 2
-    assert why in capsys.readouterr().err
