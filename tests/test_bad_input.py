@@ -16,6 +16,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import rigid
+from stickslip.cycles import is_sustained
 from stickslip.errors import (
     LARGEST,
     LONGEST_MESSAGE,
@@ -31,7 +32,7 @@ from stickslip.errors import (
 from stickslip.io import datasets as store
 from stickslip.model import SteadyState
 from stickslip.model.drive import Drive, Piece
-from stickslip.stability import dynamic_stiffness
+from stickslip.stability import contact_noise, dynamic_stiffness
 from stickslip.theory import attached_fraction, closure_friction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -155,6 +156,18 @@ REFUSED = [
     (run_of(interface=replace(AGEING, delay=ss.Delay(0.3)), method=ss.Contacts(500)), "newborn = 0"),
     (lambda: ss.rerun(xr.Dataset()), "no provenance"),
     (lambda: ss.rerun(xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})), "made by 'sweep', not by"),
+    # cycles and noise
+    (lambda: is_sustained(RIG.replace(drive=ss.constant(-1.0))), "velocity = -1"),
+    (lambda: is_sustained(RIG.replace(drive=ss.constant(1e-25))), "velocity = 1e-25 x_s/time: the .* give at least"),
+    (lambda: is_sustained(RIG.replace(mass=0.0)), "mass above 0"),
+    (lambda: is_sustained(RIG.replace(interface=AGEING)), "ageing"),
+    (lambda: is_sustained(RIG, method=ss.MasterEquation(memoryless=True)), "memoryless"),
+    (lambda: is_sustained(RIG.replace(interface=NEVER), start=ss.FromSliding()), "start FromRest"),
+    (lambda: contact_noise(RIG.replace(method=ss.MasterEquation())), "infinitely many, .* such as contacts=1000"),
+    (lambda: contact_noise(RIG.replace(mass=0.0, damping=0.0), contacts=9), "without mass it would jump at each break"),
+    (lambda: contact_noise(RIG.replace(slider=lambda s: 2.0 + s), contacts=9), "no driving spring"),
+    (lambda: contact_noise(RIG.replace(interface=interface(areas="site"))), "areas = 'site': not available with"),
+    (lambda: contact_noise(RIG.replace(interface=interface(track_scatter=0.1))), "scatter = 0.1: not available with"),
     # rigid motion
     (lambda: ss.rigid_slide(INTERFACE, -1), r"^slide: distance = -1: must be .* above 0 \(in x_s\)"),
     (lambda: ss.rigid_slide(INTERFACE, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),

@@ -138,18 +138,3 @@ def test_beyond_linear_theory_the_answer_says_so():
     few = contact_noise(rig_of(TENTHS, 3))
     assert not few.linear
     assert f"theory holds from {few.contacts_for(1.0, of='velocity')} contacts on" in str(few)
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"method": ss.MasterEquation()}, "stands for infinitely many, .* such as contacts=1000"),
-        ({"slider": ss.Slider(stiffness=3.0, mass=0.0, damping=0.0)}, "without mass it would jump at each break"),
-        ({"slider": lambda s: 2.0 + s}, "no driving spring"),
-        ({"interface": replace(DRAWN["areas"], areas="site")}, "areas = 'site': not available with"),
-        ({"interface": replace(TENTHS, track_scatter=0.1)}, "track_scatter = 0.1: not available with"),
-    ],
-)
-def test_what_has_no_noise_by_theory_is_refused(changes, words):
-    with pytest.raises(InputError, match=words):
-        contact_noise(replace(rig_of(TENTHS), **changes))
