@@ -62,17 +62,6 @@ def test_contacts_that_never_come_back_follow_the_survival(distribution):
     assert response.stiffness[1:] == pytest.approx((J - X * P)[1:], abs=1e-11)
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.2])
-def test_far_away_the_steady_state_is_reached(distribution, shift):
-    m1, m2 = (distribution.positive().moment(order) for order in (1, 2))
-    response = moved(interface(distribution, shift=(shift,)), [119.0, 120.0], points=6000)
-    # What is left of the oscillation decays as exp(-X q), q = 2 pi^2 variance / (m1 + s)^3: for the Gaussian .11.
-    assert response.force == pytest.approx(0.5 * m2 / (m1 + shift), abs=2e-4)
-    assert response.attached == pytest.approx(m1 / (m1 + shift), abs=2e-4)
-    assert response.rate == pytest.approx(1 / (m1 + shift), abs=2e-3)
-    assert response.stiffness == pytest.approx(0.0, abs=2e-3)
-
-
 # ---------------------------------------------------------------- against itself and others
 
 
