@@ -280,9 +280,9 @@ def blurred_survival(survival: Callable[[Array], Array], width: float, u: Array,
     found = np.empty(u.size)  # between these the weight exp(s - exp(s)) is more than rounding
     for part in np.array_split(np.arange(u.size), 1 + u.size // 512):
         at = u.ravel()[part, None]
-        edges = np.tile(np.linspace(low, high, 140), (part.size, 1))
+        edges = np.tile(np.linspace(low, high, 24), (part.size, 1))
         edges = np.sort(np.concatenate([edges, np.clip((at - corners) / width, low, high)], axis=1), axis=1)
-        s, weight = gauss_nodes(edges, 6)
+        s, weight = gauss_nodes(edges, 16)
         weight = weight * np.exp(s - np.exp(s))
         known = survival(np.maximum(at - width * s, 0.0).ravel()).reshape(s.shape)
         found[part] = np.sum(known * weight, axis=1) / weight.sum(axis=1)
