@@ -101,6 +101,11 @@ class Margin:
     searched: tuple[float, float]
     stable: tuple[tuple[float, float], ...]  #: all ranges within that in which smooth sliding is stable
 
+    @property
+    def limits(self) -> list[float]:
+        """The limits that were found."""
+        return [end for end in (self.lower, self.upper) if end is not None]
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction(Foretold):
@@ -144,6 +149,11 @@ class Prediction(Foretold):
     bands: tuple[Band, ...]  #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, rising
     margins: tuple[Margin, ...] = ()
 
+    #: Of a stable rig, the parameter with the nearest limit among those that are set on a machine, and its value on the
+    #: way there from which on the noise of the contacts makes the force fluctuate by more than 5 % rms, by linear
+    #: theory; where it does so now, that is the value that it has.
+    noisy: tuple[str, float] | None = None
+
     #: Those that can be made on the machine first, in each group the smallest first. Where the rig works over a range
     #: of speeds, or at several, each is one for all of them.
     mitigations: tuple[Mitigation, ...] = ()
@@ -160,11 +170,9 @@ class Prediction(Foretold):
     #: Where the rig names no mechanism by which contacts strengthen: what it would do with which delay.
     delays: tuple[Band, ...] = ()
 
-    #: Standard deviation of the spring force over its mean, where linear theory is stable and a run from sliding
-    #: fluctuates as the run from rest does: then it is noise of the contacts, and the regime is smooth sliding,
-    #: whatever `regime` of the run alone would say.
+    #: Standard deviation of the spring force over its mean, where it is seen and by theory noise of the contacts.
     noise: float | None = None
-    stays: bool = True  #: false where a run of the rig's own contacts leaves linearly stable smooth sliding
+    stays: bool = True  #: false where linearly stable smooth sliding is left, by theory, by the noise of its contacts
 
     @cached_property
     def run(self) -> xr.Dataset:

@@ -4,14 +4,16 @@ All along here are factors on what the rig has, so that no unit matters.
 """
 
 import math
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain, pairwise
 
 import numpy as np
 
-from stickslip.advise.runs import OSCILLATES, Spent, Trials, trial
+from stickslip.advise.runs import OSCILLATES, Spent, Trials, effort, trial
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
@@ -76,12 +78,22 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     return tuple(found)
 
 
+def untold(bands: Sequence[Band]) -> float:
+    """The part of a range, by its logarithm, of which no run has told."""
+    widths = [math.log(band.high / band.low) for band in bands]
+    return sum(width for width, band in zip(widths, bands, strict=True) if band.kind in MOTIONS) / sum(widths)
+
+
 # By linear theory
 
 
 def is_dear(rig: Rig) -> bool:
     """Whether a look at the linear response costs a hundred times as much: contacts age, or heat breaks them."""
     return rig.interface.ageing is not None or rig.interface.temperature is not None
+
+
+def _density(rig: Rig) -> int:
+    return _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
 
 
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
@@ -93,6 +105,7 @@ def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
     return root.real, abs(root.imag) / (2.0 * math.pi)
 
 
+@cache
 def factor_of(parameter: Parameter, side: int = 1) -> Parameter:
     """The factor on a parameter, or on side -1 its inverse, as a parameter."""
 
@@ -107,9 +120,9 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float, sid
 
     Stable ranges narrower than a sixteenth of a decade may be missed.
     """
-    factor, density = factor_of(parameter, side), _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
+    factor = factor_of(parameter, side)
     try:
-        found = search(factor, rig.natural, low, high, density=density, edges_only=True)
+        found = search(factor, rig.natural, low, high, density=_density(rig), edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
         if high < (1.0 + _NARROW) * low or all(linearly_unstable(factor.set(rig, end)) is None for end in (low, high)):
             return (Band(kind="unknown", low=low, high=high),)
@@ -120,6 +133,26 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float, sid
     growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
     kinds = ["unstable" if modes else "stable" for modes in growing]
     return tuple(Band(kind=kind, low=a, high=b) for kind, (a, b) in zip(kinds, pairwise(ends), strict=True))
+
+
+def _cost(here: Rig, there: Rig) -> float:
+    """Seconds that a look takes at a rig that was varied from one that is known."""
+    cost = effort(VELOCITY.set(here, there.velocity))
+    if here.interface.threshold_distribution != there.interface.threshold_distribution:
+        return max(cost.look, cost.root)
+    same = (here.interface, here.velocity) == (there.interface, there.velocity)
+    return cost.again if same else cost.look
+
+
+def told_along(
+    trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float, side: int = 1
+) -> tuple[Band, ...]:
+    """`stability_along`, where it can be paid for; raises `Spent` elsewhere."""
+    here, vary = rig.natural, factor_of(parameter, side)
+    ends = [vary.set(here, factor) for factor in (low, high)]
+    each = sum(_cost(here, end) for end in ends) / len(ends)
+    looks = each * (1.0 + _density(rig) * math.log10(high / low))
+    return trials.told(stability_along, rig, parameter, low, high, side, looks=looks)
 
 
 # By runs
@@ -141,17 +174,28 @@ class Survey:
         self._setting, self._works_at, self._linear = trial(rig), works_at(rig), linear
         self.known: dict[float, str] = {1.0: here}
 
-    def look(self, trials: Trials) -> None:
-        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
+    def look(self, trials: Trials, enough: float = 0.0) -> None:
+        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is.
+
+        Until no more than a part of the range, by the logarithm, is left to linear theory.
+        """
         grid = [v for band in self._linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
         places = [*self._works_at, *sorted(grid, key=lambda speed: abs(math.log(speed)))]
-        self.known = dict.fromkeys(places, "") | self.known  # not known yet
+        self.known = dict.fromkeys(places, "") | self._seen_by(trials) | self.known  # not known yet, unless it was seen
         for speed in places:
             with suppress(Spent):  # slower speeds, farther on, may cost more than what is left, and faster ones less
                 self._try(speed, trials)
         with suppress(Spent):
-            while (change := self._widest_change()) is not None:
+            while (change := self._widest_change()) is not None and untold(self.bands()) > enough:
                 self._try(change, trials)
+
+    def _seen_by(self, trials: Trials) -> dict[float, str]:
+        """The motion at other speeds that most of the runs for another question have shown there."""
+        found, here = defaultdict[float, list[str]](list), self._setting
+        for case, seen in trials.seen.items():
+            if (case.interface, case.slider) == (here.interface, here.slider):
+                found[case.natural.velocity / here.natural.velocity].append(seen.kind)
+        return {speed: Counter(kinds).most_common(1)[0][0] for speed, kinds in found.items()}
 
     def _try(self, speed: float, trials: Trials) -> None:
         """Simulate at a speed, if that has not been done."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Self
@@ -20,7 +20,7 @@ from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
 WIDEST = 3.0
-"""Factor either way within which an assumption is varied of which the file says no more."""
+"""Factor either way, by convention, within which an assumption is varied of which the file gives no range."""
 _DRAWS = 64  # then the error of a fraction is at most .06
 _CONTACTS = Parameter(
     name="contacts",
@@ -57,16 +57,21 @@ class Doubt(Answer):
     #: Keys of the rig's file that were varied, each with how much more often the rig oscillates at one end of the
     #: range than at the other: the difference between the upper and the lower half. The first matters most.
     matters: tuple[tuple[str, float], ...]
+    ranges: Mapping[str, tuple[float, ...]]  #: factors on the value of each between which it was varied
 
     @classmethod
     def of(cls, rig: Rig, trials: Trials) -> Self | None:
         """Vary what a rig's file calls assumed, all at once, evenly in the logarithm; None if there is nothing to vary.
+
+        Within the range that the file gives, or a factor `WIDEST`.
 
         Linear theory tells first, and runs where smooth sliding is stable: stick-slip may persist from a start at rest.
         """
         varied = {key: _VARIED[key] for key in rig.assumed if key in _VARIED and has(rig, _VARIED[key][0])}
         if not varied:
             return None
+        ranges = {key: rig.assumed[key].factors or (1.0 / WIDEST, WIDEST) for key in varied}
+        low, high = np.log([*ranges.values()]).T
         # A Latin hypercube, the same each time: of each parameter every 64th of its range once.
         ranks = np.random.default_rng(0).permuted(np.tile(np.arange(_DRAWS), (len(varied), 1)), axis=1)
         places = (ranks.T + 0.5) / _DRAWS
@@ -74,7 +79,7 @@ class Doubt(Answer):
         for i, place in enumerate(places):
             there = rig.natural
             with suppress(InputError, Spent):
-                for (parameter, side), factor in zip(varied.values(), WIDEST ** (2.0 * place - 1.0), strict=True):
+                for (parameter, side), factor in zip(varied.values(), np.exp(low + (high - low) * place), strict=True):
                     there = _set(there, parameter, float(factor) ** side)
                 found[i] = _oscillates(there, trials)
         told = np.isfinite(found)
@@ -88,6 +93,7 @@ class Doubt(Answer):
             undecided=float(1.0 - told.mean()),
             draws=_DRAWS,
             matters=tuple(matters),
+            ranges=ranges,
         )
 
     def __str__(self) -> str:
@@ -95,14 +101,19 @@ class Doubt(Answer):
 
     def said(self) -> Iterator[str]:
         """What it comes to, in sentences."""
-        keys = ", ".join(key for key, _ in self.matters)
         part, untold = f"{100 * self.oscillates:.0f} %", f"{100 * self.undecided:.0f} % not told"
         yield f"oscillates at this speed in {part} of what was not measured{f', {untold}' if self.undecided else ''}"
         key, difference = self.matters[0]
         if abs(difference) > 2.0 / math.sqrt(self.draws):  # two standard errors of a difference of halves
             sign = "larger" if difference > 0 else "smaller"
             yield f"measuring {key} would decide most: {100 * abs(difference):.0f} % more often where it is {sign}"
-        yield f"{self.draws} rigs, each of {keys} within a factor {WIDEST:g} of its value"
+        usual, given = (
+            [key for key, _ in self.matters if (self.ranges[key] == (1.0 / WIDEST, WIDEST)) == each]
+            for each in (True, False)
+        )
+        told = [f"{', '.join(usual)} within a factor {WIDEST:g} of the value"] if usual else []
+        told += [f"{', '.join(given)} within the range given"] if given else []
+        yield f"{self.draws} rigs, with {', and '.join(told)}"
 
 
 def _set(rig: Rig, parameter: Parameter, factor: float) -> Rig:
@@ -113,7 +124,7 @@ def _set(rig: Rig, parameter: Parameter, factor: float) -> Rig:
 
 def _oscillates(rig: Rig, trials: Trials) -> float:
     """1 for a rig that does not slide smoothly, 0 for one that does; NaN if it is not told."""
-    if linearly_unstable(rig):
+    if trials.told(linearly_unstable, rig):
         return 1.0
     kind = trials.judge(trial(rig)).kind
     return math.nan if kind == "undecided" else float(kind in OSCILLATES)

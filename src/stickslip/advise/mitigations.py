@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.advise.bands import PRECISION, factor_of, fastest_mode, is_dear, stability_along
+from stickslip.advise.bands import PRECISION, factor_of, fastest_mode, is_dear, told_along
 from stickslip.advise.runs import SEEDS, Spent, Trials, trial
 from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
@@ -19,6 +19,7 @@ from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
+from stickslip.simulation import estimate
 
 if TYPE_CHECKING:
     from stickslip.advise.answer import Prediction
@@ -27,7 +28,7 @@ WIDEST_STD = 0.5  # a wider distribution, relative to its mean, is no longer one
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
 _APART = 4.0  # speeds of a range at which runs are made lie within this factor of each other
 # What can be changed on a machine; what only another material or surface would change.
-_TURNABLE = (VELOCITY, parameters.STIFFNESS, parameters.DAMPING, parameters.MASS, parameters.LOAD)
+TURNABLE = (VELOCITY, parameters.STIFFNESS, parameters.DAMPING, parameters.MASS, parameters.LOAD)
 _OTHERS = (parameters.FRICTION, parameters.CONTACT_STIFFNESS, parameters.DELAY, parameters.STD, parameters.AGEING)
 
 
@@ -53,44 +54,36 @@ class Mitigation:
 def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False) -> Prediction:
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
     rig, search = found.rig, _Search(found)
-    choices = [each for each in (*_TURNABLE, *_OTHERS) if search.can_vary(each)]
+    choices = [each for each in (*TURNABLE, *_OTHERS) if search.can_vary(each)]
     changes, tried, pair = dict[Parameter, Mitigation](), dict[str, tuple[float, float]](), tuple[Mitigation, ...]()
-    shares = dict[Parameter, float]()
-    # Each gets its part of what is allowed, and then, in order, what others have left, if that is more.
-    for lap, left in enumerate((choices, left_out := list[Parameter]())):
-        for i, parameter in enumerate([*left]):
-            report(0.5 * (lap + i / len(left)))
-            search.trials = trials.of(1.0 if lap else 1.0 / (len(left) - i + pairs))
-            if lap and search.trials.allowed <= shares[parameter]:
-                continue
-            shares[parameter] = search.trials.allowed
-            value, stops, reached, wholly = rig.value(parameter), list[float](), [1.0], True
-            for side, furthest in search.sides(parameter):
-                factor, end, to_the_end = search.along(factor_of(parameter, side), furthest)
+    # The cheapest first, none with more than half of what is left; then those that are not through, with all of it.
+    left = sorted(choices, key=lambda each: search.cost(each, trials))
+    for lap in range(2):
+        for i, parameter in enumerate(waiting := [*left]):
+            report(0.5 * (lap + i / len(waiting)))
+            value, stops, reached = rig.value(parameter), list[float](), [1.0]
+            with trials.of(1.0 if lap else 0.5) as search.trials:
+                sides = [(side, search.along(factor_of(parameter, side), end)) for side, end in search.sides(parameter)]
+            for side, (factor, end, _) in sides:
                 stops += [] if factor is None else [value * factor**side]
                 reached.append(end**side)
-                wholly = wholly and to_the_end
-            trials.spent += search.trials.spent
             if stops:
                 nearest = min(stops, key=lambda stop: abs(math.log(stop / value)))
                 changes[parameter] = Mitigation(parameter=parameter.name, value=value, stops=nearest)
             elif max(reached) > min(reached):
                 tried[parameter.name] = min(reached) * value, max(reached) * value
-            if wholly and lap:
-                left_out.remove(parameter)
-            elif not wholly and not lap:
-                left_out.append(parameter)
+            if all(wholly for _, (_, _, wholly) in sides):
+                left.remove(parameter)
         if pairs and not lap:
-            search.trials = trials.of(0.5)
-            pair = search.pair([each for each in choices if each in _TURNABLE], [*changes.values()])
-            trials.spent += search.trials.spent
+            with trials.of(0.5) as search.trials:
+                pair = search.pair([each for each in choices if each in TURNABLE], [*changes.values()])
     mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
     return replace(
         found,
         mitigations=tuple(changes[each] for each in mitigations),
         pair=pair,
         attempts={name: ends for name, ends in tried.items() if name not in [each.name for each in changes]},
-        not_searched=tuple(each.title for each in left_out if each not in changes),
+        not_searched=tuple(each.title for each in left if each not in changes),
     )
 
 
@@ -141,6 +134,20 @@ class _Search:
         least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
         return (1, min(high, most / value)), (-1, 1.0 / max(low, least / value))
 
+    def cost(self, parameter: Parameter, trials: Trials) -> int:
+        """What a run takes, by estimate and as a power of two, where the search for a value of a parameter begins."""
+        self.trials, seconds = trials, 0.0
+        for side, furthest in self.sides(parameter):
+            change = factor_of(parameter, side)
+            try:
+                ranges = self._may_be_stable(change, furthest) if furthest > 1.0 else []
+                seconds += sum(
+                    estimate(trial(change.set(self._rigs[0], _CLEARANCE * low))).seconds for low, _ in ranges[:1]
+                )
+            except (InputError, Spent):
+                seconds = math.inf
+        return math.frexp(seconds)[1] if seconds else -1000
+
     def along(self, change: Parameter, furthest: float) -> tuple[float | None, float, bool]:
         """The smallest factor from which on stick-slip decays from rest, within `PRECISION`, if any.
 
@@ -150,7 +157,7 @@ class _Search:
         self._reached = 1.0
         try:
             for low, high in self._may_be_stable(change, furthest) if furthest > 1.0 else ():
-                value = self._first(change, low, high, 2)
+                value = self._first(change, low, high, 1)
                 if value is not None and not self._smooth(change, value, SEEDS):
                     value = self._first(change, value, high, SEEDS)
                 if value is not None and (value <= high / (1.0 + PRECISION) or high == furthest):
@@ -172,9 +179,10 @@ class _Search:
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all speeds, and in runs."""
         rigs = [change.set(rig, factor) for rig in self._rigs]
-        bands = stability_along(rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
-        stable = not any(linearly_unstable(rig) for rig in rigs) and all(band.kind != "unstable" for band in bands)
-        return stable and self.trials.slide_smoothly(rigs, seeds)
+        if any(self.trials.told(linearly_unstable, rig) for rig in rigs):
+            return False
+        bands = told_along(self.trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
+        return all(band.kind != "unstable" for band in bands) and self.trials.slide_smoothly(rigs, seeds)
 
     def _may_be_stable(self, change: Parameter, furthest: float) -> list[tuple[float, float]]:
         """Ranges of the factor in which linear theory does not call smooth sliding unstable at any of the speeds.
@@ -183,7 +191,7 @@ class _Search:
         """
         found = [(1.0, furthest)]
         for rig in self._rigs:
-            bands = [band for band in stability_along(rig, change, 1.0, furthest) if band.kind != "unstable"]
+            bands = [band for band in told_along(self.trials, rig, change, 1.0, furthest) if band.kind != "unstable"]
             if len(self._rigs) == 1 and bands and bands[0].kind == "stable" and bands[0].low == 1.0:
                 bands = [band for band in bands if band.low > 1.0 or band.high == furthest]
             both = [(max(low, band.low), min(high, band.high)) for low, high in found for band in bands]

@@ -1,33 +1,49 @@
 """How a prediction is put together: the verdict first, then speeds, margins and mitigations."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
+from typing import Any
 
+from stickslip.advise import say
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
-from stickslip.advise.bands import CANNOT_GROW, Band, Survey, fastest_mode, is_dear, scaled, stability_along, works_at
+from stickslip.advise.bands import (
+    CANNOT_GROW,
+    PRECISION,
+    Band,
+    Survey,
+    factor_of,
+    fastest_mode,
+    is_dear,
+    scaled,
+    stability_along,
+    told_along,
+    works_at,
+)
 from stickslip.advise.doubt import Doubt
-from stickslip.advise.mitigations import has, mitigated, reach, speeds_of
-from stickslip.advise.runs import Steady, Trials, cycle_of, trial
+from stickslip.advise.mitigations import TURNABLE, has, mitigated, reach, speeds_of
+from stickslip.advise.runs import OSCILLATES, Spent, Trials, cycle_of, method_of, trial
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.measure import Regime
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
-from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY
+from stickslip.model.methods import DRAWN
+from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, estimate, record
 from stickslip.sliding import kinetic_friction, respond
-from stickslip.stability import count_unstable
+from stickslip.stability import contact_noise, count_unstable
 
-# Seconds, by estimate: of the first run, where that will do, and until it can be told; of all other runs; the parts of
-# what is left that go to other speeds, and to other values of what is assumed. Linear theory comes on top.
-_FIRST, _TOLD, _ALL, _FOR_SPEEDS, _FOR_DOUBT = 2.0, 10.0, 18.0, 0.3, 0.2
+# By convention, in seconds of one core by estimate: what a verdict may take, and all of an answer; of these, what the
+# first run takes at most, if it lasts long enough. The parts of what is left at its turn that other speeds get, until
+# so much of their range is left to linear theory, and what is assumed. Runs of a search that is not cut short.
+_FAST, _ALL, _FIRST = 2.0, 13.0, 1.0
+_FOR_SPEEDS, _ENOUGH, _FOR_DOUBT = 0.4, 0.05, 0.2
+_AT_SPEEDS, _OF_A_PARAMETER = 40, 60
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
-_MOST_RUNS = 30  # how often a run is made longer until it can be told
-_AT_SPEEDS, _OF_A_PARAMETER = 40, 60  # runs, most often, of a search that is not cut short; those of a test count twice
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
 NO_THEORY_OF_ARREST = (
@@ -91,24 +107,26 @@ def predict(
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
+    trials = Trials(_FAST)
     low, high = _speeds_searched(rig)
-    modes, note = _linear(rig)
-    bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
-    if not note:
-        bands = stability_along(rig, VELOCITY, low, high)
+    modes, note = trials.told(_linear, rig)
+    growth, frequency = None, None
+    with suppress(Spent):
+        growth, frequency = (None, None) if note else trials.told(fastest_mode, rig, roots=1)
     report(0.2)
-    recording, seen, state = _watch(rig, part(report, 0.2, 1.0))
-    late = recording.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
+    shown = _shown(rig, modes, trials, _first_run(rig, part(report, 0.2, 0.9)))
+    bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
+    with suppress(Spent):
+        bands = bands if note else told_along(trials, rig, VELOCITY, low, high)
+    report(1.0)
     # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
     # slider that never stops attaches none that wait for its arrest.
     delay = rig.interface.delay
     lasting = replace(rig.interface, delay=Delay(math.inf) if isinstance(delay, OnArrest) else delay, track_scatter=0.0)
     aged = replace(lasting, ageing=None, temperature=None)
-    growth, frequency = (None, None) if note else fastest_mode(rig)
     return Prediction(
         rig=rig,
-        recording=recording,
-        regime=seen,
+        **shown,
         static_friction=static_friction(aged)[0] * rig.unit("f_s"),
         kinetic_friction=float(kinetic_friction(lasting, rig.natural.velocity)) * rig.unit("f_s"),
         critical_stiffness=critical_stiffness(aged) * rig.unit("k"),
@@ -120,9 +138,21 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         speeds_searched=(low * rig.velocity, high * rig.velocity),
         bands=scaled(bands, rig.velocity),
         delays=_over_delays(rig) if note == CANNOT_GROW else (),
-        noise=float(late.std() / abs(late.mean())) if state == "noise" else None,
-        stays=state != "leaves",
     )
+
+
+def _shown(rig: Rig, modes: int | None, trials: Trials, run: Recording) -> dict[str, Any]:
+    """What a run shows, made longer until that can be told, as fields of the answer."""
+    with suppress(Spent):
+        for run, seen in trials.watch(run):  # noqa: B007, B020 - the last one tells
+            pass
+    late = run.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
+    return {
+        "recording": run,
+        "regime": seen,
+        "noise": float(late.std() / abs(late.mean())) if seen.is_noise else None,
+        "stays": not (seen.kind in OSCILLATES and modes == 0) or _stays(rig),
+    }
 
 
 def complete(
@@ -132,30 +162,32 @@ def complete(
     report, rig = progress or (lambda _share: None), found.rig
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         return replace(found, complete=True)
-    trials = Trials(math.inf if thorough else _ALL)
-    trials.spent = min(estimate(found.recording.rig).seconds, 0.5 * _ALL)
-    survey = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), found.regime.kind)
+    trials, missed = Trials(math.inf if thorough else _ALL), list[str]()
+    trials.spent = min(estimate(found.recording.rig).seconds, _FAST)
+    if found.regime.kind == "undecided":
+        found = replace(found, **_shown(rig, found.unstable_modes, trials, found.recording))
+    bands = scaled(found.bands, 1.0 / rig.velocity)
+    if not found.theory_note and bands[0].ends == _speeds_searched(rig) and bands[0].kind == "unknown":
+        with trials.of(0.5) as mine, suppress(Spent):
+            bands = told_along(mine, rig, VELOCITY, *bands[0].ends)
+    survey = Survey(rig, bands, found.regime.kind)
 
-    def surveyed(found: Prediction, part: float) -> Prediction:
-        survey.look(mine := trials.of(part))
-        trials.spent += mine.spent
+    def surveyed(found: Prediction, part: float, enough: float) -> Prediction:
+        with trials.of(part) as mine:
+            survey.look(mine, enough)
         return replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
 
-    found = surveyed(found, _FOR_SPEEDS)
+    found = surveyed(found, _FOR_SPEEDS, _ENOUGH)
     report(0.3)
-    found = replace(
-        found,
-        margins=() if found.theory_note else tuple(_margins(rig)),
-        doubt=Doubt.of(rig, mine := trials.of(_FOR_DOUBT)),
-    )
-    trials.spent += mine.spent
+    margins = [] if found.theory_note else [*_margins(rig, trials, missed)]
+    noisy = _noisy(rig, margins, trials) if found.unstable_modes == 0 else None
+    with trials.of(_FOR_DOUBT) as mine:
+        found = replace(found, margins=tuple(margins), noisy=noisy, doubt=Doubt.of(rig, mine))
     report(0.4)
     if found.ill:
         found = mitigated(found, trials, part(report, 0.4, 0.9), pairs=pairs)
-        cured = [each.stops / rig.velocity for each in found.mitigations if each.parameter == VELOCITY.name]
-        survey.known |= dict.fromkeys(cured, "smooth sliding")
     report(1.0)
-    return surveyed(found, 1.0)
+    return surveyed(replace(found, not_searched=(*found.not_searched, *missed)), 1.0, 0.0)
 
 
 def in_full(found: Prediction) -> float:
@@ -173,17 +205,38 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
     return min(through) / widest, max(through) * widest
 
 
-def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime, Steady]:
-    """Simulate the rig as its file says, if that ends at the speed of the answer; shorter if dear, longer to judge."""
+def _first_run(rig: Rig, progress: Progress) -> Recording:
+    """Simulate the rig as its file says, if that ends at the speed of the answer; shorter if that is dear."""
     drive, velocity = rig.drive, rig.natural.velocity
     if not drive.pieces[-1].start == drive.pieces[-1].end == velocity:
         drive = trial(rig).drive
+    run = replace(rig, drive=drive)
     if len(drive.pieces) == 1:
-        affordable = _FIRST / estimate(replace(rig, drive=drive)).seconds * drive.duration
-        fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity
-        drive = constant(velocity, min(max(affordable, fewest), drive.duration))
-    run = record(replace(rig, drive=drive), progress=progress)
-    return Trials(_TOLD).watch(run, most=_MOST_RUNS)
+        fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity / drive.duration
+        if fewest * estimate(run).seconds > _FIRST:
+            run = replace(run, method=method_of(run))
+        part_of = min(max(_FIRST / estimate(run).seconds, fewest), 1.0)
+        run = replace(run, drive=constant(velocity, part_of * drive.duration))
+    return record(run, progress=progress)
+
+
+def fluctuation(rig: Rig) -> float:
+    """Root mean square of the force of smooth sliding over its mean, by the noise of the contacts; infinite at a limit.
+
+    Raises `InputError` where theory does not tell.
+    """
+    try:
+        return contact_noise(rig).relative_force
+    except UndecidedError:
+        return math.inf
+
+
+def _stays(rig: Rig) -> bool:
+    """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
+    try:
+        return contact_noise(rig).linear
+    except (InputError, UndecidedError):  # infinitely many, or no theory of their noise
+        return True
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:
@@ -203,10 +256,17 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     return scaled(stability_along(supposed, DELAY, *_DELAYS), time * rig.unit("time"))
 
 
-def _margins(rig: Rig) -> Iterator[Margin]:
-    """The nearest limits of linear stability about where each parameter stands, as far as theory has no gap."""
+def _margins(rig: Rig, trials: Trials, missed: list[str]) -> Iterator[Margin]:
+    """The nearest limits of linear stability about where each parameter stands, as far as theory has no gap.
+
+    What costs too much is `missed`.
+    """
     for parameter in (each for each in PARAMETERS if has(rig, each)):
-        bands = stability_along(rig, parameter, *reach(rig, parameter))
+        try:
+            bands = told_along(trials, rig, parameter, *reach(rig, parameter))
+        except Spent:
+            missed.append(f"stability limits of the {parameter.title}")
+            continue
         for known, group in groupby(bands, key=lambda band: band.kind != "unknown"):
             about = list(group)
             if known and about[0].low <= 1.0 < about[-1].high:
@@ -221,6 +281,25 @@ def _margins(rig: Rig) -> Iterator[Margin]:
                     searched=(about[0].low, about[-1].high),
                     stable=tuple(band.ends for band in about if band.kind == "stable"),
                 )
+
+
+def _noisy(rig: Rig, margins: Sequence[Margin], trials: Trials) -> tuple[str, float] | None:
+    """What could be set nearest to a limit, and its value on the way there at which noise of the contacts is seen."""
+    near = [each for each in margins if parameter_named(each.parameter) in TURNABLE]
+    limits = [(abs(math.log(end / each.value)), end, each) for each in near for end in each.limits]
+    if not limits or not isinstance(rig.method, DRAWN):
+        return None
+    _, end, nearest = min(limits, key=lambda each: each[0])
+    change = factor_of(parameter_named(nearest.parameter))
+    quiet, loud = 1.0, end / nearest.value
+    try:
+        while abs(math.log(loud / quiet)) > PRECISION / 10.0:
+            middle = math.sqrt(quiet * loud)
+            seen = trials.told(fluctuation, change.set(rig.natural, middle), roots=1) > say.SEEN
+            quiet, loud = (quiet, middle) if seen else (middle, loud)
+    except (InputError, Spent):  # no theory of their noise
+        return None
+    return nearest.parameter, quiet * nearest.value
 
 
 def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:

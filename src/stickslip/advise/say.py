@@ -149,7 +149,7 @@ def _rest(found: Prediction) -> Iterator[str]:
     if found.complete and (stable := _ranges(found, "stable")):
         yield f"linearly stable {' and '.join(stable)} (starts from rest not judged)"
     if (unknown := _ranges(found, "unknown")) and not found.theory_note:
-        yield f"{' and '.join(unknown)} linear theory cannot tell"
+        yield f"{' and '.join(unknown)} linear theory cannot tell, or not in the time that is allowed"
     for speed, kind in found.at_speeds:
         if speed != found.rig.velocity:
             yield f"at {_speed(found.rig, speed)}: {kind}"
@@ -182,6 +182,7 @@ def sections(found: Prediction) -> Iterator[Section]:
         about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
         head = ("parameter", "now", "stability limit below", "stability limit above")
         yield "Margins", about, [head, *margins(found)]
+    yield "Noise", "", list(noise(found))
     yield "Mitigations", f" {_where(found)}, the smallest change first; simulated", list(mitigations(found))
     yield "Tried", ", within the range searched", list(attempts(found))
     yield "Left out", "", list(not_searched(found))
@@ -217,6 +218,19 @@ def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
         value, lower, upper, low, high = ("" if end is None else amount(found.rig, each.parameter, end) for end in ends)
         title = parameter_named(each.parameter).title
         yield title, value, lower or f"none down to {low}", upper or f"none up to {high}"
+
+
+def noise(found: Prediction) -> Iterator[str]:
+    """How near to a limit the noise of the contacts allows to go."""
+    if found.noisy is not None:
+        name, value = found.noisy
+        limits = next(each.limits for each in found.margins if each.parameter == name)
+        limit = min(limits, key=lambda end: abs(math.log(end / value)))
+        now, end = (amount(found.rig, name, each) for each in (value, limit))
+        yield (
+            f"{_contacts(found)} make the force fluctuate by {100 * SEEN:.0f} % rms at {now}, "
+            f"before the {parameter_named(name).title} reaches its limit, {end} (linear theory)"
+        )
 
 
 def _where(found: Prediction) -> str:

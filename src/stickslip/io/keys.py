@@ -73,8 +73,8 @@ class Key:
                 int: "a whole number",
                 list: f"a list, such as {toml(self.example)}",
             }[kind]
-            choices = " or ".join([*map(repr, self.choices), *["a table" for _ in self.also]])
-            raise InputError(f"must be {choices or wanted}")
+            choices = [*map(repr, self.choices)] or [wanted]
+            raise InputError(f"must be {' or '.join([*choices, *(f'a {other}' for other in self.also)])}")
         return value
 
     def _number(self, value: Any, unit: str) -> float:

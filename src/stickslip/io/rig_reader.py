@@ -11,7 +11,7 @@ from typing import Any
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
-from stickslip.io.keys import Either, Key, toml
+from stickslip.io.keys import Either, Key, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
 from stickslip.io.tables import NotedError, Tables, at
 from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
@@ -277,8 +277,13 @@ class _Reader:
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
         """The assumptions that the file marks, then the defaults that were taken; each with its value."""
-        marked = self._of_paths(content, "assumed", Key("text"))
-        found = {path: Assumption(self._value_at(path), how) for path, how in marked.items()}
+        marked = self._of_paths(content, "assumed", Key("text", also=("list",)))
+        found = {
+            path: Assumption(self._value_at(path), how)
+            if isinstance(how, str)
+            else self.file.part(partial(self._ranging, path, how))
+            for path, how in marked.items()
+        }
         given = self.document.get("interface")
         for name, key in TABLES["interface"].items():
             here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
@@ -287,6 +292,18 @@ class _Reader:
                 found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
         return found
 
+    def _ranging(self, path: str, between: list[Any]) -> Assumption:
+        """The assumption of a value that the file marks by the range in which it may lie."""
+        value, place = self._at(path), f"assumed.{path}"
+        unit = natural_unit_of(value) if isinstance(value, str) else ""
+        if not unit and type(value) not in (int, float):
+            raise _refused(place, between, f"{path} is no number; say in words how to measure it")
+        key = Key(value if unit else 1.0, unit=unit, sign="above 0")
+        own, *ends = (key.read(each, place, natural=self.file.natural) for each in (value, *between))
+        if len(ends) != 2 or ends[0] >= ends[1]:
+            raise _refused(place, between, "must be two values, the lowest first")
+        return Assumption(self._value_at(path), "", between=tuple(between), factors=(ends[0] / own, ends[1] / own))
+
     def _fitted(self, content: object) -> dict[str, Fitted]:
         """The fitted values that the file marks, with intervals and draws; only of a file without mistakes."""
         entries = self._of_paths(content, "fitted", Key({})).items()
@@ -294,9 +311,14 @@ class _Reader:
         self.file.stop()
         return {path: Fitted(self._value_at(path), **values) for path, values in read.items()}
 
-    def _value_at(self, path: str) -> str:
-        """The value at a path of the file; empty if there is none."""
+    def _at(self, path: str) -> Any:
+        """What stands at a path of the file; empty if nothing does."""
         node: Any = self.document
         for part in path.split("."):
             node = node.get(part, "") if isinstance(node, Mapping) else ""
+        return node
+
+    def _value_at(self, path: str) -> str:
+        """The value at a path of the file, as text."""
+        node = self._at(path)
         return node if isinstance(node, str) else toml(node)

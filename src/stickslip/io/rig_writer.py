@@ -41,7 +41,7 @@ def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | No
             name: [writer.quantity(end, parameter_named(name).unit) for end in ends]
             for name, *ends in rig.operation.feasible
         },
-        "assumed": {key: item.how for key, item in rig.assumed.items() if not item.default},
+        "assumed": {key: [*item.between] or item.how for key, item in rig.assumed.items() if not item.default},
         "fitted": {
             key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)} for key, one in rig.fitted.items()
         },

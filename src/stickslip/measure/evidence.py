@@ -2,8 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, lru_cache
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import stdtrit
@@ -23,6 +23,9 @@ from stickslip.measure.arrays import (
 from stickslip.measure.kinematics import HALF, RESTS, Motion, loading
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
+from stickslip.model import Interface
+from stickslip.model.drive import constant
+from stickslip.model.rig import Rig
 from stickslip.stability import contact_noise, count_unstable
 
 # With those of a period and of the velocity of a slip, these are all the numbers that decide.
@@ -36,11 +39,30 @@ NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static 
 NORMAL = 2.5  # kurtosis of three waves, 3 - 3/(2 n): fewer are a beat or a sine, many are noise
 
 _LOADED = "part of the time at the full loading rate"
+REPEATS = "correlation of a cycle with the next"
 SWING, NOISE = "swing over the largest force", "scatter over the noise of the contacts"
 Source = Literal["theory", "statistics", "convention"]
 Row = tuple[str, float, float, Source]
 
 _AT_MOST = {"steady", "small", "slight"}  # tests passed at most at their limit; the others, at least
+
+
+def noise_of(rig: Rig) -> float | None:
+    """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``, in the rig's units.
+
+    NaN if it is unstable; None of what theory does not take.
+    """
+    noise = _noise(rig.interface, rig.slider, rig.natural.velocity)
+    return noise if noise is None else noise * rig.unit("f_s")
+
+
+@lru_cache(maxsize=256)
+def _noise(interface: Interface, slider: Any, velocity: float) -> float | None:
+    rig = Rig(interface, slider, constant(velocity))
+    try:
+        return math.nan if count_unstable(rig) else contact_noise(rig, contacts=1).spring_force
+    except (InputError, UndecidedError):
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,12 +170,10 @@ class Window:
         trace, count = self.trace, self.trace.contacts
         if not count or not self.found.size:
             return math.nan, ERRORS
-        try:
-            if trace.rig is not None:
-                rig = trace.rig if trace.drive is None else trace.rig.replace(velocity=float(np.mean(trace.drive)))
-                return math.nan if count_unstable(rig) else contact_noise(rig).spring_force, ERRORS
-        except (InputError, UndecidedError):
-            pass  # of what theory does not take
+        if trace.rig is not None:
+            rig = trace.rig if trace.drive is None else trace.rig.replace(velocity=float(np.mean(trace.drive)))
+            if (known := noise_of(rig)) is not None:
+                return known / math.sqrt(count), ERRORS
         mean = abs(float(trace.force.mean())) or 1e-300
         return min(NOISE_OF_CONTACTS * (abs(trace.largest) or 1.0), mean) / math.sqrt(count), 1.0
 
@@ -175,7 +195,7 @@ class Window:
             "drops": ("drops that stand out of the noise", found.size, 1, "statistics"),
             "swing": (SWING, swing / largest, TINY, "convention"),
             "cycles": ("cycles in the window", self.count, FEWEST_CYCLES, "statistics"),
-            "repeats": ("correlation of a cycle with the next", repeats, PERIODIC, "convention"),
+            "repeats": (REPEATS, repeats, PERIODIC, "convention"),
             "steady": ("change of the logarithm of the swing", change, steady, "statistics"),
             # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
             "small": ("second half, as a sawtooth, over the largest force", ripple / largest, SMALL, "convention"),

@@ -57,14 +57,17 @@ class Assumption:
     value: str  # as it stands in the rig's file; empty if the file does not say
     how: str
     default: bool = False  # whether it was taken because the file said nothing
+    between: tuple[Any, ...] = ()  # where it may lie, as it stands in the file, if that says so
+    factors: tuple[float, ...] = ()  # and over the value
 
     @property
     def said(self) -> str:
-        """The value, and whether it is a default."""
-        return f"{self.value} (default)" if self.default else self.value
+        """The value, whether it is a default, and where it may lie."""
+        value = f"{self.value} (default)" if self.default else self.value
+        return f"{value}, between {' and '.join(map(str, self.between))}" if self.between else value
 
     def __str__(self) -> str:
-        return f"{self.said}; {self.how}" if self.said else self.how
+        return "; ".join(part for part in (self.said, self.how) if part)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
+    Effort,
     Fluctuations,
     MeanLifetimes,
     Perturbed,
@@ -119,3 +120,12 @@ class ActivatedResponse(Response):
     def scales(self, velocity: float) -> Scales:
         cycle = float(mean_lives(self.interface, velocity).distance[0]) / velocity + self.interface.delay.moment(1)
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
+
+    def effort(self, velocity: float) -> Effort:
+        look = 0.05 + 4e-8 * self._nodes * self.frequencies(velocity, math.inf).size
+        return Effort(look, again=0.1 * look, root=0.5 * look)
+
+    @cached_property
+    def _nodes(self) -> int:
+        """Nodes of a life, at any speed."""
+        return int(lifetimes_of(self.interface, 1.0).x.size)

@@ -59,6 +59,14 @@ class Scales(NamedTuple):
     leftmost: float  #: real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow
 
 
+class Effort(NamedTuple):
+    """Seconds of one core, by estimate: to know kappa at a new speed; for one more slider there; for a root."""
+
+    look: float
+    again: float
+    root: float
+
+
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
@@ -85,6 +93,11 @@ class Response(ABC):
     @abstractmethod
     def scales(self, velocity: float) -> Scales:
         """Times and frequencies at a speed."""
+
+    def effort(self, velocity: float) -> Effort:
+        """What it takes to compute, by estimate."""
+        del velocity
+        return Effort(look=0.05, again=0.005, root=0.02)
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""

@@ -26,7 +26,7 @@ import numpy as np
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface
-from stickslip.model.distributions import Distribution
+from stickslip.model.distributions import Distribution, Exponential, Gamma, Gaussian, Uniform
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.records import hashable
 from stickslip.sliding.response import (
@@ -34,6 +34,7 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
+    Effort,
     Fluctuations,
     MeanLifetimes,
     Parts,
@@ -75,6 +76,12 @@ class UnagedResponse(Response):
         # The scatter of the thresholds wipes out their memory; their transform has an abscissa of convergence.
         fastest = 8.0 * velocity / self.distribution.standard_deviation()
         return Scales(cycle, pace, memory, fastest, self.distribution.leftmost * velocity)
+
+    def effort(self, velocity: float) -> Effort:
+        if isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform):  # transforms in closed form
+            return Effort(look=1e-3, again=1e-3, root=5e-3)
+        points = 8.0 / STEP * velocity * self.scales(velocity).memory / self.distribution.standard_deviation()
+        return Effort(look := 1e-5 * points, again=0.5 * look, root=0.1 + 5.0 * look)  # neighbours share a table
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         if self.inert:
