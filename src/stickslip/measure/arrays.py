@@ -88,9 +88,7 @@ class Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
         data = dataset_of(data)
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
-            raise InputError(
-                "measure: need a Dataset with the variable spring_force along time; read a file with read_trace()"
-            )
+            raise InputError("measure: need the variable spring_force along time; read a file with read_trace()")
         arrays: dict[str, Array] = {}
         for key, name in _VARIABLES.items():
             if name not in data:
@@ -108,9 +106,7 @@ class Trace:
                 )
         t, drive, force = arrays["t"], arrays.get("drive"), arrays["force"]
         if t.size < FEWEST_READINGS:
-            raise InputError(
-                f"measure: {t.size} samples of spring_force are too few to judge; {FEWEST_READINGS} is the least"
-            )
+            raise InputError(f"measure: {t.size} samples of spring_force are too few: {FEWEST_READINGS} is the least")
         if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
             raise InputError(f"measure: the times must be rising over {SMALLEST:g}, in another unit if need be")
         # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.

@@ -79,16 +79,12 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
     A force that moves there passes through what lies between; a few samples with nothing between are a fault.
     """
     found = ~np.isfinite(force)
-    known = np.flatnonzero(~found)
     for side in (1.0, -1.0, 1.0):
-        known = known[~found[known]]
-        values = np.sort(side * force[known])
-        if values.size < FEWEST_READINGS:
-            break
+        values = np.sort(side * force[~found])
         few = values[: int(FEW * values.size) + 1]
-        below = np.flatnonzero(np.diff(few) > values[-1] - few[1:])
+        below = np.flatnonzero(np.diff(few) > values[-1] - few[1:]) if values.size >= FEWEST_READINGS else few[:0]
         if below.size:
-            found[known[side * force[known] <= few[below[-1]]]] = True
+            found |= side * force <= few[below[-1]]
     inner = np.flatnonzero(~found)
     if inner.size:
         found[: inner[0]] = found[inner[-1] + 1 :] = False  # before and after the test there may be anything

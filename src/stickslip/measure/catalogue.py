@@ -44,16 +44,12 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     Returns
     -------
     Dataset
-        Along ``event``: `start` and `end` (the times at which the force leaves its peak and reaches its
-        trough, to 5 % of the drop), `force_before`, `force_after`, `drop`, `duration`, `recurrence` (since
-        the previous start; NaN for the first), `loading_rate` before the slip, and, where the data hold them,
-        `slip` (distance between start and end), `peak_velocity`, and, with a normal load, `mu_before`, `mu_after` and
-        `mu_drop`; with strokes, `stroke`. In a noisy trace,
-        the forces before and after a slip come from lines through the loading beside it, as the extremes of
-        noise would overstate the drop. The attributes ``mean`` and ``std`` (sample standard deviation) of
-        each variable hold its statistics; the attributes of the table are ``count``, ``drops_are`` ("slips" of
-        stick-slip, "cycles" of a sustained oscillation in which the slider never sticks, else "drops"),
-        ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
+        Along ``event``: `start` and `end` (the force leaves its peak and reaches its trough, to 5 % of the drop),
+        `force_before`, `force_after`, `drop`, `duration`, `recurrence`, `loading_rate`, and, where the data hold them,
+        `slip`, `peak_velocity`, with a normal load `mu_before`, `mu_after` and `mu_drop`, and with strokes `stroke`. In
+        a noisy trace, the forces before and after a slip come from lines through the loading beside it, as the extremes
+        of noise would overstate the drop. Attributes of each: ``mean`` and ``std`` (of a sample); of the table:
+        ``count``, ``drops_are`` (slips, cycles or drops), ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
 
     Examples
     --------

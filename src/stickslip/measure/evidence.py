@@ -101,8 +101,8 @@ class Window:
 
     @cached_property
     def count(self) -> int:
-        """Number of cycles, or of drops, if there is no period: of fast ones, where these are typical."""
-        found = fast_ones(self.trace, self.found) if self.fast >= SLIP_VELOCITY else self.found
+        """Number of cycles, or of drops, if there is no period."""
+        found = fast_ones(self.trace, self.found)
         return self.cycles.count if self.cycles and found.size else found.size
 
     @cached_property

@@ -39,13 +39,8 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     not say what rig it was made of; `UndecidedError` if the drive does not change, goes up and down more than once, or
     travels less than two windows, or there are too few samples in a window.
 
-    Parameters
-    ----------
-    run : Dataset
-        A run in which the drive speeds up, or slows down, or first speeds up and then slows down; it may also
-        keep its velocity for a while.
-    level : float, optional
-        In the unit of `spring_force`; by default .4 ``f_s``.
+    The drive of the `run` speeds up, or slows down, or first speeds up and then slows down; it may also keep its
+    velocity for a while. The `level` is in the unit of `spring_force`; by default .4 ``f_s``.
 
     Returns
     -------
@@ -55,16 +50,13 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         sets in again, and the last at which it ends. Each is NaN where it was not seen; the attribute ``notes``
         says why. Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity`
         there, and the times `begin`, `middle` and `end` of the window. Along ``velocity``, where the drive
-        goes up and then down: `up` and `down`, the peak to peak on either way.
-        Attributes ``level``, ``window`` (travel of the drive over the longest one), ``notes``.
+        goes up and then down: `up` and `down`, the peak to peak on either way. Attributes: ``level``, ``window``.
     """
     trace = Trace.of(run)
     if trace.drive is None or np.any(trace.drive < 0):
         raise InputError("transitions: needs a run with a drive_velocity, in which the drive never turns back")
     if trace.rig is None and unit_named(trace.force_unit):
-        raise InputError(
-            f"transitions: spring_force is in {trace.force_unit}: the run does not say what f_s and x_s are"
-        )
+        raise InputError(f"transitions: spring_force is in {trace.force_unit}: the run does not say what f_s is")
     usual = _LEVEL * (trace.rig.unit("f_s") if trace.rig else 1.0)
     level = usual if level is None else number("level", level, above=0, hint="in the unit of spring_force")
     top = _turning_time(trace.t, trace.drive)
@@ -109,9 +101,7 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
     said = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
-        raise UndecidedError(
-            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 {said}: run it longer"
-        )
+        raise UndecidedError(f"transitions: the drive travels {travel[-1]:.4g}, less than 2 {said}: run it longer")
     begin = np.arange(min(int(gone[-1] * _PARTS), trace.t.size)) / _PARTS
     begins = np.searchsorted(gone, begin)
     if begin.size == trace.t.size or np.any(np.diff(begins) < 1):
@@ -144,9 +134,7 @@ def _turning_time(t: Array, drive: Array) -> float:
     loops = len(turning_points(np.pad(drive, 1), 1e-3 * top)[0])
     if loops > 1 or np.ptp(drive) <= CONSTANT_DRIVE * top:
         seen = f"speeds up and slows down {loops} times" if loops > 1 else "keeps its velocity"
-        raise UndecidedError(
-            f"transitions: the drive {seen}; ramp it, or select one loop: run.sel(time=slice(from, to))"
-        )
+        raise UndecidedError(f"transitions: the drive {seen}; ramp it, or select one loop: run.sel(time=slice(a, b))")
     fastest = t[drive >= (1.0 - 1e-3) * top]
     return float(fastest[0] if fastest[0] == t[0] else fastest[-1])
 

@@ -198,9 +198,10 @@ def speeds(trace: Trace, found: Slips) -> Array:
 
 
 def fast_ones(trace: Trace, found: Slips) -> Slips:
-    """Leave out slow drops beside fast ones, where the velocity is known and seen."""
-    fast = speeds(trace, found) >= SLIP_VELOCITY
-    if fast.all() or not fast.any() or float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP:
+    """Leave out slow drops, where the velocity is known and seen, and typical ones are fast."""
+    speed = speeds(trace, found)
+    fast, usual = speed >= SLIP_VELOCITY, weighted_median(speed, found.drops**2)
+    if fast.all() or not usual >= SLIP_VELOCITY or np.median(found.trough - found.peak) < FEWEST_IN_A_DROP:
         return found
     return found.only(fast, criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
 

@@ -131,9 +131,7 @@ def _as_utf8(raw: bytes) -> bytes:
         raw = raw.decode("latin-1").encode()  # units such as µ, written by older instruments
     raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n").removesuffix(b"\n") + b"\n"
     if len(raw.translate(None, _CONTROLS)) < len(raw):
-        raise InputError(
-            "is a binary file, as NetCDF, HDF5 and .xls are: open a run with load(), save a table as text or .xlsx"
-        )
+        raise InputError("is a binary file, as NetCDF, HDF5, .xls: open a run with load(), save a table as text, .xlsx")
     return raw
 
 

@@ -161,13 +161,12 @@ class Regime(Answer):
             kinetic, static = (words.number(mu, 3) for mu in (self.mean_mu, self.static_mu))
             lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
         if self.cycles:
-            told = [f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window", f"drop {drop}"]
-            told[1] += _variation(self.drop_variation)
-            if math.isfinite(self.period):
-                told.append(f"period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}")
-            if math.isfinite(self.slip_phase):
-                told.append(f"slip phase: {100 * self.slip_phase:.0f} % of the cycle")
-            lines.append(", ".join(told))
+            period = f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
+            phase = f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
+            lines.append(
+                f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window, drop {drop}{_variation(self.drop_variation)}"
+                f"{period * math.isfinite(self.period)}{phase * math.isfinite(self.slip_phase)}"
+            )
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.largest_velocity is not None:
