@@ -20,7 +20,7 @@ from stickslip.measure.arrays import (
     without_drift,
     without_line,
 )
-from stickslip.measure.kinematics import HALF, RESTS, Motion, loading
+from stickslip.measure.kinematics import HALF, RESTS, loading, strays_by
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
 from stickslip.model import Interface
@@ -130,11 +130,6 @@ class Window:
         return (math.nan, math.nan) if self.cycles else spectral_line(self.trace.t, self.trace.force)
 
     @cached_property
-    def motion(self) -> Motion | None:
-        """How the slider of a bench moves, where its motion is known."""
-        return Motion.of(self.trace)
-
-    @cached_property
     def fast(self) -> float:
         """Largest velocity of the slider in a typical drop, over that of the drive; NaN if it is not known."""
         return weighted_median(speeds(self.trace, self.found), self.found.drops**2)
@@ -203,6 +198,7 @@ class Window:
             "contacts": (NOISE, scatter / self.noise[0], self.noise[1], "theory"),
             "normal": ("kurtosis of the force", kurtosis, NORMAL, "theory"),
             "slight": ("three standard deviations over the mean", ERRORS * scatter / mean, MOST, "convention"),
+            "rough": ("slider velocity off the drive's (rms), over it", strays_by(trace), HALF, "convention"),
             "line": ("swing of a spectral line over the largest force", self.line[1] / largest, TINY, "statistics"),
         }
         return {
@@ -216,7 +212,7 @@ class Window:
     def facts(self) -> set[str]:
         """The names of the tests that were passed, and what follows from them."""
         facts = {key for key, test in self.tests.items() if test.passed}
-        steady, known, motion = "steady" in facts, bool(self.trace.contacts), self.motion
+        steady, known = "steady" in facts, bool(self.trace.contacts)
         # Its amplitude scatters as that of noise does, or is no more than a slider may make of it.
         slight = "contacts" in self.tests and self.tests["contacts"].statistic < ERRORS
         shaken = self.trace.measured and known and ("normal" in facts or slight)
@@ -227,8 +223,7 @@ class Window:
             "grows": not steady and self.trend[0] > 1.0,
             "noise": "contacts" in self.tests and "contacts" not in facts,
             "held": self.slips[0] == _LOADED and self.slips[1] > HELD,
-            "moves": motion is not None,
-            "rough": motion is not None and motion.swing >= HALF,
+            "moves": "rough" in self.tests,
+            "even": "rough" in self.tests and self.tests["rough"].statistic < RESTS,
         }
-        facts |= {motion.word} if motion else set()
         return facts | {name for name, holds in more.items() if holds}

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Self
 
 import numpy as np
 import xarray as xr
@@ -12,7 +11,7 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
 from stickslip.measure.arrays import Array, Trace, mean_and_std
 from stickslip.measure.headings import ratio
-from stickslip.measure.periods import Cycles, find_cycles, spectral_line
+from stickslip.measure.periods import find_cycles, spectral_line
 from stickslip.measure.slips import EDGE, find_slips, weighted_median, white_noise
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
@@ -23,13 +22,6 @@ RESTS = 0.25
 """Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
 the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
 HALF = 0.5  # of the time, and times the drive: a slider that sticks and slips is stuck, and off the drive, by more
-_WORDS = {
-    "sticks": "sticks and slips",
-    "even": "moves evenly",
-    "oscillates": "oscillates",
-    "halts": "stops and goes, without a period",
-    "uneven": "moves unevenly, without stops",
-}
 _STEADY = 1e-3  # relative change of a rate that is none
 _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi  # part of half a cycle between the edges of a drop
 
@@ -133,37 +125,12 @@ def stuck_for(trace: Trace) -> float | None:
     return float(np.mean(trace.velocity < RESTS * float(np.median(trace.drive))))
 
 
-class Motion(NamedTuple):
-    """How a slider moves: part of the time stuck, swing of its velocity about the drive's, cycles, and in a word."""
-
-    stuck: float
-    swing: float
-    cycles: Cycles
-    word: str
-
-    @classmethod
-    def of(cls, trace: Trace) -> Self | None:
-        """Motion of a measured trace; None where it is not known."""
-        stuck = stuck_for(trace)
-        if not trace.measured or trace.velocity is None or trace.drive is None or stuck is None:
-            return None
-        v = trace.velocity / np.median(trace.drive)
-        cycles = find_cycles(trace.t, v)
-        swing = math.sqrt(max(float(np.mean((v - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
-        words = {
-            "sticks": stuck >= HALF and swing >= HALF,
-            "even": swing < RESTS,
-            "oscillates": cycles.periodic or spectral_line(trace.t, v)[1] > RESTS,
-            "halts": stuck > RESTS,
-            "uneven": True,
-        }
-        return cls(stuck, swing, cycles, next(word for word, holds in words.items() if holds))
-
-    def __str__(self) -> str:
-        return (
-            f"{_WORDS[self.word]}: slower than a quarter of the drive for {100.0 * self.stuck:.3g} % of the time, "
-            f"{self.swing:.2g} times the drive's velocity off that (rms)"
-        )
+def strays_by(trace: Trace) -> float:
+    """Velocity of the slider of a bench off the drive's (rms), over that, less the error of slopes; NaN if unknown."""
+    if not trace.measured or trace.velocity is None or trace.drive is None or not trace.drive.any():
+        return math.nan
+    off = trace.velocity / np.median(trace.drive) - 1.0
+    return math.sqrt(max(float(np.mean(off**2)) - SLOPE_ERROR**2, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -226,8 +193,8 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     ('sticks and slips', 0.99, 1.0)
     """
     trace = Trace.of(data)
-    motion = Motion.of(trace)
-    if motion is None or trace.drive is None:
+    stuck, swing = stuck_for(trace), strays_by(trace)
+    if stuck is None or trace.drive is None or trace.velocity is None or math.isnan(swing):
         raise InputError("kinematics: needs a trace with the motion of its slider, as motion() returns it")
     K, V = float(data.attrs["stiffness"]), float(np.median(trace.drive))
     newton, second = ratio(trace.force_unit or "N", "N") or 1.0, ratio(trace.time_unit or "s", "s") or 1.0
@@ -235,14 +202,25 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     wait, _, of_waits = mean_and_std(np.diff(found.times))
     drop, _, of_drops = mean_and_std(found.drops)
     half = weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2) / _EDGES  # of a free oscillation
-    swings = motion.word in ("sticks", "oscillates") and half * RESTS >= 2.0 * step  # a mass known to a quarter
+    cycles = find_cycles(trace.t, trace.velocity)
+    oscillates = cycles.periodic or spectral_line(trace.t, trace.velocity)[1] > RESTS * abs(V)
+    words = {
+        "sticks and slips": stuck >= HALF and swing >= HALF,
+        "moves evenly": swing < RESTS,
+        "oscillates": oscillates,
+        "stops and goes, without a period": stuck > RESTS,
+        "moves unevenly, without stops": True,
+    }
+    word = next(word for word, holds in words.items() if holds)
+    swings = word in ("sticks and slips", "oscillates") and half * RESTS >= 2.0 * step  # a mass known to a quarter
     return Kinematics(
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
-        motion=str(motion),
-        stuck=motion.stuck,
-        swing=motion.swing,
-        correlation=motion.cycles.correlation,
-        period=second * motion.cycles.period if motion.word == "oscillates" else math.nan,
+        motion=f"{word}: slower than a quarter of the drive for {100.0 * stuck:.3g} % of the time, {swing:.2g} times "
+        "the drive's velocity off that (rms)",
+        stuck=stuck,
+        swing=swing,
+        correlation=cycles.correlation,
+        period=second * cycles.period if word == "oscillates" else math.nan,
         slips=found.size,
         recurrence=second * wait,
         recurrence_variation=of_waits,

@@ -27,7 +27,7 @@ from stickslip.measure.arrays import (
 )
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
-from stickslip.measure.kinematics import RESTS, stuck_for
+from stickslip.measure.kinematics import RESTS, strays_by, stuck_for
 from stickslip.measure.segments import segments
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
@@ -62,11 +62,10 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("grows -slips", OPEN, "{changes}; {more}"),
     ("slips", SLIPS, "{manner} and persistent; {how}"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
-    ("sticks", SLIPS, "the slider {motion}"),
-    ("even", SMOOTH, "the slider {motion}"),
-    ("uneven -rough -contacts", SMOOTH, "the slider {motion}"),
-    ("moves contacts", OPEN, "the slider {motion}: by itself, or shaken by its {contacts} contacts"),
-    ("moves", OPEN, "the slider {motion}: by itself, or shaken by few contacts? Their number (--contacts) may tell"),
+    ("even", SMOOTH, "the slider moves evenly, {strays}"),
+    ("moves -rough -contacts -line", SMOOTH, "the slider moves unevenly, {strays}"),
+    ("moves contacts", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by its {contacts} contacts"),
+    ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by few contacts? (--contacts N)"),
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
     ("line", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
     ("normal slight -held", SMOOTH, "{ample}, as slow noise does"),
@@ -163,10 +162,9 @@ class Regime(Answer):
         if self.cycles:
             period = f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
             phase = f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
-            lines.append(
-                f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window, drop {drop}{_variation(self.drop_variation)}"
-                f"{period * math.isfinite(self.period)}{phase * math.isfinite(self.slip_phase)}"
-            )
+            count = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
+            told = f"{count}, drop {drop}{_variation(self.drop_variation)}"
+            lines.append(f"{told}{period * math.isfinite(self.period)}{phase * math.isfinite(self.slip_phase)}")
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.largest_velocity is not None:
@@ -397,7 +395,7 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": seen.slips[-1],
-        "motion": seen.motion,
+        "strays": f"{strays_by(trace):.2g} times the drive's velocity off that (rms)",
         "sticks": sticks,
         "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a factor {trend:.2g} from one half "
         "of the window to the other",
