@@ -135,6 +135,12 @@ class Trace:
         )
 
     @property
+    def pace(self) -> Array | None:
+        """Velocity of the slider over the usual one of the drive; None where it is not known."""
+        drive = 0.0 if self.drive is None else float(np.median(self.drive))
+        return self.velocity / drive if self.velocity is not None and drive else None
+
+    @property
     def gaps(self) -> NDArray[np.intp]:
         """Samples before a gap: a step of more than 16 of those beside it, as many readings as a verdict needs."""
         step = np.diff(self.t)

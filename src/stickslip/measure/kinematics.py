@@ -118,19 +118,11 @@ def motion(
     return found.assign_attrs(stiffness=K, **known)
 
 
-def stuck_for(trace: Trace) -> float | None:
-    """Part of the time in which a slider is stuck; None where its motion is not known."""
-    if trace.velocity is None or trace.drive is None or not trace.drive.any():
-        return None
-    return float(np.mean(trace.velocity < RESTS * float(np.median(trace.drive))))
-
-
 def strays_by(trace: Trace) -> float:
     """Velocity of the slider of a bench off the drive's (rms), over that, less the error of slopes; NaN if unknown."""
-    if not trace.measured or trace.velocity is None or trace.drive is None or not trace.drive.any():
+    if trace.pace is None or not trace.measured:
         return math.nan
-    off = trace.velocity / np.median(trace.drive) - 1.0
-    return math.sqrt(max(float(np.mean(off**2)) - SLOPE_ERROR**2, 0.0))
+    return math.sqrt(max(float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -193,21 +185,20 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     ('sticks and slips', 0.99, 1.0)
     """
     trace = Trace.of(data)
-    stuck, swing = stuck_for(trace), strays_by(trace)
-    if stuck is None or trace.drive is None or trace.velocity is None or math.isnan(swing):
+    pace, swing = trace.pace, strays_by(trace)
+    if pace is None or trace.drive is None or math.isnan(swing):
         raise InputError("kinematics: needs a trace with the motion of its slider, as motion() returns it")
-    K, V = float(data.attrs["stiffness"]), float(np.median(trace.drive))
+    K, V, stuck = float(data.attrs["stiffness"]), float(np.median(trace.drive)), float(np.mean(pace < RESTS))
     newton, second = ratio(trace.force_unit or "N", "N") or 1.0, ratio(trace.time_unit or "s", "s") or 1.0
     found, step = find_slips(trace), (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
     wait, _, of_waits = mean_and_std(np.diff(found.times))
     drop, _, of_drops = mean_and_std(found.drops)
     half = weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2) / _EDGES  # of a free oscillation
-    cycles = find_cycles(trace.t, trace.velocity)
-    oscillates = cycles.periodic or spectral_line(trace.t, trace.velocity)[1] > RESTS * abs(V)
+    cycles = find_cycles(trace.t, pace)
     words = {
         "sticks and slips": stuck >= HALF and swing >= HALF,
         "moves evenly": swing < RESTS,
-        "oscillates": oscillates,
+        "oscillates": cycles.periodic or spectral_line(trace.t, pace)[1] > RESTS,
         "stops and goes, without a period": stuck > RESTS,
         "moves unevenly, without stops": True,
     }

@@ -27,7 +27,7 @@ from stickslip.measure.arrays import (
 )
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
-from stickslip.measure.kinematics import RESTS, strays_by, stuck_for
+from stickslip.measure.kinematics import RESTS, strays_by
 from stickslip.measure.segments import segments
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
@@ -311,11 +311,8 @@ def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
 
 def _judge(trace: Trace, found: Slips | None = None, fault: str = "") -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
-    seen, largest, stuck, drive = Window(trace, found or find_slips(trace)), None, stuck_for(trace), None
-    if trace.drive is not None:
-        drive = float(trace.drive.mean())
-        if trace.velocity is not None and drive:
-            largest = float(trace.velocity.max()) / drive
+    seen, pace = Window(trace, found or find_slips(trace)), trace.pace
+    stuck = None if pace is None else float(np.mean(pace < RESTS))
     kind, reason = OPEN, fault
     if not fault:
         kind, reason = next(
@@ -347,8 +344,8 @@ def _judge(trace: Trace, found: Slips | None = None, fault: str = "") -> Regime:
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
         noise=seen.found.noise,
-        drive_velocity=None if drive is None else trace.sign * drive,
-        largest_velocity=largest,
+        drive_velocity=None if trace.drive is None else trace.sign * float(trace.drive.mean()),
+        largest_velocity=None if pace is None else float(pace.max()),
         stuck=stuck,
         quantity=trace.quantity,
         time_unit=trace.time_unit,
