@@ -1,7 +1,7 @@
 """What a force trace shows: its slips, its regime, and where the regime changes on a ramp.
 
-Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving spring, along `time`: a run of the
-model, or a trace measured on a bench, read with `read_trace`. What there is besides is used. Units are those of the data.
+Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving spring, along `time`: a run of
+the model, or a trace of a bench, read with `read_trace`. What there is besides is used. Units are those of the data.
 
 A slip is a drop of the force. Nothing here asks whether the slider is at rest: with contacts that hold, a
 driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing about the regime.
