@@ -71,7 +71,7 @@ class ActivatedResponse(Response):
 
     interface: Interface
 
-    accuracy: ClassVar[float] = 1e-7
+    accuracy: ClassVar[float] = 1e-8
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity

@@ -11,7 +11,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kernels import lifetimes as kernel
@@ -21,8 +20,6 @@ from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Inter
 from stickslip.model.activation import ActivationModel
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.records import hashable
-
-Whole = NDArray[np.int64]
 
 
 def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:
@@ -51,9 +48,7 @@ def _lifetimes(
         and distribution.standard_deviation() > 2.0 * temperature.width
     )
     if one_variable and not inner and not distribution.single:
-        if longest < 1.0 and temperature is not None:  # each node is an integral over all thresholds
-            return _cut(_lifetimes(distribution, temperature, ageing, velocity, 1.0), longest)
-        return _in_one(distribution, hazard, growth, velocity, longest)
+        return _cut(_in_one(distribution, hazard, growth, velocity), longest)
     if high > 1e3 * distribution.moment(1) and temperature is not None:
         longest = math.inf if longest == 1.0 else longest
     bends = []
@@ -65,7 +60,9 @@ def _lifetimes(
 
 def _cut(one: Lifetimes, longest: float) -> Lifetimes:
     """Lives of all contacts at once on shorter panels, by the polynomials through the nodes of each panel."""
-    panel, part, count = _parts_of(one.width, longest)
+    count = np.maximum(np.ceil(one.width / longest), 1.0).astype(int)
+    panel = np.repeat(np.arange(count.size), count)
+    part = np.arange(panel.size) - (np.cumsum(count) - count)[panel]
     place = (part[:, None] + NODE) / count[panel, None]
     basis = np.vander(place.ravel(), NODES) @ np.linalg.inv(np.vander(NODE, NODES))
     basis = basis.reshape(*place.shape, NODES)
@@ -79,13 +76,6 @@ def _cut(one: Lifetimes, longest: float) -> Lifetimes:
     found: dict[str, Any] = {name: between(getattr(one, name)) for name in named}
     cap = weight * between(one.cap_weight / one.weight)
     return Lifetimes(width=width, fresh=one.fresh[panel] & (part == 0), weight=weight, cap_weight=cap, **found)
-
-
-def _parts_of(width: Array, longest: float) -> tuple[Whole, Whole, Whole]:
-    """Panels cut into equal parts of at most this length: of each part its panel and its number, and their counts."""
-    count = np.maximum(np.ceil(width / longest), 1.0).astype(np.int64)
-    panel = np.repeat(np.arange(count.size), count)
-    return panel, np.arange(panel.size) - (np.cumsum(count) - count)[panel], count
 
 
 def threshold_nodes(distribution: Distribution, first: float, places: list[tuple[float, float]]) -> tuple[Array, Array]:
@@ -165,17 +155,18 @@ def _radau(edges: Array) -> tuple[Array, Array, Array]:
 _FOLLOWED = 60.0  # slope of ageing over the activation width up to which the fall of the rate after birth is followed
 
 
-def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Lifetimes:
+@lru_cache(maxsize=128)
+def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Lifetimes:
     """Lives of all contacts at once: of a barrier that falls linearly, or without temperature.
 
     The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
     """
     low, high = distribution.support
     if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lifetimes
-        return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
+        return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, math.inf)
     edges = _edges_in_one(distribution, hazard, growth, v)
-    panel, number, count = _parts_of(np.diff(edges), longest)
-    width, x, weight = _radau(np.append(edges[panel] + number * (np.diff(edges) / count)[panel], edges[-1]))
+    # On half of what the integrals need, polynomials give what lies between the nodes, too, to 1e-8.
+    width, x, weight = _radau(np.union1d(edges, 0.5 * (edges[1:] + edges[:-1])))
     strength, steeper, later = _met(growth, x, v)
     capped = np.maximum(strength, low)
     density = np.where(strength >= low, distribution.density(capped), 0.0)
@@ -200,13 +191,12 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     return kernel.Lifetimes(width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, zero)
 
 
-@lru_cache(maxsize=128)
 def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Array:
     """Ends of panels for all contacts at once, up to where the strongest have broken."""
     (low, high), A = distribution.support, hazard.scale
-    newborn = 0.0, _shortest(distribution, hazard, growth, v)
+    weakest, shortest = max(low, 0.0), _shortest(distribution, hazard, growth, v)
     if hazard.attempts == 0:  # at a high speed all break within a small part of the panels that suit their strengths
-        strengths = panel_edges(distribution, max(low, 0.0), high, [newborn]).tolist()
+        strengths = panel_edges(distribution, weakest, high, [(weakest, shortest)]).tolist()
         return np.array(sorted({0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}))
 
     def follow(x: float) -> float:
@@ -217,7 +207,7 @@ def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v:
             return math.inf
         return 2.5 * A / max(abs(1.0 - more / v), 0.4)
 
-    end, places = kernel.reach(growth, high, v), [newborn]
+    end, places = kernel.reach(growth, high, v), [(0.0, shortest)]
     if distribution.knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, follow))
