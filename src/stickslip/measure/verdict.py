@@ -69,6 +69,7 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
     ("line", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
     ("normal slight -held", SMOOTH, "{ample}, as slow noise does"),
+    ("beats -white", LASTS, "irregular, {part}, peak to peak; {sticks}; {how}"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
@@ -290,7 +291,8 @@ def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     alike = agree and {*lasts} <= {kind, OPEN}
     turns = _in_turn(parts, alike=alike)
     if alike:
-        return replace(seen, segments=tuple(parts), notes=(*seen.notes, f"in {len(parts)} segments: {turns}"))
+        changes = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
+        return replace(seen, segments=tuple(parts), notes=(*seen.notes, *changes))
     reason = f"{turns}: judge each part by itself"
     return replace(seen, kind=OPEN, reason=reason, window=window, segments=tuple(parts))
 
