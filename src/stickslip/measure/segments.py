@@ -11,9 +11,7 @@ from stickslip.measure.slips import Slips, weighted_median
 
 _MOST_BLOCKS = 64
 AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift
-LARGE = np.array(
-    [1.0, math.log(2.0)]
-)  # a step of the level by the scatter about it; of the amplitude, by half or twice
+LARGE = np.array([1.0, math.log(2.0)])  # steps of the level by the scatter about it, of the amplitude by half or twice
 
 
 def segments(trace: Trace, found: Slips) -> list[Trace]:
@@ -40,7 +38,7 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
             (series[:, edge:after].mean(axis=1) - series[:, before:edge].mean(axis=1)) / LARGE
             for before, after in ((begin, end), (edge - 2, edge + 2))
         )
-        if np.any((np.abs(change) >= 1.0) & (near / change >= AT_ONCE)):
+        if np.any((np.abs(change) >= 1.0) & (near * change >= AT_ONCE * change**2)):
             first, last = firsts[edge - 2], firsts[edge + 2]
             times.append(float(trace.t[first + _step(trace.force[first:last])]))
     return [trace.part(*pair) for pair in pairwise([*times, math.inf])] if times[1:] else []

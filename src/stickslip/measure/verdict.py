@@ -136,11 +136,8 @@ class Regime(Answer):
         return self.kind == SMOOTH and passed.get(SWING, False) and not passed.get(NOISE, True)
 
     def __eq__(self, other: object) -> bool:
-        if isinstance(other, str):
-            return self.kind == other
-        if not isinstance(other, Regime):
-            return NotImplemented
-        return repr(vars(self)) == repr(vars(other))  # NaN equals NaN
+        alike = isinstance(other, Regime) and repr(vars(self)) == repr(vars(other))  # NaN equals NaN
+        return self.kind == other if isinstance(other, str) else alike
 
     def __hash__(self) -> int:
         return hash(self.kind)
