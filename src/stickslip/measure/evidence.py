@@ -10,16 +10,7 @@ from scipy.special import stdtrit
 
 from stickslip import words
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.arrays import (
-    CHANCE,
-    ERRORS,
-    FEWEST_CYCLES,
-    Trace,
-    mean_and_std,
-    slope,
-    without_drift,
-    without_line,
-)
+from stickslip.measure.arrays import CHANCE, ERRORS, FEWEST_CYCLES, Trace, mean_and_std, slope, without_drift
 from stickslip.measure.kinematics import HALF, RESTS, loading, strays_by
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
@@ -119,10 +110,11 @@ class Window:
         if sizes.size < FEWEST_CYCLES:
             return math.nan, 0.0
         at = (times - times.mean()) / (trace.t[-1] - trace.t[0])
-        rest = without_line(sizes, at)
+        rate = slope(sizes, at)
+        rest = sizes - sizes.mean() - rate * at
         error = math.sqrt(float(rest @ rest) / (sizes.size - 2) / float(at @ at))
         few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS  # by Student: few parts tell their scatter badly
-        return math.exp(0.5 * slope(sizes, at)), 0.5 * few * error
+        return math.exp(0.5 * rate), 0.5 * few * error
 
     @cached_property
     def line(self) -> tuple[float, float]:
@@ -178,9 +170,9 @@ class Window:
         trace, found, force, known = self.trace, self.found, self.trace.force, self.found.cycles
         largest, mean = abs(trace.largest) or 1.0, abs(float(force.mean())) or 1e-300
         rest, swing, late = without_drift(force), float(np.ptp(force)), float(force[force.size // 2 :].std())
-        scatter, wave = float(rest.std()), float(without_line(force, trace.t).std())
+        scatter = float(rest.std())
         if self.cycles and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
-            swing = min(swing, 2.0 * math.sqrt(2.0 * max(wave**2 - found.noise**2, 0.0)))
+            swing = min(swing, 2.0 * math.sqrt(2.0 * max(float(force.var()) - found.noise**2, 0.0)))
         repeats = self.cycles.correlation if self.cycles else min(known.correlation, regularity(known.variation))
         kurtosis = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
         trend, error = self.trend

@@ -197,9 +197,8 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         keep[[row for row in np.flatnonzero(~keep).tolist() if _holds(line_of(start + row))]] = True
         kept = {i: numbers[keep] for i, numbers in values.items()}
         for i in {*clocks} & {*kept}:  # since the first, over midnight, too
-            kept[i] += (
-                86400.0 * np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0)) - kept[i][np.isfinite(kept[i])][:1]
-            )
+            days = np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0))
+            kept[i] += 86400.0 * days - kept[i][np.isfinite(kept[i])][:1]
         return kept, np.flatnonzero(keep) + start + 1
 
     return Table(with_coefficients(headings), numeric, read, lambda number: line_of(number - 1).strip(), step)
