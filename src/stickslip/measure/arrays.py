@@ -100,9 +100,9 @@ class Trace:
                 raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
+                first = f"{name} = {values[bad[0]]:g} at t = {arrays['t'][bad[0]]:g}"
                 raise InputError(
-                    f"measure: {name} = {values[bad[0]]:g} at t = {arrays['t'][bad[0]]:g}: {bad.size} of "
-                    f"{values.size} values are not finite; drop or fill them first"
+                    f"measure: {first}: {bad.size} of {values.size} are not finite; drop or fill them first"
                 )
         t, drive, force = arrays["t"], arrays.get("drive"), arrays["force"]
         if t.size < FEWEST_READINGS:

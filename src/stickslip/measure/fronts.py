@@ -165,9 +165,8 @@ def events(run: xr.Dataset) -> xr.Dataset:
         moment = (X[last] - X[first])[part].sum()
         fastest = np.abs(V[first : last + 1][:, part]).max()
         front = _speed(side) if runs else np.nan
-        rows.append(
-            (time[first], time[last], part[origin], part.size, moment, force[first] - force[last], fastest, front)
-        )
+        drop = force[first] - force[last]
+        rows.append((time[first], time[last], part[origin], part.size, moment, drop, fastest, front))
     found = _table("event", "start end first_block blocks moment drop peak_velocity front_speed", rows, units)
     return xr.Dataset(found, {"event": np.arange(len(rows))}, {"count": len(rows), "velocity": velocity})
 
@@ -261,9 +260,7 @@ def is_of_a_chain(run: xr.Dataset, name: str = "velocity") -> bool:
 def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
     """Take a variable of each block along time, or complain; the message begins with `who`."""
     if not is_of_a_chain(run, name):
-        raise InputError(
-            f"{who}: this Dataset has no {name} of each block at two times or more; give a run of a Chain, or one row "
-            "of that of a Sheet: run.isel(block=run.across == 0)"
-        )
+        remedy = "give a run of a Chain, or one row of that of a Sheet: run.isel(block=run.across == 0)"
+        raise InputError(f"{who}: this Dataset has no {name} of each block at two times or more; {remedy}")
     check_numbers(who, run[name])
     return run[name].transpose("time", "block")

@@ -103,10 +103,8 @@ def motion(
     noise = white_noise(trace.force)
     slope = slopes(np.interp(even, trace.t, trace.force), step, noise, rate)
     if not slope.size:
-        raise InputError(
-            f"motion: noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading by {1e6 * V:.4g} um/s: slopes "
-            "known to a tenth of that take more than a twelfth of the record; record longer, or with less noise"
-        )
+        told = f"noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading by {1e6 * V:.4g} um/s"
+        raise InputError(f"motion: {told} for a twelfth of the record; record longer, or with less noise")
     v = trace.sign * V * (1.0 - np.interp(trace.t, even, slope) / rate)
     X = trace.sign * (V * second * (trace.t - trace.t[0]) - (trace.force - trace.force[0]) * newton / K)
     found = data.assign(

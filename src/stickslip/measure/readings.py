@@ -125,10 +125,8 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
     if back.size:
-        raise InputError(
-            f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before; times must "
-            "rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
-        )
+        late = f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before"
+        raise InputError(f"{late}; times must rise: sort the rows, or give the step (--step, step= in Python) instead")
     told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
     text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
     return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
@@ -190,10 +188,8 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
         if len(found) == 1:
             chosen[name] = found[0]
         elif name == "force" or (name == "time" and not step):
-            raise InputError(
-                f"which column is the {name}? Name it (--{name} on the command line, {name}= in Python); for times, "
-                f"the step will do (--step or step=); there are {table.listed()}"
-            )
+            how = f"Name it (--{name} on the command line, {name}= in Python); for times, --step or step= will do"
+            raise InputError(f"which column is the {name}? {how}; there are {table.listed()}")
     return chosen
 
 
@@ -205,8 +201,6 @@ def _column(table: Table, name: str, wanted: str | int) -> int:
     if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         found = [int(text) - 1]
     if len(found) != 1 or found[0] not in table.numeric:
-        raise InputError(
-            f"{name} = {shown(wanted)}: no such column of numbers, or several of this name; counted from 1, there are "
-            f"{table.listed()}"
-        )
+        there = f"no such column of numbers, or several of this name; counted from 1, there are {table.listed()}"
+        raise InputError(f"{name} = {shown(wanted)}: {there}")
     return found[0]

@@ -152,8 +152,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         if drops.size and not white:
             smallest = least = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
         criterion = (
-            f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
-            f"{by_chance:.2g}, which the noise ({noise:.2g}) could show by chance"
+            f"drops of at least {smallest:.3g}: a tenth of the typical one, {by_chance:.2g} by noise ({noise:.2g})"
         )
     peaks, troughs = pick(t, force, smallest, back=_way_back(trace))
     across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)

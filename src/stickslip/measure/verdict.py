@@ -44,11 +44,6 @@ SLIPS: Kind = "stick-slip"
 LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
 
-_TURNED = (
-    "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on the command "
-    "line, flip=True in read_trace)"
-)
-
 RULES: tuple[tuple[str, Kind, str], ...] = (
     ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
     ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
@@ -358,7 +353,7 @@ def _fault(trace: Trace, found: Slips) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not constant; empty if it may have one."""
     if trace.drive is None or trace.measured:
         if is_mirrored(trace, found):
-            return _TURNED
+            return "the force jumps up and falls slowly: its sign seems reversed (--flip on a command line, flip=True)"
         return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
     if not trace.drive.any():
         return "the drive stands still"
