@@ -286,6 +286,9 @@ def test_backwards_is_the_mirror_image(name):
     back = simulate(pair, drive=ss.constant(-1.0, 1.6).then(ss.ramp(-1.0, 1.0, 1.0)))
     # Bell contacts ahead of the slider share a clock, those behind have their own: other numbers, of one distribution.
     other_numbers = isinstance(pair.interface.temperature, ss.Bell) and pair.one_by_one
+    # Whether counted ones that attach stretched are tried in the first step is up to rounding.
+    if isinstance(pair.method, ss.Population) and pair.interface.newborn is not None:
+        other_numbers = pair.interface.temperature is not None or pair.interface.ageing is not None
     # Rounding may cost a step of the master equation one more sweep, worth a thousandth of its tolerance.
     exact = 1e-3 * pair.method.rtol if isinstance(pair.method, ss.MasterEquation) else 1e-8
     assert apart(simulate(pair), back, sign=-1) < (6 * NOISE / math.sqrt(pair.method.count) if other_numbers else exact)

@@ -9,7 +9,9 @@ import pytest
 from scipy.linalg import expm
 
 from stickslip.kernels import panels, survival
+from stickslip.kernels.breaking import Breaking
 from stickslip.kernels.drive import FINISHED, Quadratic
+from stickslip.kernels.hazard import FIXED
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.kernels.panel_state import Accuracy, Case, Delays, State, initial_state
 from stickslip.kernels.rules import GAUSS, WEIGHT
@@ -28,12 +30,14 @@ def regular(distribution):
 
 
 @cache
-def tables(distribution):
+def breaking(distribution):
+    """At fixed thresholds."""
     distribution = distribution.positive()
     top = float(distribution.inverse_survival(1e-13))
     knots = np.array([knot for knot in distribution.knots if 0 < knot <= top * 1.000001])
     top = 1.02 * top if knots.size and knots[-1] > 0.999999 * top else top
-    return survival.tabulate(distribution.survival, top, knots)
+    table = survival.tabulate(distribution.survival, top, knots)
+    return Breaking(table, knots, table, 0.0, 0.0, FIXED)
 
 
 def after(*times):
@@ -58,7 +62,8 @@ AT_REST = np.zeros((1, 4)), np.full((1, 4), 0.25)
 
 @cache
 def accuracy(distribution, tolerance):
-    return Accuracy(tolerance, survival.widest(tables(distribution), tolerance, 0.3, order=1))
+    contacts = breaking(distribution)
+    return Accuracy(tolerance, survival.widest(contacts.thresholds, contacts.knots, tolerance, 0.3, order=1))
 
 
 def run(
@@ -75,11 +80,11 @@ def run(
     **options,
 ):
     """Pull relaxed contacts at constant velocity, or go on from a state; sampled every 0.01."""
-    state = start or initial_state(tables(distribution), delays, *narrow(), velocity=velocity)
+    state = start or initial_state(breaking(distribution), delays, *narrow(), velocity=velocity)
     motion = state.motion
     spring = 0.0 if is_rigid(slider) else motion.drive_force / slider.stiffness
     drive = pull or Quadratic(motion.time, motion.position + spring, velocity, 0.0)
-    case = Case(tables(distribution), delays, slider, accuracy(distribution, tolerance), drive)
+    case = Case(breaking(distribution), delays, slider, accuracy(distribution, tolerance), drive)
     passed = motion.time + np.arange(0.0, duration + 1e-9, 0.01) if times is None else times
     return Run(*panels.advance(state, case, motion.time + duration, passed, **options))
 
@@ -109,7 +114,7 @@ def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w)
 
 @pytest.mark.eq(3)
 def test_table_gives_the_survival_to_rounding(regular):
-    table = tables(regular)
+    table = breaking(regular).thresholds
     x = np.random.default_rng(1).uniform(0.0, 1.1 * table.top, 2000)
     assert survival.values_at(table, x) == pytest.approx(regular.positive().survival(x), abs=1e-12)
 
@@ -122,7 +127,7 @@ def test_table_gives_the_survival_to_rounding(regular):
 def test_nothing_breaks_the_slider_is_an_oscillator(damping):
     slider = SLIDER._replace(damping=damping)
     pull = Quadratic(0.0, 0.05, 0.3, 0.4)
-    start = initial_state(tables(Uniform(low=5.0, high=6.0)), NO_DELAY, *AT_REST, velocity=2.0)
+    start = initial_state(breaking(Uniform(low=5.0, high=6.0)), NO_DELAY, *AT_REST, velocity=2.0)
     rows = run(
         1.0, distribution=Uniform(low=5.0, high=6.0), slider=slider, start=start, pull=pull, tolerance=1e-10
     ).rows
@@ -143,7 +148,7 @@ def test_nothing_breaks_the_slider_is_an_oscillator(damping):
 @pytest.mark.eq(1, 3, 4)
 def test_contacts_that_never_come_back_follow_the_survival_there_and_back(regular):
     distribution = regular
-    start = initial_state(tables(distribution), NEVER_BACK, *AT_REST)
+    start = initial_state(breaking(distribution), NEVER_BACK, *AT_REST)
     out = run(0.81, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=start)
     back = run(2.02, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=out.state, velocity=-1.0)
     rows = np.concatenate([out.rows, back.rows]).view(np.recarray)
@@ -158,7 +163,7 @@ def test_contacts_that_never_come_back_follow_the_survival_there_and_back(regula
 @pytest.mark.eq(1, 2, 4)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_exponential_thresholds_have_a_closed_form(tolerance):
-    start = initial_state(tables(Exponential(mean=1.0)), NO_DELAY, *AT_REST)
+    start = initial_state(breaking(Exponential(mean=1.0)), NO_DELAY, *AT_REST)
     rows = run(3.0, distribution=Exponential(mean=1.0), slider=RIGID, start=start, tolerance=tolerance).rows
     assert np.abs(rows.contact_force - (1 - np.exp(-rows.position))).max() < 3 * tolerance
 
@@ -195,7 +200,7 @@ def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
     # Let go with a stretched spring and no damping: the first oscillation decides what breaks, however long the
     # steps.
     slider = SLIDER._replace(damping=0.0)
-    start = initial_state(tables(GAUSSIAN), NEVER_BACK, *AT_REST)
+    start = initial_state(breaking(GAUSSIAN), NEVER_BACK, *AT_REST)
     found = [
         run(
             0.2, delays=NEVER_BACK, slider=slider, start=start, pull=Quadratic(0.0, 0.70, 0.0, 0.0), tolerance=tolerance
@@ -240,3 +245,8 @@ def test_slow_and_resting_sliders_need_few_steps():
 def test_distributions_all_but_equal_do_not_stall_it():
     progress = run(3.0, distribution=Uniform(low=1.0, high=1.0 + 1e-7), delays=after(0.1), max_steps=50_000)
     assert progress.reason == FINISHED
+    # What attaches jumps where all had broken at once: no step there is taken that was not solved, with all at rest.
+    motion = progress.state.motion
+    held = 0.5 * SLIDER.mass * motion.velocity**2 + 0.5 * motion.drive_force**2 / SLIDER.stiffness + motion.stored
+    assert motion.work == pytest.approx(held + motion.damped + motion.lost, abs=1e-4)
+    assert motion.attached == pytest.approx(motion.mass_in, abs=1e-9)

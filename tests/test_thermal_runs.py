@@ -106,6 +106,27 @@ def test_without_attempts_cohorts_are_those_without_temperature():
     np.testing.assert_allclose(run.friction_force, expected, atol=5e-5)
 
 
+NOT_FIXED = {
+    "bell": {"temperature": BELL},
+    "bell, wide": {"temperature": ss.Bell(width=0.1, attempts=1e6)},
+    "bell, sharp": {"temperature": ss.Bell(width=1e-4, attempts=1e6)},
+    "logarithmic": {"ageing": GROWING},
+    "exponential": {"ageing": ss.ExponentialGrowth(rate=2.0, newborn=0.3)},
+}
+THERE_AND_BACK = ss.constant(1.0, 1.5).then(ss.constant(0.0, 10.0)).then(ss.constant(-1.0, 1.5))
+
+
+@pytest.mark.parametrize("name", NOT_FIXED)
+def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
+    """By the root mean square over the run, of the master equation at a temperature or with growth, however sharp."""
+    interface = narrow(**{"temperature": None} | NOT_FIXED[name], delay=ss.Delay(0.1))
+    slider = ss.Slider(stiffness=20.0, mass=1e-3, damping=50.0)
+    rig = ss.Rig(interface, slider, THERE_AND_BACK, output=ss.Output(interval=0.02))
+    exact, *found = (ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)) for rtol in (1e-7, 1e-4, 1e-5, 1e-6))
+    for run, rtol in zip(found, (1e-4, 1e-5, 1e-6), strict=True):
+        assert float(((run.spring_force - exact.spring_force) ** 2).mean()) ** 0.5 < rtol
+
+
 # ---------------- contacts of different areas
 
 

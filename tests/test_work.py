@@ -145,12 +145,17 @@ def test_stiff_dashpots_ask_for_short_steps(method):
 
 
 def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
-    """At a temperature nothing looser than 1e-4 is cheaper; steps and cohorts go as 1/width, and as 1/sqrt(rtol)."""
+    """At a temperature nothing looser than 1e-4 is cheaper; steps and cohorts go as 1/width, and as 1/sqrt(rtol).
 
-    def work(width, rtol=1e-4):
-        interface = replace(INTERFACE, temperature=ss.Bell(width=width, attempts=1e3))
+    Where a clock says what is left, the width does not matter.
+    """
+
+    def work(width, rtol=1e-4, temperature=None):
+        temperature = temperature or ss.model.Parabolic(temperature=width, attempts=1e3)
+        interface = replace(INTERFACE, temperature=temperature)
         return estimate(RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol)))
 
+    assert work(1e-3).seconds > 100 * work(1e-3, temperature=ss.Bell(width=1e-3, attempts=1e3)).seconds
     assert work(1e-3, rtol=1e-2).seconds == work(1e-3).seconds
     assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100  # steps of ringing are not finer
     with pytest.raises(ss.InputError, match=r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give at"):

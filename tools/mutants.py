@@ -66,6 +66,7 @@ TESTS = {
     "kernels/block": "test_elastic",
     "kernels/event": "test_contacts test_simulate test_turning_drives",
     "kernels/flight.py": "test_kernels test_contacts test_simulate test_turning_drives",
+    "kernels/breaking.py": "test_thermal_runs test_laws",
     "kernels/cohorts.py": "test_panels test_master_equation",
     "kernels/hazard.py": "test_kernels test_thermal_runs test_ageing",
     "kernels/langevin": "test_ageing",

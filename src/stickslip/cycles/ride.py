@@ -34,7 +34,11 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
         raise InputError(
             f"Interface.ageing = {rig.interface.ageing}: cycles are followed for contacts that do not age only"
         )
-    check_method(rig.interface, method)
+    if check_method(rig.interface, method) is not Panels:
+        raise InputError(
+            f"Interface.temperature = {rig.interface.temperature}: cycles are followed with Bell or without a "
+            "temperature; leave it out, or simulate"
+        )
     if rig.slider.mass == 0:
         raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
     number("velocity", rig.velocity, above=0, hint=rig.unit_name("velocity"))

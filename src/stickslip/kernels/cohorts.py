@@ -2,40 +2,45 @@
 
 A contact that attached at ``b`` is stretched by ``X - b``; of a mass ``m`` of them ``m J_c(r)`` are attached when their
 largest stretching so far is ``r``. The sum over the nodes of a cohort is the integral over its panel, to an order that
-follows the smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated in parts.
+follows the smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated in parts, of fixed
+thresholds. Of those that grow, and at a temperature, `breaking` says what is attached.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ._jit import bare, inlined
+from .breaking import CERTAIN, LENGTH, Breaking, X, gain_since_start, is_fixed, later, reach_at, survival
 from .records import Counts, Floats
-from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
+from .rules import GAUSS, GAUSS_MONOMIAL, NODE, WEIGHT, Q
 from .survival import Table, value_and_slope, value_at
 
-COHORT_ROWS = 5
-PLACE, MASS, REACH, WHOLE, COUNT = range(COHORT_ROWS)
-"""Rows of an array of cohorts, shape (5, room, Q): where they attached, mass of newborns, largest stretching; `WHOLE`
-is 1 for a cohort whose nodes are those of Gauss on one panel; `COUNT` is the number attached where they are counted."""
+COHORT_ROWS = 7
+PLACE, MASS, REACH, WHOLE, COUNT, CLOCK, SINCE = range(COHORT_ROWS)
+"""Rows of an array of cohorts, shape (7, room, Q): where they attached, mass of newborns, largest stretching; `WHOLE`
+is 1 for a cohort whose nodes are those of Gauss on one panel; `COUNT` is the number attached where they are counted.
+`CLOCK` is that of `breaking`, as is `REACH` where thresholds grow; `SINCE` is when they attached."""
 
 
 class Reading(NamedTuple):
     """Room for what the slider may break in a step, filled by `gather`."""
 
-    active: Floats  # shape (3, n): place, mass and reach of nodes that may break
+    active: Floats  # shape (7, n): place, mass and reach of nodes that may break; clock, birth, and both on the way
     sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
     kinked: Counts  # how many cohorts a knot may pass through, and which
+    way: Floats  # of the slider in the step, see `breaking`
 
 
 @bare
-def _is_kinked(cohorts: Floats, g: int, origin: float, table: Table, low: float, high: float) -> bool:
+def _is_kinked(cohorts: Floats, g: int, origin: float, breaking: Breaking, low: float, high: float) -> bool:
     """Whether a knot of the thresholds passes through a cohort of nodes while the slider is from `low` to `high`."""
     a, b = cohorts[PLACE, g, 0] - origin, cohorts[PLACE, g, Q - 1] - origin
     least, most = min(a, b), max(a, b)
     if most - least < 1e-9 or cohorts[WHOLE, g, 0] == 0.0:
         return False
-    if low != high and _is_passed(cohorts, g, origin, table, low, high):
+    if low != high and _is_passed(cohorts, g, origin, breaking.thresholds, low, high):
         return True
     for j in range(Q):
         if cohorts[REACH, g, j] > abs(origin - cohorts[PLACE, g, j]) + 1e-12:
@@ -44,8 +49,8 @@ def _is_kinked(cohorts: Floats, g: int, origin: float, table: Table, low: float,
     ahead = origin - cohorts[PLACE, g, 0] >= 0.0
     if low != high and ahead != (high > -low):
         return False  # the slider moves back to where they attached
-    for i in range(table.knots.size):
-        knot = table.knots[i]
+    for i in range(breaking.knots.size):
+        knot = breaking.knots[i]
         if ahead and high - least + edge > knot > low - most - edge:
             return True
         if not ahead and most - low + edge > knot > least - high - edge:
@@ -121,13 +126,15 @@ def _next_cut(cohorts: Floats, g: int, X: float, knots: Floats, after: float) ->
 
 
 @bare
-def _in_parts(cohorts: Floats, g: int, origin: float, table: Table, y: float) -> tuple[float, float, float, float]:
+def _in_parts(
+    cohorts: Floats, g: int, origin: float, breaking: Breaking, y: float
+) -> tuple[float, float, float, float]:
     """Force, attached fraction, slope and energy of a cohort, integrated between the knots that lie in it."""
     F = A = S = E = 0.0
-    begin = 0.0
+    begin, table = 0.0, breaking.thresholds
     X = origin + y
     while begin < 1.0:
-        end = _next_cut(cohorts, g, X, table.knots, begin)
+        end = _next_cut(cohorts, g, X, breaking.knots, begin)
         for j in range(Q):
             u = begin + (end - begin) * GAUSS[j]
             m = (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u)
@@ -147,14 +154,17 @@ def _in_parts(cohorts: Floats, g: int, origin: float, table: Table, y: float) ->
 
 
 @bare
-def gather(cohorts: Floats, used: int, origin: float, reading: Reading, table: Table, low: float, high: float) -> int:
-    """Nodes that may break while the slider is from `low` to `high`; the others are added up."""
+def gather(
+    cohorts: Floats, used: int, origin: float, reading: Reading, breaking: Breaking, low: float, high: float, t: float
+) -> int:
+    """Nodes that may break from a time on while the slider is from `low` to `high`; the others are added up."""
     m0 = m1 = m2 = 0.0
-    count = 0
-    active = reading.active
-    kinks = 0
+    count, kinks = 0, 0
+    active, table, fixed = reading.active, breaking.thresholds, is_fixed(breaking)
+    tries = reading.way[LENGTH, 0] * breaking.attempts
+    by_time = breaking.width * math.log(tries) if tries > 0.0 else 0.0
     for g in range(used):
-        if _is_kinked(cohorts, g, origin, table, low, high):
+        if fixed and _is_kinked(cohorts, g, origin, breaking, low, high):
             kinks += 1
             reading.kinked[kinks] = g
             continue
@@ -166,7 +176,16 @@ def gather(cohorts: Floats, used: int, origin: float, reading: Reading, table: T
             r = cohorts[REACH, g, j]
             if r >= table.top:
                 continue
-            if r < table.bottom and high - d < table.bottom and d - low < table.bottom:
+            whole = r < table.bottom and high - d < table.bottom and d - low < table.bottom
+            if not fixed:
+                u, age, far = cohorts[CLOCK, g, j], t - cohorts[SINCE, g, j], max(high - d, d - low)
+                whole = whole and reach_at(breaking.growth, far, age) < table.bottom
+                if breaking.width > 0.0:
+                    if u >= breaking.blurred.top:
+                        continue
+                    whole = whole and later(breaking.width, u, far + by_time) < breaking.blurred.bottom
+                active[3, count], active[4, count] = u, age
+            if whole:
                 m0 += m
                 m1 += m * d
                 m2 += m * d * d
@@ -182,12 +201,19 @@ def gather(cohorts: Floats, used: int, origin: float, reading: Reading, table: T
 
 @bare
 def force_at(
-    reading: Reading, cohorts: Floats, origin: float, count: int, table: Table, y: float
-) -> tuple[float, float, float, float]:
-    """Force, attached fraction, slope of the force, energy of what was attached before, at `y` from the origin."""
-    sums, active = reading.sums, reading.active
+    reading: Reading, cohorts: Floats, origin: float, count: int, breaking: Breaking, y: float, k: int
+) -> tuple[float, float, float, float, float, float]:
+    """Force, attached fraction, slope of the force, energy of what was attached before, at node `k` of a step.
+
+    That is at `y` from the origin. Nodes come in order. Then by how much the force falls with the clocks, of contacts
+    that the slider is above, and of those that it is below.
+    """
+    sums, active, table = reading.sums, reading.active, breaking.thresholds
     F, A, S = sums[0] * y - sums[1], sums[0], sums[0]
     E = sums[0] * y * y - 2.0 * sums[1] * y + sums[2]
+    if not is_fixed(breaking):
+        f, a, s, e, ahead, back = _force_on_the_way(reading, count, breaking, y, k)
+        return F + f, A + a, S + s, 0.5 * (E + e), ahead, back
     for i in range(count):
         x = y - active[0, i]
         r = active[2, i]
@@ -204,18 +230,53 @@ def force_at(
         F += mJ * x
         E += mJ * x * x
     for i in range(reading.kinked[0]):
-        f, a, s, e = _in_parts(cohorts, reading.kinked[i + 1], origin, table, y)
+        f, a, s, e = _in_parts(cohorts, reading.kinked[i + 1], origin, breaking, y)
         F += f
         A += a
         S += s
         E += e
-    return F, A, S, 0.5 * E
+    return F, A, S, 0.5 * E, 0.0, 0.0
 
 
 @bare
-def kink_at(cohorts: Floats, used: int, table: Table, level: float) -> float:
+def _force_on_the_way(
+    reading: Reading, count: int, breaking: Breaking, y: float, k: int
+) -> tuple[float, float, float, float, float, float]:
+    """The same of what may break by age or temperature."""
+    active, way, A = reading.active, reading.way, breaking.width
+    low = high = 0.0
+    for i in range(1, k + 1):
+        low, high = min(low, way[X, i]), max(high, way[X, i])
+    force = mass = slope = energy = ahead = back = 0.0
+    for i in range(count):
+        d, m, r, u = active[0, i], active[1, i], active[2, i], active[3, i]
+        x, part, rises = y - d, 0.0, False
+        if k > 0:
+            before = active[5, i] if k > 1 else r
+            r = max(before, reach_at(breaking.growth, abs(x), active[4, i] + NODE[k] * way[LENGTH, 0]))
+            active[5, i], rises = r, r > before
+            if A > 0.0:
+                gain = gain_since_start(way, breaking, d, active[6, i], k, low, high)
+                active[6, i], u = gain, later(A, u, gain)
+                part = math.exp((gain - u) / A)
+        J, by_clock, by_reach = survival(breaking, u, r)
+        mass += m * J
+        force += m * J * x
+        energy += m * J * x * x
+        slope += m * (J + abs(x) * by_reach if rises else J)
+        if x > 0.0:
+            ahead += m * x * by_clock * part
+        else:
+            back -= m * x * by_clock * part
+    return force, mass, slope, energy, ahead, back
+
+
+@bare
+def kink_at(cohorts: Floats, used: int, breaking: Breaking, level: float) -> float:
     """How much the slope of the force falls where the slider passes a place at which it has turned."""
-    jump = 0.0
+    jump, table = 0.0, breaking.thresholds
+    if not is_fixed(breaking):
+        return 0.0  # it bends, or falls for a few of them at a time
     for g in range(used):
         for j in range(Q):
             r = cohorts[REACH, g, j]
@@ -225,20 +286,20 @@ def kink_at(cohorts: Floats, used: int, table: Table, level: float) -> float:
 
 
 @bare
-def divide(cohorts: Floats, used: int, X: float, table: Table, room: int) -> int:
+def divide(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) -> int:
     """Divide the cohorts through which a knot passes, as there is room: when the slider turns, their reach stays."""
     count = used
-    for g in range(used):
-        if _is_kinked(cohorts, g, X, table, 0.0, 0.0):
-            count = _divide(cohorts, g, count, X, table.knots, room)
+    for g in range(used if is_fixed(breaking) else 0):
+        if _is_kinked(cohorts, g, X, breaking, 0.0, 0.0):
+            count = _divide(cohorts, g, count, X, breaking.knots, room)
     return count
 
 
 @bare
-def divide_passed(cohorts: Floats, used: int, X: float, table: Table, room: int) -> int:
+def divide_passed(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) -> int:
     """Divide cohorts of which some are stretched further than ever, and others not. Returns the number of cohorts."""
-    count = used
-    for g in range(used):
+    count, table = used, breaking.thresholds
+    for g in range(used if is_fixed(breaking) else 0):
         ahead, widest = 0, 0.0
         for j in range(Q):
             x = abs(X - cohorts[PLACE, g, j])
@@ -246,7 +307,7 @@ def divide_passed(cohorts: Floats, used: int, X: float, table: Table, room: int)
             if x > cohorts[REACH, g, j]:
                 ahead += 1
         if 0 < ahead < Q and widest >= table.bottom and cohorts[WHOLE, g, 0] != 0.0:
-            count = _divide(cohorts, g, count, X, table.knots[:0], room)
+            count = _divide(cohorts, g, count, X, breaking.knots[:0], room)
     return count
 
 
@@ -278,22 +339,27 @@ def _part(cohorts: Floats, g: int, n: int, X: float, begin: float, end: float) -
         cohorts[WHOLE, n, j] = 1.0
 
 
-def merged(cohorts: Floats, used: int, table: Table, width: float, tolerance: float) -> Floats:
+def merged(cohorts: Floats, used: int, breaking: Breaking, width: float, tolerance: float) -> Floats:
     """Join cohorts that lie close to each other and reach equally far: their moments stay up to order ``2 Q - 1``.
 
     A slider that rings for long attaches contacts in many short panels on the same few places. What is joined is not
-    integrated in parts: a knot that passes through it costs some percent of the square of its extent.
+    integrated in parts: a knot that passes through it costs some percent of the square of its extent. At a temperature
+    the clock is to the reach what it is to the stretching, and has to be ahead of it; what grows with age stays apart.
     """
-    b, m, r = cohorts[PLACE, :used], cohorts[MASS, :used], cohorts[REACH, :used]
+    b, m, r, table = cohorts[PLACE, :used], cohorts[MASS, :used], cohorts[REACH, :used], breaking.thresholds
+    met = np.zeros(used, dtype=np.bool_)
+    if breaking.width > 0.0:
+        met = np.any((r > table.bottom) & (cohorts[CLOCK, :used] < r + CERTAIN * breaking.width), axis=1)
+        r, table = cohorts[CLOCK, :used], breaking.blurred
     # A reach that was made by the slider at one place is that place less where they attached, or the reverse.
     ahead, back = r + b, b - r
     free = np.all(r < table.bottom, axis=1)
     forth = ~free & (np.ptp(ahead, axis=1) < 1e-10)
     kind = np.where(free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3)))
     level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
-    extent = min(0.02 * width, (10.0 * tolerance) ** 0.5) if table.knots.size else 0.5 * width
+    extent = min(0.02 * width, (10.0 * tolerance) ** 0.5) if breaking.knots.size else 0.5 * width
     cell = np.floor(b / extent)
-    alone = (kind == 3) | np.any(cell != cell[:, :1], axis=1)
+    alone = (kind == 3) | met | np.any(cell != cell[:, :1], axis=1) | (breaking.growth.first != 0.0)
     keys = np.stack([np.where(alone, np.arange(used), -1), kind, np.round(level, 8), np.where(alone, 0.0, cell[:, 0])])
     _, first, which, size = np.unique(keys, axis=1, return_index=True, return_inverse=True, return_counts=True)
     made = cohorts[:, first]
@@ -302,7 +368,9 @@ def merged(cohorts: Floats, used: int, table: Table, width: float, tolerance: fl
         x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
         k, at = kind[first[i]], level[first[i]]
         reach = at - x if k == 1 else x - at if k == 2 else np.full(Q, r[run].max())
-        made[:, i] = x, weight, reach, np.zeros(Q), np.zeros(Q)
+        most = np.full(Q, cohorts[REACH, :used][run].max())
+        made[:5, i] = x, weight, most if breaking.width > 0.0 else reach, np.zeros(Q), np.zeros(Q)
+        made[CLOCK, i] = reach
     return made
 
 
@@ -320,16 +388,18 @@ def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Float
     return centre + half * place, total * vector[0] ** 2
 
 
-def spread_out(cohorts: Floats, spacing: float) -> tuple[Floats, Floats, Floats]:
-    """Places, masses and reaches of all cohorts; those of whole panels at as many places as their length needs."""
-    whole = cohorts[WHOLE, :, 0] > 0.0
-    parts = [cohorts[:3, ~whole].reshape(3, -1)]
-    for cohort in np.moveaxis(cohorts[:3, whole], 1, 0):
-        count = max(int(np.ptp(cohort[PLACE]) / spacing), Q)
+def spread_out(cohorts: Floats, spacing: float) -> Floats:
+    """Places, masses, reaches and clocks of all cohorts; those of whole panels at as many places as they need.
+
+    Shape (4, n).
+    """
+    whole, rows = cohorts[WHOLE, :, 0] > 0.0, cohorts[[PLACE, MASS, REACH, CLOCK]]
+    parts = [rows[:, ~whole].reshape(4, -1)]
+    for place, mass, reach, clock in np.moveaxis(rows[:, whole], 1, 0):
+        count = max(int(np.ptp(place) / spacing), Q)
         u = (np.arange(count) + 0.5) / count
         powers = np.vander(u, Q, increasing=True) @ GAUSS_MONOMIAL
-        mass = powers @ (cohort[MASS] / WEIGHT)
-        mass *= cohort[MASS].sum() / mass.sum() if mass.sum() != 0.0 else 0.0
-        parts.append(np.stack([powers @ cohort[PLACE], mass, np.maximum(powers @ cohort[REACH], 0.0)]))
-    place, mass, reach = np.concatenate(parts, axis=1)
-    return place, mass, reach
+        spread = powers @ (mass / WEIGHT)
+        spread *= mass.sum() / spread.sum() if spread.sum() != 0.0 else 0.0
+        parts.append(np.stack([powers @ place, spread, np.maximum(powers @ reach, 0.0), powers @ clock]))
+    return np.concatenate(parts, axis=1)

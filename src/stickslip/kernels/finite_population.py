@@ -13,11 +13,13 @@ variances and correlations that they have if every break has a moment of its own
 
 import copy
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ._jit import bare, inlined
-from .cohorts import COHORT_ROWS, COUNT, MASS, PLACE, REACH, WHOLE
+from .breaking import NEVER, born, carried, is_fixed, reach_at, survival, survivals
+from .cohorts import CLOCK, COHORT_ROWS, COUNT, MASS, PLACE, REACH, SINCE, WHOLE
 from .drive import drive_at
 from .oscillator import is_rigid, response
 from .panel_state import WAITING, Case, State, Work
@@ -27,6 +29,16 @@ from .records import Floats, Record
 from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .survival import value_at, values_at
 
+
+class Life(NamedTuple):
+    """Where contacts attached and when, their clock and reach."""
+
+    b: float
+    clock: float
+    reach: float
+    since: float
+
+
 _GONE = 1e-13  # fraction of contacts so small that none of them is left
 _COARSE = 0.02  # largest error of merging two cohorts, in units of the tolerance
 
@@ -34,7 +46,7 @@ _COARSE = 0.02  # largest error of merging two cohorts, in units of the toleranc
 @inlined
 def _drawn(case: Case, count: float, held: float) -> float:
     """How many of a number break if each holds with a probability."""
-    if held >= 1.0 or count == 0.0:
+    if held >= 1.0 - _GONE or count == 0.0:  # rounding draws no number
         return 0.0
     if held <= 0.0:
         return count
@@ -93,7 +105,7 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, direc
     The cohorts are still those of its start, of which `start` holds the motion; the slider moved the way `way`.
     """
     cohorts, motion, nodes, extra, N = state.cohorts, state.motion, work.nodes, work.fluctuation, case.finite.contacts
-    table, origin = case.table, start.position
+    breaking, origin, fixed = case.breaking, start.position, is_fixed(case.breaking)
     low, high = reach(nodes)
     u = case.finite.rng.random()
     place = value(nodes.x, work.curves.x, u)
@@ -104,10 +116,13 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, direc
             n = cohorts[COUNT, g, j]
             if n == 0.0:
                 continue
-            b, r = cohorts[PLACE, g, j], cohorts[REACH, g, j]
+            b, r, clock = cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[CLOCK, g, j]
             most = max(r, origin + high - b, b - origin - low)
-            if most > r and most > table.bottom:
-                held = min(max(N * cohorts[MASS, g, j] * value_at(table, most) / n, 0.0), 1.0)
+            if not fixed:
+                age = start.time - cohorts[SINCE, g, j]
+                clock, most = carried(work.reading.way, breaking, b - origin, clock, r, age)
+            if (most > r and most > breaking.thresholds.bottom) or breaking.width > 0.0:
+                held = min(max(N * cohorts[MASS, g, j] * survival(breaking, clock, most)[0] / n, 0.0), 1.0)
                 k = _drawn(case, n, held)
                 more = k - n * (1.0 - held)
                 x = origin + place - b
@@ -116,7 +131,7 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, direc
                 energy += 0.5 * more * (x * x - e * e)
                 cohorts[COUNT, g, j] = n - k
                 total += k
-            cohorts[REACH, g, j] = most
+            cohorts[REACH, g, j], cohorts[CLOCK, g, j] = most, clock
     h = max((1.0 - u) * dt, 1e-300)
     extra.time, extra.force = start.time + u * dt, force / N
     extra.fraction, extra.energy = excess / N, energy / N
@@ -140,57 +155,71 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, direc
     reattached = _arrivals(state, case, start.time, motion.time)
     motion.reattached = start.reattached + reattached / N
     if reattached > 0.0:
-        _keep(state, work, case, start, dt, _attach(state, work, case, origin, direction, reattached))
+        _keep(state, work, case, start, dt, _attach(state, work, case, origin, direction, reattached, dt))
     count_up(state, case)
 
 
 @bare
 def _go_on(state: State, case: Case) -> float:
     """Break what does not hold where the slider has come to lie, and leave out empty nodes; how many broke."""
-    cohorts, table, X = state.cohorts, case.table, state.motion.position
+    cohorts, breaking, X = state.cohorts, case.breaking, state.motion.position
     total = 0.0
     kept = 0
     for g in range(state.used.cohorts):
         for j in range(Q):
             n, b, r = cohorts[COUNT, g, j], cohorts[PLACE, g, j], cohorts[REACH, g, j]
+            u, since = cohorts[CLOCK, g, j], cohorts[SINCE, g, j]
             cohorts[COUNT, g, j] = cohorts[MASS, g, j] = 0.0
             if n == 0.0:
                 continue
-            x, J = abs(X - b), value_at(table, r)
+            x = reach_at(breaking.growth, abs(X - b), state.motion.time - since)
             if x > r:
-                before, J, r = J, value_at(table, x), x
-                k = _drawn(case, n, J / before if before > _GONE else 0.0)
+                k = _drawn(case, n, _held(case, u, r, u, x))
+                r = x
                 total += k
                 n -= k
-            kept += _put(cohorts, kept, case, n, b, r)
+            kept += _put(cohorts, kept, case, n, Life(b, u, r, since))
     state.used.cohorts = (kept + Q - 1) // Q
     return total
 
 
+@bare
+def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
+    """What a clock and a reach leave of contacts that have survived smaller ones."""
+    before = survival(case.breaking, u, r)[0]
+    return survival(case.breaking, clock, most)[0] / before if before > _GONE else 0.0
+
+
 @inlined
-def _put(cohorts: Floats, place: int, case: Case, n: float, b: float, r: float) -> int:
-    """Put contacts that attached at `b`, and hold up to `r`, into a place among the nodes; whether there are any."""
+def _put(cohorts: Floats, place: int, case: Case, n: float, life: Life) -> int:
+    """Put contacts with a life so far into a place among the nodes; whether there are any."""
     if n == 0.0:
         return 0
     g, j = place // Q, place % Q
-    J = value_at(case.table, r)
-    cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[WHOLE, g, j], cohorts[COUNT, g, j] = b, r, 0.0, n
+    J = survival(case.breaking, life.clock, life.reach)[0]
+    cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[WHOLE, g, j], cohorts[COUNT, g, j] = life.b, life.reach, 0.0, n
     cohorts[MASS, g, j] = n / (case.finite.contacts * J) if J > _GONE else 0.0
+    cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = life.clock, life.since
     return 1
 
 
 @inlined
-def _joins(cohorts: Floats, place: int, case: Case, n: float, b: float, r: float, X: float) -> bool:
+def _joins(cohorts: Floats, place: int, case: Case, n: float, life: Life, X: float) -> bool:
     """Let contacts join those at a place among the nodes if that is as good as where they attached."""
     g, j = place // Q, place % Q
-    if place < 0 or n == 0.0 or max(r, cohorts[REACH, g, j]) > case.table.bottom:
+    if place < 0 or n == 0.0:
         return False
-    total, offset = n + cohorts[COUNT, g, j], b - cohorts[PLACE, g, j]
+    u, r = max(life.clock, cohorts[CLOCK, g, j]), max(life.reach, cohorts[REACH, g, j])
+    if r > case.breaking.thresholds.bottom or (case.breaking.width > 0.0 and u > case.breaking.blurred.bottom):
+        return False
+    total, offset = n + cohorts[COUNT, g, j], life.b - cohorts[PLACE, g, j]
     error = total / case.finite.contacts * offset * offset
     if abs(offset) > case.finite.grain or error > _COARSE * case.accuracy.tolerance:
         return False
-    b = cohorts[PLACE, g, j] + offset * n / total
-    _put(cohorts, place, case, total, b, max(r, cohorts[REACH, g, j], abs(X - b)))
+    part, before = n / total, cohorts[SINCE, g, j]
+    b = cohorts[PLACE, g, j] + offset * part
+    r = max(r, abs(X - b)) if case.breaking.growth.first == 0.0 else r
+    _put(cohorts, place, case, total, Life(b, u, r, before + part * (life.since - before)))
     return True
 
 
@@ -284,7 +313,9 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
 
 
 @bare
-def _attach(state: State, work: Work, case: Case, origin: float, direction: float, reattached: float) -> float:
+def _attach(
+    state: State, work: Work, case: Case, origin: float, direction: float, reattached: float, dt: float
+) -> float:
     """Put what re-attaches in a step where the slider is on the way; how many have broken again by its end."""
     cohorts, nodes, newborn = state.cohorts, work.nodes, case.newborn
     X, place = state.motion.position, Q * state.used.cohorts
@@ -301,15 +332,19 @@ def _attach(state: State, work: Work, case: Case, origin: float, direction: floa
             n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
             more -= n
             other = max(other - newborn.fraction[i], 1e-300)
-            at, r = origin + b - direction * newborn.stretching[i], abs(newborn.stretching[i])
-            x = abs(X - at)
-            if x > r:
-                k = _drawn(case, n, value_at(case.table, x) / value_at(case.table, r))
+            at, u = origin + b - direction * newborn.stretching[i], NEVER
+            r = newborn.tried * abs(newborn.stretching[i])
+            since, x = state.motion.time - (1.0 - GAUSS[j]) * dt, abs(X - at)
+            if not is_fixed(case.breaking):
+                u, x = born(work.reading.way, case.breaking, at - origin, r, GAUSS[j], nodes.size - 2)
+            if x > r or u > NEVER:
+                k = _drawn(case, n, _held(case, NEVER, r, u, max(r, x)))
                 broken += k
                 n -= k
-                r = x
-            if not _joins(cohorts, place - 1, case, n, at, r, X):
-                place += _put(cohorts, place, case, n, at, r)
+                r = max(r, x)
+            life = Life(at, u, r, since)
+            if not _joins(cohorts, place - 1, case, n, life, X):
+                place += _put(cohorts, place, case, n, life)
     _fill_up(state, place)
     return broken
 
@@ -334,7 +369,8 @@ def attach_all(state: State, case: Case) -> None:
         n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
         more -= n
         other = max(other - newborn.fraction[i], 1e-300)
-        place += _put(state.cohorts, place, case, n, motion.position - x, abs(x))
+        life = Life(motion.position - x, NEVER, newborn.tried * abs(x), motion.time)
+        place += _put(state.cohorts, place, case, n, life)
     _fill_up(state, place)
     count_up(state, case)
 
@@ -361,12 +397,11 @@ def count_up(state: State, case: Case) -> None:
 
 def counted(state: State, case: Case, count: int) -> State:
     """Return a state as `initial_state` makes it with a number of contacts in place of fractions of infinitely many."""
-    table, delays, rng = case.table, case.delays, case.finite.rng
+    delays, rng = case.delays, case.finite.rng
     state = copy.deepcopy(state)
     used, cohorts, panels = state.used, state.cohorts, state.panels
     n, N = used.cohorts, float(count)
-    reach = cohorts[REACH, :n]
-    alive = values_at(table, reach.ravel()).reshape(reach.shape)
+    alive = survivals(case.breaking, cohorts[CLOCK, :n], cohorts[REACH, :n])
     weight = cohorts[MASS, :n] * np.maximum(alive, 1e-12)
     attached = round(count * float(weight.sum()))
     held = rng.multinomial(attached, (weight / weight.sum()).ravel()).reshape(weight.shape)
@@ -390,16 +425,21 @@ def counted(state: State, case: Case, count: int) -> State:
     return state
 
 
-def joined(cohorts: Floats, used: int, case: Case) -> Floats:
+def joined(cohorts: Floats, used: int, case: Case, now: float) -> Floats:
     """Join nodes that lie close to each other and reach nearly as far; none of the contacts is lost."""
-    birth, reach, count = (cohorts[row, :used].ravel() for row in (PLACE, REACH, COUNT))
-    cell = np.round(np.stack([birth, reach])[:, count > 0] / (0.3 * case.finite.grain))
-    birth, reach, count = birth[count > 0], reach[count > 0], count[count > 0]
+    there, breaking = cohorts[:, :used].reshape(COHORT_ROWS, -1), case.breaking
+    there = there[:, there[COUNT] > 0]
+    count, lives = there[COUNT], there[[PLACE, REACH, CLOCK, SINCE]]
+    alike = lives[:3].copy()
+    alike[2] = np.maximum(alike[2], breaking.blurred.low) if breaking.width > 0.0 else 0.0
+    cell = np.round(alike / (0.3 * case.finite.grain))
+    if breaking.growth.first != 0.0:  # of one age, or nearly
+        cell = np.append(cell, [np.round(20.0 * np.log(np.maximum(now - there[SINCE], 1e-300)))], axis=0)
     kinds, which = np.unique(cell, axis=1, return_inverse=True)
     total = np.bincount(which.ravel(), count, kinds.shape[1])
-    b, r = (np.bincount(which.ravel(), count * value, kinds.shape[1]) / total for value in (birth, reach))
+    b, r, u, since = (np.bincount(which.ravel(), count * each, kinds.shape[1]) / total for each in lives)
     made = np.zeros((COHORT_ROWS, -(-total.size // Q) * Q))
-    alive = values_at(case.table, r)
-    made[PLACE, : b.size], made[REACH, : b.size], made[COUNT, : b.size] = b, r, np.round(total)
+    alive = survivals(breaking, u, r)
+    made[[PLACE, REACH, CLOCK, SINCE, COUNT], : b.size] = b, r, u, since, np.round(total)
     made[MASS, : b.size] = np.where(alive > _GONE, total / (case.finite.contacts * np.maximum(alive, _GONE)), 0.0)
     return made.reshape(COHORT_ROWS, -1, Q)

@@ -5,12 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cohorts import COHORT_ROWS, MASS, PLACE, REACH, WHOLE, Reading
+from ._jit import inlined
+from .breaking import NEVER, Breaking, survivals
+from .cohorts import CLOCK, COHORT_ROWS, MASS, PLACE, REACH, SINCE, WHOLE, Reading
 from .drive import STILL, Quadratic
 from .oscillator import Slider
 from .records import Floats, Record, blank, record
 from .rules import NODE, WEIGHT, P, Q
-from .survival import Table, values_at
+from .survival import Table, value_at
 
 
 class Delays(NamedTuple):
@@ -27,11 +29,20 @@ class Delays(NamedTuple):
 
 
 class Newborn(NamedTuple):
-    """Stretchings along the motion with which contacts attach, the fraction of them, and that over their survival."""
+    """Stretchings along the motion with which contacts attach, and the fraction of them.
+
+    `tried` is 1 if all that is no stronger than they are stretched has broken, or 0 if all are as strong at first.
+    """
 
     stretching: Floats
     fraction: Floats
-    mass: Floats
+    tried: float
+
+
+@inlined
+def newborns(breaking: Breaking, newborn: Newborn, i: int) -> float:
+    """Mass of newborns of all strengths, over that of those that hold where they attach, at one of the stretchings."""
+    return 1.0 / max(value_at(breaking.thresholds, newborn.tried * abs(newborn.stretching[i])), 1e-13)
 
 
 class Accuracy(NamedTuple):
@@ -51,14 +62,14 @@ class FiniteNumber(NamedTuple):
     grain: float  # distance of contacts that may count as if they had attached at one place
 
 
-UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), np.ones(1))
+UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), 1.0)
 INFINITE = FiniteNumber(0.0, np.random.default_rng(0), 0.0)
 
 
 class Case(NamedTuple):
     """All that stays the same while the drive moves by one rule; a detached contact slides with `sliding_force`."""
 
-    table: Table  # survival of the thresholds
+    breaking: Breaking
     delays: Delays
     slider: Slider
     accuracy: Accuracy
@@ -84,12 +95,12 @@ COUNTS = record(counts="cohorts panels extremes rough steps sweeps rejected samp
 """Numbers in use: cohorts, panels, extremes, rough moments; steps tried, sweeps over the contacts, steps rejected; and,
 of a call, the samples that are filled, and the steps that are left."""
 
-AT_NODE = record("x v force attached stored work damped lost", "slope broken reattached known old young")
+AT_NODE = record("x v force attached stored work damped lost", "slope broken reattached known old young ahead back")
 """What is known at a node of a step.
 
 What is sampled: displacement of the slider and its velocity; contact force and attached fraction; energies as in
 `MOTION`. Then the slope of the force; broken and re-attached mass; what re-attaches of what broke before; attached of
-what was so at the start; broken of what was not.
+what was so at the start; broken of what was not; what the force changes by with the clocks, see `force_at`.
 """
 SAMPLED_ROWS = 8
 
@@ -110,7 +121,7 @@ class State(NamedTuple):
     """
 
     motion: Record  # record of MOTION
-    cohorts: Floats  # shape (5, room, Q), see `cohorts`
+    cohorts: Floats  # shape (7, room, Q), see `cohorts`
     panels: Floats  # shape (room, WAITING + n_delays + Q), in order of time
     extremes: Floats  # places where the slider has turned and that it has not passed since
     rough: Floats  # ring of moments at which what breaks has no smooth rate
@@ -125,8 +136,7 @@ class Work(NamedTuple):
     curves: Record  # of the polynomials through them, by name
     coefficients: Floats  # the same as a matrix
     before: Record  # MOTION, shape (1,): motion at the start of a step
-    matrix: Floats  # shape (P, P)
-    right: Floats  # shape (P,)
+    matrix: Floats  # shape (2 P + 1, P): room, a system, and its right side
     reading: Reading
     fluctuation: Record  # record of FLUCTUATION
 
@@ -144,25 +154,29 @@ EVENT = 0.1  # error, in tolerances, of a kink that no step need end at
 
 
 def initial_state(
-    table: Table,
+    breaking: Breaking,
     delays: Delays,
     stretching: Floats,
     weight: Floats,
     *,
+    lives: tuple[Floats, Floats, Floats] | None = None,
     velocity: float = 0.0,
     rate: float = 0.0,
     element: float = 0.0,
 ) -> State:
     """Put a slider at 0 on contacts, shape (n, Q): stretchings and weights at nodes of Gauss; the rest is detached.
 
-    A contact at ``x_0`` has a threshold beyond ``|x_0|``. `rate` is the mass that broke per unit time before the start:
-    for smooth sliding ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
-    `element` is the force that each detached contact carries.
+    A contact at ``x_0`` has a threshold beyond ``|x_0|``; `lives` are clocks, reaches and ages, of shape (n, Q), if
+    they have begun before. `rate` is the mass that broke per unit time before the start: for smooth sliding
+    ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``. `element` is the force that
+    each detached contact carries.
     """
-    n, reach = len(stretching), np.abs(stretching)
-    alive = np.maximum(values_at(table, reach.ravel()).reshape(reach.shape), 1e-12)
+    n, begun = len(stretching), (np.full(stretching.shape, NEVER), np.abs(stretching), np.zeros(stretching.shape))
+    clock, reach, age = begun if lives is None else lives
+    alive = np.maximum(survivals(breaking, clock, reach), 1e-12)
     cohorts = np.zeros((COHORT_ROWS, n + 128, Q))
     cohorts[PLACE, :n], cohorts[MASS, :n], cohorts[REACH, :n] = -stretching, weight / alive, reach
+    cohorts[CLOCK, :n], cohorts[SINCE, :n] = clock, -age
     cohorts[WHOLE, :n] = np.ptp(stretching, axis=1)[:, None] > 0.0
     attached = float(weight.sum())
     motion, used = blank(MOTION), blank(COUNTS)

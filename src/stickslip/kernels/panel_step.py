@@ -1,13 +1,14 @@
 """One step of the master equation: positions and forces that agree at its nodes, and whether it is too long."""
 
 from ._jit import bare, inlined
+from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, born, is_fixed, run_clocks, survival
 from .cohorts import force_at, gather
 from .drive import drive_at
 from .oscillator import is_rigid
-from .panel_state import FIRST, MOST_SWEEPS, NEGLIGIBLE, NOT_CONVERGED, Case, Delays, State, Work
+from .panel_state import FIRST, MOST_SWEEPS, NEGLIGIBLE, NOT_CONVERGED, Case, Delays, State, Work, newborns
 from .reattachment import all_reattachment, known_reattachment
 from .records import Floats, Record
-from .rules import COLLOCATION, INCREASE, LAST, NODE, PART, SLOPES, P, Q, dot, solve
+from .rules import COLLOCATION, GAUSS, INCREASE, LAST, NODE, PART, SLOPES, P, Q, dot, solve
 from .survival import value_at
 
 
@@ -21,13 +22,16 @@ def _unresolved(row: Floats) -> float:
 
 
 @bare
-def _observe(state: State, work: Work, count: int, case: Case) -> None:
+def _observe(state: State, work: Work, count: int, case: Case, dt: float) -> None:
     """Contacts at the nodes of a step, the slider being where the nodes say."""
-    nodes, table = work.nodes, case.table
-    A0 = state.motion.mass_in
+    nodes, A0 = work.nodes, state.motion.mass_in
+    run_clocks(work.reading.way, nodes, case.breaking, dt)
     for k in range(1, P + 1):
         y = nodes[k].x
-        F, A, S, E = force_at(work.reading, state.cohorts, state.motion.position, count, table, y)
+        F, A, S, E, ahead, back = force_at(
+            work.reading, state.cohorts, state.motion.position, count, case.breaking, y, k
+        )
+        nodes[k].ahead, nodes[k].back = ahead, back
         nodes[k].force, nodes[k].old, nodes[k].slope, nodes[k].stored = F, A, S, E
         nodes[k].broken = A0 - A + nodes[k].young
 
@@ -35,7 +39,7 @@ def _observe(state: State, work: Work, count: int, case: Case) -> None:
 @bare
 def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it breaks at once."""
-    nodes, table, newborn = work.nodes, case.table, case.newborn
+    nodes, table, newborn, fixed = work.nodes, case.breaking.thresholds, case.newborn, is_fixed(case.breaking)
     all_reattachment(work, case.delays, dt)
     direction = heading(state, work)
     change = 0.0
@@ -46,10 +50,14 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
             reattached, b = dot(INCREASE[k - 1, j], nodes.reattached), dot(PART[k - 1, j], nodes.x)
             for i in range(newborn.stretching.size):
                 x = y - b + direction * newborn.stretching[i]
-                m = reattached * newborn.fraction[i]
-                most = max(abs(x), abs(newborn.stretching[i]))
-                if most > table.bottom:
-                    held = reattached * newborn.mass[i] * value_at(table, most)
+                m, held, most = reattached * newborn.fraction[i], 1.0, newborn.tried * abs(newborn.stretching[i])
+                if not fixed:
+                    u, r = born(work.reading.way, case.breaking, y - x, most, NODE[k] * GAUSS[j], k)
+                    held = survival(case.breaking, u, r)[0]
+                elif max(abs(x), most) > table.bottom:
+                    held = value_at(table, max(abs(x), most))
+                if held < 1.0:
+                    held *= m * newborns(case.breaking, newborn, i)
                     lost += m - held
                     m = held
                 A += m
@@ -134,42 +142,84 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
         nodes[k].stored *= held
 
 
+@inlined
+def _slope(work: Work, k: int, c: int) -> float:
+    """How the force at one node follows the slider's place at another."""
+    nodes, way = work.nodes, work.reading.way
+    slope = nodes[k].ahead * way[AHEAD_PULLED + k, c] + nodes[k].back * way[BACK_PULLED + k, c]
+    return float(slope + nodes[k].slope if k == c else slope)
+
+
 @bare
 def _newton(state: State, work: Work, case: Case, dt: float) -> float:
     """Move the slider at the nodes by one step of Newton's method; the largest change of place."""
-    nodes, matrix, V, slider = work.nodes, work.matrix, work.right, case.slider
-    K, M, eta = slider.stiffness, slider.mass, slider.damping
+    nodes, stiffness, V = work.nodes, work.matrix[P : 2 * P], work.matrix[2 * P]
+    K, M, eta = case.slider.stiffness, case.slider.mass, case.slider.damping
     for r in range(P):
+        V[r] = nodes[r + 1].work
         for c in range(P):
+            stiffness[r, c] = _slope(work, r + 1, c + 1)
+        stiffness[r, r] += K
+    if M == 0.0:  # in balance
+        solve(stiffness, V)
+        for r in range(P + 1):
             total = 0.0
-            for k in range(P):
-                total += COLLOCATION[r, k] * (K + nodes[k + 1].slope) * COLLOCATION[k, c]
-            matrix[r, c] = dt * (eta * COLLOCATION[r, c] + dt / M * total)
-        matrix[r, r] += 1.0
-        V[r] = state.motion.velocity + dt / M * dot(COLLOCATION[r], nodes.work[1:])
-    solve(matrix, V)
+            for c in range(P):
+                total += SLOPES[r, c + 1] * V[c]
+            nodes[r].v = total / dt
+    else:
+        _accelerate(state, work, M, eta, dt)
+        for r in range(P):
+            nodes[r + 1].v = V[r]
     change = 0.0
     for r in range(P):
-        nodes[r + 1].v, y = V[r], dt * dot(COLLOCATION[r], V)
+        y = V[r] if M == 0.0 else dt * dot(COLLOCATION[r], V)
         change = max(change, abs(y - nodes[r + 1].x))
         nodes[r + 1].x = y
     return change
 
 
 @bare
+def _accelerate(state: State, work: Work, M: float, eta: float, dt: float) -> None:
+    """Find the velocities at the nodes from forces and stiffness, and leave them in place of the forces."""
+    matrix, stiffness, V = work.matrix[:P], work.matrix[P : 2 * P], work.matrix[2 * P]
+    for r in range(P):
+        for c in range(P):
+            matrix[r, c] = 0.0
+            for k in range(P):
+                matrix[r, c] += stiffness[r, k] * COLLOCATION[k, c]
+    for r in range(P):
+        for c in range(P):
+            total = 0.0
+            for k in range(P):
+                total += COLLOCATION[r, k] * matrix[k, c]
+            stiffness[r, c] = dt * (eta * COLLOCATION[r, c] + dt / M * total)
+        stiffness[r, r] += 1.0
+    for r in range(P):
+        matrix[0, r] = dot(COLLOCATION[r], V)
+    for r in range(P):
+        V[r] = state.motion.velocity + dt / M * matrix[0, r]
+    solve(stiffness, V)
+
+
+@bare
 def _pull(state: State, work: Work, case: Case, dt: float) -> None:
-    """Net force at the nodes if the slider stayed at the origin, by the slope found."""
+    """Net force at the nodes if the slider stayed at the origin, by the slopes found."""
     nodes, K = work.nodes, case.slider.stiffness
     for k in range(1, P + 1):
         D = drive_at(case.drive, state.motion.time + NODE[k] * dt)[0]
-        nodes[k].work = K * (D - state.motion.position) - nodes[k].force + nodes[k].slope * nodes[k].x
+        nodes[k].work = K * (D - state.motion.position) - nodes[k].force
+        for c in range(1, P + 1):
+            nodes[k].work += _slope(work, k, c) * nodes[c].x
 
 
 @inlined
 def _gather(state: State, work: Work, case: Case, low: float, high: float) -> int:
     """Read the cohorts for ways of the slider from `low` to `high`."""
-    table, origin = case.table, state.motion.position
-    return gather(state.cohorts, state.used.cohorts, origin, work.reading, table, low, high)
+    motion = state.motion
+    return gather(
+        state.cohorts, state.used.cohorts, motion.position, work.reading, case.breaking, low, high, motion.time
+    )
 
 
 @bare
@@ -182,6 +232,7 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
             nodes[k].x, nodes[k].v = D - motion.position, V
         else:
             nodes[k].force, nodes[k].slope, nodes[k].x = nodes[0].force, nodes[0].slope, 0.0
+            nodes[k].ahead = nodes[k].back = 0.0
     if not is_rigid(case.slider):
         _pull(state, work, case, dt)
         _newton(state, work, case, dt)
@@ -195,8 +246,8 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     jump in it.
     """
     nodes, motion, slider, tol = work.nodes, state.motion, case.slider, case.accuracy.tolerance
-    table = case.table
     state.used.steps += 1
+    work.reading.way[LENGTH, 0] = dt
     known_reattachment(state, work, case.delays, dt)
     rigid = is_rigid(slider)
     nodes[0].known = 0.0
@@ -216,8 +267,12 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     count = _gather(state, work, case, low, high)
     # the start
     nodes[0].x, nodes[0].v = 0.0, V0
-    F, A, S, E = force_at(work.reading, state.cohorts, motion.position, count, table, 0.0)
-    nodes[0].force, nodes[0].attached, nodes[0].slope, nodes[0].stored = F, A, S, E
+    F, A, S, E, _, _ = force_at(
+        work.reading, state.cohorts, motion.position, count, case.breaking, 0.0, nodes.size - FIRST - 1
+    )
+    nodes[0].force, nodes[0].attached, nodes[0].stored = F, A, E
+    if is_fixed(case.breaking):  # else clocks have made it what it was
+        nodes[0].slope = S
     if case.sliding_force > 0.0:
         _slide(state, work, case, 0, heading(state, work))
     nodes[0].broken = nodes[0].reattached = nodes[0].known = 0.0
@@ -226,7 +281,7 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     nodes[FIRST] = nodes[0]
     for sweep in range(MOST_SWEEPS):
         state.used.sweeps += 1
-        _observe(state, work, count, case)
+        _observe(state, work, count, case, dt)
         change = _newborn(state, work, case, dt)
         if not rigid:
             _pull(state, work, case, dt)
@@ -243,7 +298,7 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
         if sweep == MOST_SWEEPS - 1:
             return NOT_CONVERGED
     if not rigid:  # once more, at the places where the slider has come to lie
-        _observe(state, work, count, case)
+        _observe(state, work, count, case, dt)
         _newborn(state, work, case, dt)
     if not case.delays.memoryless:  # what broke in the last sweep re-attaches, too
         all_reattachment(work, case.delays, dt)

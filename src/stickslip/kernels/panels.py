@@ -19,15 +19,29 @@ import numpy as np
 
 from . import panel_state
 from ._jit import bare, jit
-from .cohorts import COHORT_ROWS, MASS, PLACE, REACH, WHOLE, Reading, divide, divide_passed, kink_at, merged
+from .breaking import NEVER, a_way, born, carried, is_fixed
+from .cohorts import (
+    CLOCK,
+    COHORT_ROWS,
+    MASS,
+    PLACE,
+    REACH,
+    SINCE,
+    WHOLE,
+    Reading,
+    divide,
+    divide_passed,
+    kink_at,
+    merged,
+)
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STOPPED, UNSOLVED, Stop, drive_at, holds
 from .finite_population import attach_all, deviate, joined, settle
 from .oscillator import is_rigid, spring_force
-from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, State, Work
+from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, State, Work, newborns
 from .panel_step import element_at, heading, only_lose, reach, try_step
 from .reattachment import forget, mark_rough, next_front
 from .records import Floats, Record, blank
-from .rules import INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
+from .rules import GAUSS, INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
 
 # What ends a step: nothing but its length; or the slider turns, it passes the last place where it turned, or detached
 # contacts begin to slide. `FAILS` if even the smallest one has no solution.
@@ -80,33 +94,42 @@ def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
 @bare
 def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -> None:
     """Make cohorts and a panel of what a step has done to infinitely many contacts."""
-    nodes, motion, table, newborn = work.nodes, state.motion, case.table, case.newborn
-    origin, y, cohorts = motion.position, nodes[P].x, state.cohorts
+    nodes, motion, breaking, newborn = work.nodes, state.motion, case.breaking, case.newborn
+    origin, y, cohorts, way, fixed = motion.position, nodes[P].x, state.cohorts, work.reading.way, is_fixed(breaking)
     low, high = reach(nodes)
     room = cohorts.shape[1] - newborn.stretching.size  # for what attaches
-    state.used.cohorts = divide_passed(cohorts, state.used.cohorts, origin + y, table, room)
+    state.used.cohorts = divide_passed(cohorts, state.used.cohorts, origin + y, breaking, room)
     kept = 0
     for g in range(state.used.cohorts):
         alive = False
         spare = 0.25 * abs(cohorts[PLACE, g, Q - 1] - cohorts[PLACE, g, 0])
         for j in range(Q):
             b, m, r = cohorts[PLACE, g, j], cohorts[MASS, g, j], cohorts[REACH, g, j]
+            u, since = cohorts[CLOCK, g, j], cohorts[SINCE, g, j]
             most = max(r, origin + high - b, b - origin - low)
-            if m != 0.0 and most < table.top + spare:
+            if not fixed:
+                u, most = carried(way, breaking, b - origin, u, r, motion.time - since)
+            if m != 0.0 and most < breaking.thresholds.top + spare and u < breaking.blurred.top + spare:
                 alive = True
             cohorts[PLACE, kept, j], cohorts[MASS, kept, j], cohorts[REACH, kept, j] = b, m, most
-            cohorts[WHOLE, kept, j] = cohorts[WHOLE, g, j]
+            cohorts[WHOLE, kept, j], cohorts[CLOCK, kept, j] = cohorts[WHOLE, g, j], u
+            cohorts[SINCE, kept, j] = since
         if alive:
             kept += 1
     if abs(nodes[P].reattached) > 0.0:
         for i in range(newborn.stretching.size):
             x0 = newborn.stretching[i]
+            most = newborn.tried * abs(x0)
+            fraction = newborn.fraction[i] * newborns(breaking, newborn, i)
             for j in range(Q):
                 m = dot(INCREASE[P - 1, j], nodes.reattached)
                 b = dot(PART[P - 1, j], nodes.x) - direction * x0
-                cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = origin + b, m * newborn.mass[i]
-                cohorts[REACH, kept, j] = max(abs(y - b), abs(x0))
-                cohorts[WHOLE, kept, j] = 1.0
+                cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = origin + b, m * fraction
+                u, r = NEVER, max(abs(y - b), abs(x0))
+                if not fixed:
+                    u, r = born(way, breaking, b, most, GAUSS[j], nodes.size - 2)
+                cohorts[REACH, kept, j], cohorts[CLOCK, kept, j] = r, u
+                cohorts[WHOLE, kept, j], cohorts[SINCE, kept, j] = 1.0, motion.time + GAUSS[j] * dt
             kept += 1
     state.used.cohorts = kept
     n = state.used.panels
@@ -158,7 +181,7 @@ def _sample(row: Record, t: float, start: Record, state: State, work: Work, case
 @bare
 def _first_step(state: State, case: Case) -> float:
     """A step in which next to nothing can happen that the next ones would not see."""
-    if is_rigid(case.slider):
+    if is_rigid(case.slider) or case.slider.mass == 0.0:
         return float(0.1 * case.accuracy.width / max(abs(state.motion.velocity), 1e-300))
     return 0.5 / math.sqrt((case.slider.stiffness + 1.0) / case.slider.mass)
 
@@ -175,9 +198,11 @@ def _arrest(state: State, case: Case) -> None:
     force = stored = 0.0
     for i in range(newborn.stretching.size):
         x, g = motion.direction * newborn.stretching[i], state.used.cohorts
+        fraction = newborn.fraction[i] * newborns(case.breaking, newborn, i)
         for j in range(Q):
-            cohorts[PLACE, g, j], cohorts[MASS, g, j] = motion.position - x, out * newborn.mass[i] / Q
-            cohorts[REACH, g, j], cohorts[WHOLE, g, j] = abs(x), 0.0
+            cohorts[PLACE, g, j], cohorts[MASS, g, j] = motion.position - x, out * fraction / Q
+            cohorts[REACH, g, j], cohorts[WHOLE, g, j] = newborn.tried * abs(x), 0.0
+            cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = NEVER, motion.time
         state.used.cohorts = g + 1
         force += newborn.fraction[i] * x
         stored += 0.5 * newborn.fraction[i] * x * x
@@ -219,7 +244,7 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
             w = _crossing(nodes.x, work.curves.x, level, s)
             if w < min(u, 1.0):
                 beyond = (nodes[P].x - level) * s
-                kink = kink_at(state.cohorts, state.used.cohorts, case.table, state.extremes[e - 2])
+                kink = kink_at(state.cohorts, state.used.cohorts, case.breaking, state.extremes[e - 2])
                 if kink * beyond > EVENT * tol:
                     u, what = w, PASSES
     if case.sliding_force > 0.0:
@@ -301,8 +326,8 @@ def _held(state: State, work: Work, case: Case, wanted: Wanted, dt: float) -> fl
 def _turn(state: State, work: Work, case: Case, start: Record, dt: float, room: int, broke: bool) -> None:
     """Note a place where the slider turns, at the end of a step in which contacts `broke`."""
     motion = state.motion
-    if case.table.knots.size > 0:
-        state.used.cohorts = divide(state.cohorts, state.used.cohorts, motion.position, case.table, room)
+    if case.breaking.knots.size > 0:
+        state.used.cohorts = divide(state.cohorts, state.used.cohorts, motion.position, case.breaking, room)
     if case.delays.arrest:
         _arrest(state, case)
     if broke:
@@ -409,7 +434,7 @@ def _take(state: State, work: Work, case: Case, dt: float, event: int, room: int
     motion, nodes, start = state.motion, work.nodes, work.before[0]
     direction, counted = heading(state, work), case.finite.contacts > 0.0
     broke = nodes[P].broken > EVENT * case.accuracy.tolerance
-    motion.slope = nodes[P].slope
+    motion.slope = nodes[P].slope + nodes[P].ahead + nodes[P].back
     _sum_energies(state, work, case, dt)
     if not counted:
         _commit(state, work, case, dt, direction)
@@ -450,11 +475,11 @@ def advance(
 
 def _room_to_work(state: State) -> Work:
     room = state.cohorts.shape[1]
-    reading = Reading(np.zeros((3, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64))
+    reading = Reading(np.zeros((7, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64), a_way())
     values, coefficients = np.zeros((P + 2, len(panel_state.AT_NODE))), np.zeros((P + 1, len(panel_state.AT_NODE)))
     nodes, curves = (matrix.view(panel_state.AT_NODE)[:, 0].view(np.recarray) for matrix in (values, coefficients))
-    before, matrix, right = blank(MOTION, 1), np.zeros((P, P)), np.zeros(P)
-    return Work(nodes, values, curves, coefficients, before, matrix, right, reading, blank(panel_state.FLUCTUATION))
+    before, matrix = blank(MOTION, 1), np.zeros((2 * P + 1, P))
+    return Work(nodes, values, curves, coefficients, before, matrix, reading, blank(panel_state.FLUCTUATION))
 
 
 def _with_room(state: State, case: Case) -> State:
@@ -463,9 +488,9 @@ def _with_room(state: State, case: Case) -> State:
     spare = panel_state.SPARE + case.newborn.stretching.size
     if used.cohorts + spare > room:
         if case.finite.contacts > 0.0:
-            kept = joined(state.cohorts, used.cohorts, case)
+            kept = joined(state.cohorts, used.cohorts, case, state.motion.time)
         else:
-            kept = merged(state.cohorts, used.cohorts, case.table, case.accuracy.width, case.accuracy.tolerance)
+            kept = merged(state.cohorts, used.cohorts, case.breaking, case.accuracy.width, case.accuracy.tolerance)
         used.cohorts = kept.shape[1]
         cohorts = np.zeros((COHORT_ROWS, room if used.cohorts + spare < room // 2 else 2 * room + spare, Q))
         cohorts[:, : used.cohorts] = kept

@@ -16,14 +16,13 @@ DEGREE = 5
 class Table(NamedTuple):
     """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a cell that holds a knot has two."""
 
-    pieces: (
-        Floats  # shape (n_cells, 2, 2 + DEGREE + 1): left end and one over the width of each piece; its coefficients
-    )
-    split: Floats  # shape (n_cells,): where the second piece of a cell begins; infinite if there is none
+    pieces: Floats
+    """Shape (2 n_cells, 2 + DEGREE + 1): left end of each piece, infinite if there is no second; one over its width;
+    its coefficients."""
     inverse: float  # one over the width of a cell
     bottom: float  # below it the function is 1
+    low: float  # where it begins: below it is what it is there
     top: float  # from it on the function is 0
-    knots: Floats  # where the slope jumps, between 0 and `top`
 
 
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
@@ -32,21 +31,24 @@ _CHECK = (np.arange(DEGREE) + 1.0) / (DEGREE + 1)
 
 
 def tabulate(
-    function: Callable[[Floats], Floats], top: float, knots: Floats, tolerance: float = 2e-13, most: int = 2**14
+    function: Callable[[Floats], Floats],
+    top: float,
+    knots: Floats,
+    tolerance: float = 2e-13,
+    most: int = 2**14,
+    low: float = 0.0,
 ) -> Table:
-    """Tabulate a function from 0 to `top`, in cells so narrow that it is met to the tolerance, or in the most."""
+    """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the tolerance, or in the most."""
     count = 64
     while True:
-        width = top / count
-        left = width * np.arange(count)
+        width = (top - low) / count
+        left = low + width * np.arange(count)
         right = left + width
-        split = np.full(count, np.inf)
-        first = right.copy()
+        first, second = right.copy(), left.copy()
         for knot in knots:
-            cell = min(int(knot / width), count - 1)
+            cell = min(int((knot - low) / width), count - 1)
             if left[cell] < knot < right[cell]:
-                split[cell] = first[cell] = knot
-        second = np.where(np.isfinite(split), split, left)
+                first[cell] = second[cell] = knot
         pieces = np.zeros((count, 2, DEGREE + 3))
         worst = 0.0
         for side, (a, b) in enumerate(((left, first), (second, right))):
@@ -60,30 +62,33 @@ def tabulate(
         if worst < tolerance or 2 * count > most:
             break
         count *= 2
-    one = np.flatnonzero(function(np.asarray(left + width, float)) < function(np.zeros(1)) * (1.0 - 1e-15))
+    one = np.flatnonzero(function(np.asarray(left + width, float)) < function(np.full(1, low)) * (1.0 - 1e-15))
     bottom = float(left[one[0]]) if one.size else top
-    return Table(pieces, split, 1.0 / width, bottom, top, np.asarray(knots, float))
+    pieces[second == left, 1, 0] = np.inf
+    return Table(pieces.reshape(2 * count, -1), 1.0 / width, bottom, low, top)
 
 
 @inlined
 def value_and_slope(table: Table, x: float) -> tuple[float, float]:
-    """Value and slope at ``x >= 0``."""
+    """Value and slope."""
     if x >= table.top:
         return 0.0, 0.0
-    i = min(int(x * table.inverse), table.split.size - 1)
-    side = 1 if x >= table.split[i] else 0
-    scale = table.pieces[i, side, 1]
-    u = (x - table.pieces[i, side, 0]) * scale
-    total, slope = table.pieces[i, side, DEGREE + 2], 0.0
+    x = max(x, table.low)
+    i = 2 * min(int((x - table.low) * table.inverse), table.pieces.shape[0] // 2 - 1)
+    if x >= table.pieces[i + 1, 0]:
+        i += 1
+    scale = table.pieces[i, 1]
+    u = (x - table.pieces[i, 0]) * scale
+    total, slope = table.pieces[i, DEGREE + 2], 0.0
     for k in range(DEGREE + 1, 1, -1):
         slope = slope * u + total
-        total = total * u + table.pieces[i, side, k]
+        total = total * u + table.pieces[i, k]
     return total, slope * scale
 
 
 @inlined
 def value_at(table: Table, x: float) -> float:
-    """Value at ``x >= 0``."""
+    """Value alone."""
     return value_and_slope(table, x)[0]
 
 
@@ -100,12 +105,12 @@ def values_at(table: Table, x: Floats) -> Floats:
     return values
 
 
-def widest(table: Table, tolerance: float, most: float, order: int) -> float:
+def widest(table: Table, knots: Floats, tolerance: float, most: float, order: int) -> float:
     """Width of a window, up to `most`, of which nodes of Gauss give the mean of ``x**order`` times the function.
 
     To the tolerance, wherever the window lies between two knots.
     """
-    edges = np.unique([0.0, *table.knots, table.top])
+    edges = np.unique([0.0, *knots, table.top])
     width = min(most, 0.5 * table.top)
     fine = (np.arange(8)[:, None] + GAUSS).ravel() / 8
     weights = np.tile(WEIGHT / 8, 8)
@@ -126,4 +131,4 @@ def widest(table: Table, tolerance: float, most: float, order: int) -> float:
         width *= 0.9
 
 
-EMPTY = Table(np.zeros((1, 2, DEGREE + 3)), np.full(1, np.inf), 1.0, 0.0, 0.0, np.empty(0))  # the table of nothing
+EMPTY = Table(np.zeros((2, DEGREE + 3)), 1.0, 0.0, 0.0, 0.0)  # the table of nothing

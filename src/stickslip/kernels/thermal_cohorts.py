@@ -1,14 +1,9 @@
-"""The master equation of contacts whose thresholds are no fixed numbers, on cohorts, under a slider, Eq. (11).
+"""The master equation of contacts that break by thermal activation in any way, on cohorts, under a slider, Eq. (11).
 
-Contacts break by thermal activation, or their thresholds grow with age, or both. A cohort is what attached in one step,
-at the same place and time. Each of its contacts keeps its strength, so that what survives is an average over strengths.
-
-- Without temperature a strength ``s`` has broken if the largest ``(|x| - addend)/factor`` so far is beyond it: one
-  number, ``reach``, says what survives.
-- With a temperature it survives as ``exp(-H)``, with ``H`` the integral of the rate over the cohort's life. By `Bell`,
-  where thresholds are fixed or grow by an addend, ``H = G exp(-s/A)``: one number, ``ln G``, says what survives, by a
-  table of ``J(u) = Int P_c(s) exp(-exp((u - s)/A)) ds`` at ``u = A ln G``.
-- Otherwise ``H`` is followed at nodes of the strengths.
+A cohort is what attached in one step, at the same place and time. Each of its contacts keeps its strength, so that what
+survives is an average over strengths: a strength survives as ``exp(-H)``, with ``H`` the integral of the rate over the
+cohort's life. By `Bell`, where thresholds grow by an addend, ``H = G exp(-s/A)``, and two numbers say what survives, as
+in `breaking`. Otherwise ``H`` is followed at nodes of the strengths.
 
 Within a step the slider moves one way and by less than a fraction of the width over which rates change; in a hold steps
 grow with time. What attaches in a step does so in its middle; what of it breaks within the step is passed on, so that
@@ -22,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
+from .breaking import NEVER, Breaking, later, survival
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
 from .hazard import EXPONENTIAL, Growth, Hazard, grown, rate, threshold_at
 from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, spring_force, travel
 from .records import Floats, Record, blank, record
 from .rules import gauss
-from .survival import Table, value_at, values_at
+from .survival import values_at
 
 MOTION = record(
     "position velocity contact_force attached stored work damped broken time",
@@ -55,12 +51,10 @@ _NODE, _WEIGHT = gauss(3)
 class Model(NamedTuple):
     """How contacts break."""
 
-    hazard: Hazard  # without attempts there is no temperature
+    hazard: Hazard
     growth: Growth
-    thresholds: Table  # survival of strengths
-    thermal: Table  # ``J(u)`` from `low` on, where one number is enough
-    low: float
-    node: Floats  # shape (n,): strengths at which the hazard is followed; none where one number is enough
+    breaking: Breaking
+    node: Floats  # shape (n,): strengths at which the hazard is followed; none where a clock and a reach are enough
     weight: Floats  # shape (n,)
     width: float  # stretching over which rates change
 
@@ -78,7 +72,7 @@ class State(NamedTuple):
 
     motion: Record  # record of MOTION
     cohort: Floats  # shape (ROWS, room)
-    run: Floats  # shape (room, nodes or 1): by cohort ``ln G``, or ``H`` at the nodes
+    run: Floats  # shape (room, nodes or 1): by cohort the clock, or ``H`` at the nodes
     trial: Floats  # the same at the end of a step under trial
     history: History
     used: Record  # record of COUNTS
@@ -115,41 +109,6 @@ class _Trial(NamedTuple):
 # ---------------- What survives
 
 
-@inlined
-def _thermal_survival(model: Model, u: float) -> float:
-    """Fraction that survives a reading ``u`` of the clock."""
-    return 1.0 if u <= model.low else value_at(model.thermal, u - model.low)
-
-
-@inlined
-def surviving(model: Model, log_g: float, reach: float) -> float:
-    """Fraction that survives by `Bell`, of contacts stretched by `reach` at most beyond what they have grown by."""
-    if reach <= 0.0 or log_g - reach / model.hazard.scale > 3.7:
-        return _thermal_survival(model, model.hazard.scale * log_g)
-    return _surviving_beyond(model, log_g, reach)
-
-
-@bare
-def _surviving_beyond(model: Model, log_g: float, reach: float) -> float:
-    """The same where thresholds below `reach` matter: ``Int J_c(max(reach, u - A ln E)) exp(-E) dE``, by panels."""
-    A = model.hazard.scale
-    d = log_g - reach / A
-    held = value_at(model.thresholds, reach)
-    if d < -37.0:
-        return held
-    total = held * math.exp(-math.exp(d))
-    end = max(d, 0.0) + 37.0
-    begin, size = 0.0, 0.5
-    while begin < end:
-        for k in range(3):
-            t = begin + size * _NODE[k]
-            s = d - t
-            total += size * _WEIGHT[k] * value_at(model.thresholds, reach + A * t) * math.exp(s - math.exp(s))
-        begin += size
-        size = min(1.15 * size, 4.0) if begin > d + 2.0 else 0.5
-    return min(total, held)
-
-
 @bare
 def _integral(hazard: Hazard, growth: Growth, strength: float, age: float, dt: float, x: float, dx: float) -> float:
     """Integral of the rate over a time in which the stretching goes from `x` by `dx`, uniformly."""
@@ -182,11 +141,9 @@ def _gained(model: Model, age: float, dt: float, x: float, dx: float) -> float:
     hazard, growth = model.hazard, model.growth
     A = hazard.scale
     top = max(abs(x), abs(x + dx))
-    if x * (x + dx) < 0.0 or (growth.first != 0.0 and dt > _STEADY * (age + growth.second)):
+    if x * (x + dx) < 0.0 or dt > _STEADY * (age + growth.second):
         # A threshold of `top` at rest: its rate does not overflow.
         return math.log(max(_integral(hazard, growth, top, age, dt, x, dx), 1e-300)) + top / A
-    if growth.first == 0.0:
-        return math.log(hazard.attempts * dt * _mean_exponential(abs(dx) / A)) + top / A
     # On one side of 0, the exponent all but linear on either half: thresholds grow ever more slowly.
     start = abs(x) - grown(growth, age)[1]
     middle = abs(x + 0.5 * dx) - grown(growth, age + 0.5 * dt)[1]
@@ -214,11 +171,8 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
     factor, addend, _, _ = grown(model.growth, age + dt)
     reach = max(cohort[REACH, j], (abs(x + dX) - addend) / factor)
     cohort[TRIAL_REACH, j] = reach
-    if model.hazard.attempts == 0.0:
-        return value_at(model.thresholds, max(reach, 0.0))
-    step, before = _gained(model, age, dt, x, dX), state.run[j, 0]
-    state.trial[j, 0] = max(before, step) + math.log1p(math.exp(-abs(before - step)))
-    return surviving(model, state.trial[j, 0], reach)
+    state.trial[j, 0] = later(model.hazard.scale, state.run[j, 0], model.hazard.scale * _gained(model, age, dt, x, dX))
+    return survival(model.breaking, state.trial[j, 0], reach)[0]
 
 
 @bare
@@ -246,8 +200,8 @@ def _follow_nodes(state: State, model: Model, j: int, age: float, dt: float, x: 
 
 @inlined
 def untouched(model: Model) -> float:
-    """What a newborn's ``ln G``, or ``H``, begins with."""
-    return -1e300 if model.node.size == 0 else 0.0
+    """What a newborn's clock, or ``H``, begins with."""
+    return NEVER if model.node.size == 0 else 0.0
 
 
 # ---------------- A step
@@ -519,7 +473,7 @@ def initial_state(model: Model, delays: Delays, x: Floats, weight: Floats, since
     cohort[PLACE, :count], cohort[SINCE, :count] = -x, since
     cohort[ALIVE, :count], cohort[REACH, :count] = weight, reach
     state.run[:count] = untouched(model)
-    cohort[MASS, :count] = weight / np.maximum(values_at(model.thresholds, reach), 1e-12)
+    cohort[MASS, :count] = weight / np.maximum(values_at(model.breaking.thresholds, reach), 1e-12)
     if model.node.size:
         above = model.node > reach[:, None]
         state.run[:count][~above] = np.inf

@@ -5,12 +5,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from stickslip.kernels.survival import Table, tabulate
-from stickslip.model import Delay, DelayModel, Interface
+from stickslip.kernels.breaking import Breaking
+from stickslip.kernels.survival import Table, tabulate, values_at
+from stickslip.model import Bell, Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.records import hashable
 from stickslip.simulation.engines.base import Array, Beginning
+from stickslip.sliding.lifetimes import blurred_survival, growth_of
+
+_BLURRED = 1e-10  # error of the survival at a temperature
 
 
 def generators(seed: int, count: int = 3) -> list[np.random.Generator]:
@@ -106,6 +110,35 @@ def survival_of(distribution: Distribution) -> Table:
     """Return the survival of thresholds as kernels take it."""
     table: Table = _survival_of(hashable(distribution))
     return table
+
+
+@lru_cache(maxsize=64)
+def _blurred(distribution: Distribution, width: float) -> Table:
+    known, low, high = survival_of(distribution), -38.0 * width, distribution.support[1] + 3.8 * width
+
+    def blurred(u: Array) -> Array:
+        return blurred_survival(lambda at: values_at(known, at), width, u, distribution.knots)
+
+    return tabulate(blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=low)
+
+
+def blurred_of(distribution: Distribution, width: float) -> Table:
+    """Return the survival of a newborn of any threshold at ``u = A ln G``, as kernels take it."""
+    table: Table = _blurred(hashable(distribution), width)
+    return table
+
+
+def breaking_of(interface: Interface) -> Breaking:
+    """Return how contacts break as kernels take it, where a clock and a reach say what is left of them."""
+    distribution, temperature = interface.threshold_distribution, interface.temperature
+    growth = growth_of(interface.ageing)
+    table, knots = survival_of(distribution), np.empty(0)
+    if isinstance(temperature, Bell):
+        blurred = blurred_of(distribution, temperature.width)
+        return Breaking(table, knots, blurred, temperature.width, temperature.attempts, growth)
+    if interface.ageing is None:
+        knots = end_and_knots(distribution)[1]
+    return Breaking(table, knots, table, 0.0, 0.0, growth)
 
 
 def end_and_knots(distribution: Distribution) -> tuple[float, Array]:

@@ -10,39 +10,58 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
-from stickslip.kernels.cohorts import MASS, REACH, gauss_rule, spread_out
+from stickslip.kernels.breaking import NEVER, Breaking, is_fixed, survivals
+from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
 from stickslip.kernels.finite_population import counted
+from stickslip.kernels.lifetimes import reach, rule
 from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
 from stickslip.kernels.panels import advance
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
-from stickslip.kernels.survival import EMPTY, tabulate, values_at, widest
-from stickslip.model import Delay, DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
+from stickslip.kernels.survival import EMPTY, tabulate, widest
+from stickslip.model import (
+    Bell,
+    Delay,
+    DelayModel,
+    ExponentialGrowth,
+    Interface,
+    LogarithmicGrowth,
+    MasterEquation,
+    OnArrest,
+    Population,
+    Slider,
+)
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
-from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
+from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
+from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
-_AT_KNOTS = 0.3  # part of the tolerance of a step that is left where the survival has knots
+_AT_BENDS = 0.3  # part of the tolerance of a step that is left where the survival has knots, or cohorts are not cut
+_WIDEST = 0.3, 0.1
+"""Widest panel, over the mean threshold: where it is cut at all that is not smooth, and where it may bend."""
 _BROKEN = 0.02  # fraction of all contacts that may break in a step where they are counted, for an error of 1e-4
 _GRAIN = 0.15
 """Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
 _PANELS = 1e-4, 1.5e-5  # seconds over a mean threshold, and over a radian in which the slider rings after a slip
-_OF_RANDOM_DELAYS, _OF_CORNERS = 5.0, 3.0
-"""So many times that with random delays, and with a distribution of thresholds that has corners."""
+_OF_RANDOM_DELAYS, _OF_CORNERS, _OF_CLOCKS = 5.0, 3.0, 10.0
+"""So many times that with random delays, with a distribution of thresholds that has corners, and with a temperature or
+with growth."""
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
-@solves(MasterEquation)
-@solves(Population)
+@solves(MasterEquation, temperature=(type(None), Bell))
+@solves(MasterEquation, ExponentialGrowth, LogarithmicGrowth)
+@solves(Population, temperature=(type(None), Bell))
+@solves(Population, ExponentialGrowth, LogarithmicGrowth)
 class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
-    mechanisms = frozenset({"sliding_force", "newborn", "on_arrest"})
+    mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "temperature"})
     smooth = True
     kernel = advance
     steps = 2_000
@@ -51,26 +70,35 @@ class Panels(Cohorts):
         self._method, self.slider = method, slider_constants(beginning.slider)
         interface, count = beginning.interface, method.count if isinstance(method, Population) else 0
         self._interface, distribution = interface, interface.threshold_distribution
+        breaking = breaking_of(interface)
+        newborn = _newborn(hashable(distribution), hashable(interface.newborn), method.rtol)
+        if isinstance(interface.ageing, ExponentialGrowth):  # all are as strong at first
+            newborn = newborn._replace(tried=0.0)
         self._case = kernel.Case(
-            survival_of(distribution),
+            breaking,
             _delays(hashable(interface.delay), method),
             self.slider,
-            _accuracy(hashable(distribution), method.rtol, count),
-            newborn=_newborn(hashable(distribution), hashable(interface.newborn), method.rtol),
+            _accuracy(distribution, breaking, method.rtol, count),
+            newborn=newborn,
             sliding_force=interface.sliding_force,
         )
-        attached, rate = 1.0, 0.0
+        attached, rate, lives = 1.0, 0.0, None
         if beginning.sliding:
-            attached = beginning.attached
-            rate = attached * beginning.velocity / mean_life(interface)[0]
-            x, fraction = _lives_met(distribution, self._case.newborn, self._case.accuracy)
+            x, fraction, lives, path = _lives_met(distribution, self._case, beginning.velocity)
+            if is_fixed(breaking):
+                path = mean_life(interface)[0]
+            attached = path / (path + beginning.velocity * interface.delay.moment(1))
+            rate = attached * beginning.velocity / path
         else:
             x, fraction = _nodes(interface.initial, distribution, self._case.accuracy)
+            if isinstance(interface.ageing, ExponentialGrowth):  # it has come to its end
+                lives = np.full(x.shape, NEVER), np.abs(x), np.full(x.shape, math.inf)
         self.state = kernel.initial_state(
-            self._case.table,
+            breaking,
             self._case.delays,
             x,
             attached * fraction,
+            lives=lives,
             velocity=beginning.slider_velocity,
             rate=rate,
             element=interface.sliding_force if beginning.sliding else 0.0,
@@ -82,12 +110,19 @@ class Panels(Cohorts):
             self.state = counted(self.state, self._case, count)
 
     @staticmethod
+    def check(interface: Interface) -> None:
+        """Raise `InputError` for newborns without strength."""
+        check_newborns(interface)
+
+    @staticmethod
     def cost(rig: Rig, method: MasterEquation | Population, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: panels are of fifth order."""
         interface, finer = rig.interface, 1e-4 / method.rtol
         harder = 1.0 if isinstance(interface.delay, Delay) else _OF_RANDOM_DELAYS
         if any(0.0 < knot < math.inf for knot in interface.threshold_distribution.knots):
             harder *= _OF_CORNERS
+        if interface.mechanisms & {"ageing", "temperature"}:
+            harder *= _OF_CLOCKS
         ringing = course.ringing if interface.delay.moment(1) > 0 else 0.0
         steps = _PANELS[0] * (course.distance + course.shaken) + _PANELS[1] * ringing
         path = course.distance + course.shaken + 0.01 * course.ringing
@@ -98,8 +133,8 @@ class Panels(Cohorts):
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
         state = self.state
-        place, mass, reach = spread_out(state.cohorts[:, : state.used.cohorts], _FINE)
-        fraction = mass * values_at(self._case.table, reach)
+        place, mass, reach, clock = spread_out(state.cohorts[:, : state.used.cohorts], _FINE)
+        fraction = mass * survivals(self._case.breaking, clock, reach)
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
@@ -127,20 +162,20 @@ class Panels(Cohorts):
             past[:, 1] *= ratio
             state.rough[:] = now - ratio * (now - state.rough)
             turned._case = turned._case._replace(delays=delays)
-        if interface.thresholds != self._interface.thresholds:
-            distribution = interface.threshold_distribution
-            table, accuracy = survival_of(distribution), _accuracy(hashable(distribution), self._method.rtol, 0)
-            n = state.used.cohorts
-            reach, mass = state.cohorts[REACH, :n], state.cohorts[MASS, :n]
-            old, new = (values_at(one, reach.ravel()).reshape(reach.shape) for one in (case.table, table))
+        if any(getattr(interface, part) != getattr(self._interface, part) for part in ("thresholds", "temperature")):
+            breaking = breaking_of(interface)
+            accuracy = _accuracy(interface.threshold_distribution, breaking, self._method.rtol, 0)
+            clock, reach, mass = state.cohorts[[CLOCK, REACH, MASS], : state.used.cohorts]
+            old, new = (survivals(one, clock, reach) for one in (case.breaking, breaking))
             held = new > 1e-12  # the others break at once
-            mass[:] = np.where(held, mass * old / np.where(held, new, 1.0), 0.0)
+            mass = np.where(held, mass * old / np.where(held, new, 1.0), 0.0)
+            state.cohorts[MASS, : state.used.cohorts] = mass
             lost = state.motion.mass_in - float((mass * new).sum())
             state.motion.mass_in -= lost
             state.motion.attached -= lost
             state.motion.mass_out += lost
             past[:, 2 : 3 + P] -= lost  # it re-attaches with what breaks in the next step
-            turned._case = turned._case._replace(table=table, accuracy=accuracy)
+            turned._case = turned._case._replace(breaking=breaking, accuracy=accuracy)
         return turned
 
 
@@ -162,20 +197,27 @@ def _tolerance(rtol: float) -> float:
     return _SAFETY[0] * float((rtol / 1e-4) ** _SAFETY[1])
 
 
-@lru_cache(maxsize=64)
-def _accuracy(distribution: Distribution, rtol: float, count: int) -> kernel.Accuracy:
+def _accuracy(distribution: Distribution, breaking: Breaking, rtol: float, count: int) -> kernel.Accuracy:
     """Tolerance of a step, and the widest panel on which a sum over nodes is good to it.
 
     Of counted contacts, what re-attaches is as rough as the breaks were, and what fluctuates does so a few breaks at
     a time.
     """
-    table, tolerance = survival_of(distribution), _tolerance(rtol)
-    if table.knots.size:  # where the order is lost, and again a delay later
-        tolerance *= _AT_KNOTS
-    width = widest(table, tolerance, 0.3 * distribution.moment(1), order=1)
+    tolerance = _tolerance(rtol)
+    if breaking.knots.size or not is_fixed(breaking):  # where the order is lost, and again a delay later
+        tolerance *= _AT_BENDS
+    most = _WIDEST[0 if is_fixed(breaking) else 1] * distribution.moment(1)
+    width = _width(hashable(distribution), breaking.width, is_fixed(breaking), tolerance, most)
     if not count:
         return Accuracy(tolerance, width)
     return Accuracy(tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4))
+
+
+@lru_cache(maxsize=64)
+def _width(distribution: Distribution, width: float, fixed: bool, tolerance: float, most: float) -> float:
+    """Widest panel, up to the most, on which a sum over nodes is good to a tolerance: between knots where it is cut."""
+    table = survival_of(distribution) if width == 0.0 else blurred_of(distribution, width)
+    return widest(table, end_and_knots(distribution)[1] if fixed else np.empty(0), tolerance, most, order=1)
 
 
 @lru_cache(maxsize=64)
@@ -194,7 +236,7 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
         return np.asarray(sum(part / fraction * distribution.survival(t) for part, distribution in continuous))
 
     table = tabulate(survival, top, np.empty(0))
-    grain = widest(table, _tolerance(method.rtol), 0.3 * mean, order=0)
+    grain = widest(table, np.empty(0), _tolerance(method.rtol), 0.3 * mean, order=0)
     return Delays(time, weight, table, fraction, grain, mean, arrest, False)
 
 
@@ -222,17 +264,54 @@ def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float
         if np.abs(pulled(nodes, part) - exact).max() < tolerance:
             x, weight = nodes, part
             break
-    return Newborn(x, weight, weight / survival(x))
+    return Newborn(x, weight, 1.0)
 
 
-def _lives_met(thresholds: Distribution, newborn: kernel.Newborn, accuracy: kernel.Accuracy) -> tuple[Array, Array]:
-    """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the way from each newborn one."""
-    end, parts = end_and_knots(thresholds)[0], []
-    for begin, mass in zip(newborn.stretching, newborn.mass, strict=True):
-        x, weight = _on_panels({abs(begin), *_knots(thresholds)}, begin, end, accuracy.width)
-        parts.append((x, mass * weight * thresholds.survival(np.maximum(np.abs(x), abs(begin)))))
-    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return _of_weight(x, weight)
+def _lives_met(
+    thresholds: Distribution, case: kernel.Case, velocity: float
+) -> tuple[Array, Array, tuple[Array, Array, Array], float]:
+    """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the way from each newborn one.
+
+    Then the clocks, reaches and ages there, and the mean length of a life.
+    """
+    breaking, newborn, width, parts = case.breaking, case.newborn, case.accuracy.width, []
+    strongest = end_and_knots(thresholds)[0]
+    end = max(reach(breaking.growth, strongest, velocity), newborn.stretching.max() + width)
+    for begin, fraction in zip(newborn.stretching, newborn.fraction, strict=True):
+        begun = newborn.tried * abs(begin)
+        mass = fraction / max(float(thresholds.survival(begun)), 1e-13)
+        if is_fixed(breaking):
+            x, weight = _on_panels({abs(begin), *_knots(thresholds)}, begin, strongest, width)
+            clock, most, age = np.full(x.shape, NEVER), np.maximum(np.abs(x), begun), (x - begin) / velocity
+        else:
+            early = begin + width * 0.25 ** np.arange(1, 24)  # what breaks at a rate, or as it grows, does so at once
+            x, weight = _on_panels({0.0, *early}, begin, end, width)
+            clock, most, age = _carried(breaking, begin, begun, x, velocity)
+        alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
+        parts.append((x, mass * weight * alive, clock, most, age))
+    x, weight, clock, most, age = (np.concatenate(part) for part in zip(*parts, strict=True))
+    kept = weight.sum(axis=1) > 1e-17
+    path = float(weight.sum())
+    return x[kept], weight[kept] / weight[kept].sum(), (clock[kept], most[kept], age[kept]), path
+
+
+def _carried(breaking: Breaking, begin: float, begun: float, x: Array, velocity: float) -> tuple[Array, Array, Array]:
+    """Clocks, reaches and ages of contacts that steady sliding has stretched from `begin` to each of rising `x`."""
+    age = (x - begin) / velocity
+    factor, addend = rule(breaking.growth, age.ravel())[:2]
+    met = (np.abs(x.ravel()) - addend) / np.maximum(factor, 1e-300)
+    most = np.maximum(np.maximum.accumulate(met), begun).reshape(x.shape)
+    if (A := breaking.width) == 0.0:
+        return np.full(x.shape, NEVER), most, age
+    # The integral of exp(|x|/A) on the way back to 0, and on that ahead of it.
+    back, ahead = np.minimum(x, 0.0), np.maximum(x, 0.0)
+    with np.errstate(divide="ignore"):
+        first = (
+            -begin / A + np.log(-np.expm1((min(begin, 0.0) - back) / A)) if begin < 0.0 else np.full(x.shape, -np.inf)
+        )
+        second = ahead / A + np.log(-np.expm1((max(begin, 0.0) - ahead) / A))
+        gained = np.logaddexp(first, second) + math.log(breaking.attempts * A / velocity)
+    return np.maximum(A * gained, NEVER), most, age
 
 
 def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy) -> tuple[Array, Array]:

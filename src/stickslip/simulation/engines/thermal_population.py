@@ -1,34 +1,31 @@
-"""Infinitely many contacts that break by thermal activation or age: `stickslip.kernels.thermal_cohorts`."""
+"""Infinitely many contacts that break by any thermal activation: `stickslip.kernels.thermal_cohorts`."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
 from stickslip.kernels import thermal_cohorts as kernel
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
-from stickslip.kernels.survival import Table, tabulate, values_at
 from stickslip.kernels.thermal_cohorts import advance
 from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, MasterEquation, Parabolic
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import stretching_nodes
-from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
-from stickslip.simulation.engines.beginnings import survival_of
+from stickslip.simulation.engines.beginnings import breaking_of
 from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
-from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
+from stickslip.sliding.lifetimes import growth_of, hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
 _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
 _COHORT = 2e-6, 1e-5  # seconds a cohort takes in a step: where one number says what is left of it, and at nodes
 
 
-@solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
-@solves(MasterEquation, ExponentialGrowth, LogarithmicGrowth)
+@solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Parabolic, Barrier))
+@solves(MasterEquation, ExponentialGrowth, LogarithmicGrowth, temperature=(Bell,))
 class ThermalPopulation(Cohorts):
-    """Cohorts of contacts that attached together; they break by thermal activation, age, or both."""
+    """Cohorts of contacts that attached together, of which nothing simpler says what is left: see `Panels`."""
 
     mechanisms = frozenset({"temperature", "sliding_force"})
     smooth = True
@@ -38,7 +35,7 @@ class ThermalPopulation(Cohorts):
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         interface = beginning.interface
         self._method, self.slider = method, slider_constants(beginning.slider)
-        model, mean = _model(interface, method.rtol), interface.threshold_distribution.moment(1)
+        model, mean = _model(interface), interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
         coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
         reach = 0.5 * coarser
@@ -64,18 +61,14 @@ class ThermalPopulation(Cohorts):
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: a few steps and cohorts on a width, fewer where few contacts may break."""
         interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
-        width, cold = activation_width(interface), interface.temperature is None
-        one_number = cold or _is_one_number(interface)
+        width, one_number = activation_width(interface), _is_one_number(interface)
         finer = max(1.0, math.sqrt(1e-4 / method.rtol))
         closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
         cohorts = float(closest * interface.threshold_distribution.support[1])
         steps = closest * mean * (course.distance + course.shaken) + 3.0 * course.rung
-        grows = (
-            ("simulation.rtol", 1e-4 / finer**2, None, -1.0) if cold else ("interface.temperature", width, None, -2.0)
-        )
         seconds, room = _COHORT[not one_number] * steps * cohorts, 16.0 * cohorts * (1 if one_number else _NODES)
         what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
-        part = Part(*grows, what, seconds, room, instead="use Contacts(...), or ")
+        part = Part("interface.temperature", width, None, -2.0, what, seconds, room, instead="use Contacts(...), or ")
         return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
 
     def stretchings(self) -> Stretchings:
@@ -84,17 +77,13 @@ class ThermalPopulation(Cohorts):
         return Stretchings(self.state.motion.position - place, alive, cells=True)
 
 
-def _model(interface: Interface, rtol: float) -> kernel.Model:
+def _model(interface: Interface) -> kernel.Model:
     """Return how contacts break, with its tables or nodes."""
-    distribution, width = interface.threshold_distribution, activation_width(interface)
-    hazard = hazard_of(interface.temperature)
-    thresholds = survival_of(distribution)
-    low, thermal, node, weight = 0.0, thresholds, np.empty(0), np.empty(0)
-    if _is_one_number(interface):
-        low, thermal = _thermal_table(hashable(distribution), hazard.scale, 1e-4 * rtol)
-    elif interface.temperature is not None:
-        node, weight = _threshold_nodes(distribution, width)
-    return kernel.Model(hazard, growth_of(interface.ageing), thresholds, thermal, low, node, weight, width)
+    width, node, weight = activation_width(interface), np.empty(0), np.empty(0)
+    if not _is_one_number(interface):
+        node, weight = _threshold_nodes(interface.threshold_distribution, width)
+    hazard, growth = hazard_of(interface.temperature), growth_of(interface.ageing)
+    return kernel.Model(hazard, growth, breaking_of(interface), node, weight, width)
 
 
 def _is_one_number(interface: Interface) -> bool:
@@ -103,32 +92,16 @@ def _is_one_number(interface: Interface) -> bool:
 
 
 def activation_width(interface: Interface) -> float:
-    """Stretching over which the rate of breaking grows by a factor of e, where contacts mostly break.
-
-    Without temperature a part of the scatter of thresholds, which then is what blurs the breaks.
-    """
+    """Stretching over which the rate of breaking grows by a factor of e, where contacts mostly break."""
     mean = interface.threshold_distribution.moment(1)
     match interface.temperature:
-        case Bell(width=width):
-            return width
         case Parabolic(temperature=temperature):
             return temperature / mean
         case Barrier(height=height, power=power):
             left = min(1.0, (10.0 / height) ** (1.0 / power))
             return float(mean / (height * power * left ** (power - 1.0)))
-    return max(0.2 * interface.threshold_distribution.standard_deviation(), 1e-3 * mean)
-
-
-@lru_cache(maxsize=64)
-def _thermal_table(distribution: Distribution, width: float, tolerance: float) -> tuple[float, Table]:
-    """Tabulate ``J(u)``, from its smallest ``u`` on."""
-    low, high = -38.0 * width, distribution.support[1] + 3.8 * width
-    known = survival_of(distribution)
-
-    def blurred(x: Array) -> Array:
-        return blurred_survival(lambda at: values_at(known, at), width, x + low, distribution.knots)
-
-    return low, tabulate(blurred, high - low, np.empty(0), tolerance=tolerance, most=4096)
+    assert isinstance(interface.temperature, Bell)
+    return interface.temperature.width
 
 
 def _threshold_nodes(distribution: Distribution, width: float) -> tuple[Array, Array]:
