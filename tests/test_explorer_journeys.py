@@ -11,7 +11,7 @@ import headless
 import numpy as np
 import pytest
 
-from stickslip import cli
+from stickslip import cli, fitting
 from stickslip.explorer import documents
 from stickslip.fitting.model import KEYS
 from stickslip.io import datasets as store
@@ -364,11 +364,9 @@ def test_a_measured_trace_is_analysed_and_what_is_none_is_told(page, tmp_path):
     for file, words in ((binary, "binary"), (huge, "200 MB"), (columns, "which column is the force?")):
         page.set_input_files("#file", file)
         page.wait_for_selector(f"#trace-complaint:has-text('{words}')")
-    page.fill("#column-force", "b")
-    page.click("#again")
+    page.select_option("#column-force", label="3: b")
     page.wait_for_selector("#trace-state:has-text('columns.csv: 100 rows')")
     assert page.locator("#trace-complaint").is_hidden()
-    page.fill("#column-force", "")
     data = page.evaluate_handle(
         "(text) => { const d = new DataTransfer(); d.items.add(new File([text], 'dropped.csv')); return d; }",
         sawtooth(tmp_path).read_text(),
@@ -376,6 +374,7 @@ def test_a_measured_trace_is_analysed_and_what_is_none_is_told(page, tmp_path):
     page.dispatch_event("body", "drop", {"dataTransfer": data})
     page.wait_for_selector("#trace-state:has-text('dropped.csv: 2000 rows')")
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
+    assert page.input_value("#column-force") == ""  # this file has no column b
     assert "17 slips, marked" in page.text_content("#plot-trace")
     assert "79" in page.text_content("#statistics tr:has-text('drop')")
     assert page.text_content("#plot-trace .ytitle") == "force (N)"
@@ -405,6 +404,30 @@ def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_
         settled(page)
         assert page.input_value("#field-slider-stiffness") == "350 N/m"
         assert page.text_content("#regime") == "stick-slip"
+
+
+def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_path):
+    page, run, both = bench, fitting.synthetic_trace(), tmp_path / "both.csv"
+    rows = zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)
+    both.write_text("time [s],left force [N],right force [N]\n" + "".join(f"{t},0.1,{F:.4f}\n" for t, F in rows))
+    page.click("#tab-trace")
+    page.set_input_files("#file", both)
+    page.wait_for_selector("#trace-complaint:has-text('which column is the force?')")
+    page.select_option("#column-force", label="3: right force (N)")
+    page.wait_for_selector("#trace-regime:has-text('stick-slip')")
+    page.click("#trace-next")
+    page.wait_for_selector("#fit-words:has-text('give the stiffness')")
+    for name, value in (("stiffness", "350"), ("speed", "1.5 mm/s"), ("mass", "75.6 g")):
+        put(page, f"#fit-{name}", value)
+    page.wait_for_selector("#quick-words:has-text('This rig')")
+    settled(page, "fit")
+    names = page.evaluate("document.querySelector('#plot-quick').data.map((trace) => trace.name)")
+    assert names == ["simulated", "measured"]
+    page.click("#quick-next")
+    settled(page, "stop")
+    assert page.text_content("#verdict").startswith("quick fit: at 1.5 mm/s: stick-slip, ")
+    assert page.input_value(STIFFNESS) == "350 N/m"
+    assert page.locator("#mitigations button, #attempts li").count() > 0
 
 
 @pytest.mark.slow
@@ -588,7 +611,9 @@ def test_every_control_can_be_touched_without_an_error(bench):
         if name == "fit":
             page.click("#sample")
             page.wait_for_selector("body[data-fit-state='']")
-        elsewhere = "[role=tab], [data-download], #fit-coarse, #fit-full, #quick-open"  # minutes, or another page
+        elsewhere = (
+            "[role=tab], [data-download], #fit-coarse, #fit-full, .next, #quick-open"  # minutes, or another page
+        )
         elsewhere += "" if name == "simulate" else ", #tour-begin"
         controls = page.locator(
             f":is(button, select, input[type=checkbox], input[type=range]):not({elsewhere}):visible"

@@ -75,9 +75,14 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
     yield {
         "name": rig.name,
-        "verdict": found.verdict,
+        "verdict": found.headline,
         "ill": found.ill,
-        "evidence": str(found.regime).splitlines(),
+        "evidence": [
+            *advise.say.here(found),
+            *advise.say.speeds(found),
+            *str(found.regime).splitlines(),
+            *(found.doubt.said() if found.doubt else ()),
+        ],
         "numbers": [list(pair) for pair in advise.say.numbers(found)],
         "margins": [list(row) for row in advise.say.margins(found)],
         "mitigations": [

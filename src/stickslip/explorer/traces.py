@@ -6,6 +6,7 @@ import re
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +26,8 @@ from stickslip.fitting.rigs import compared
 from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import listed
+from stickslip.measure.headings import simple
+from stickslip.measure.tables import read_table
 from stickslip.model import Contacts, constant
 from stickslip.model.quantities import read_value
 from stickslip.model.rig import Assumption, Rig
@@ -41,8 +44,10 @@ _DAMPING = 0.15
 
 
 def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Analyse a measured trace, as it was sent."""
+    """The columns that may be chosen of a file, and the measured trace in it."""
     watch(0.0)
+    with suppress(InputError):  # it is said below what is wrong
+        yield {"columns": _columns(request["content"])}
     data = _read(request)
     about = {"name": _name(request), "rows": int(data.attrs["rows"]), "note": data.attrs["note"]}
     yield force_trace(data, width_of(request)) | about
@@ -50,6 +55,14 @@ def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def _name(request: Plain) -> str:
     return Path(str(request.get("name", ""))).name[:100] or "trace"
+
+
+def _columns(content: bytes) -> list[tuple[str, str]]:
+    """Columns of numbers: what asks for each, its name or, where others have it, its number from 1; and its heading."""
+    headings, numeric = read_table(content)[:2]
+    names = [simple(heading.name) for heading in headings]
+    by_name = [bool(name) and names.count(name) == 1 for name in names]
+    return [(headings[i].name if by_name[i] else str(i + 1), f"{i + 1}: {headings[i]}".strip(": ")) for i in numeric]
 
 
 def _options(request: Plain) -> dict[str, str]:
@@ -123,10 +136,11 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
         assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
         rig = replace(rig.replace(delay=delay), assumed=assumed)
     standard_deviation = rig.interface.thresholds.standard_deviation()
-    overlay, words = _overlay(rig, events, seconds, watch)
+    overlay, words, fits = _overlay(rig, events, seconds, watch)
     return {
         **_rig(rig),
         "words": words,
+        "fits": fits,
         "numbers": [
             ["total contact strength, N f_s", rig.in_units(1.0, "force")],
             ["breaking displacement, x_s", rig.in_units(1.0, "length")],
@@ -143,8 +157,8 @@ def _rig(rig: Rig) -> Plain:
     return {"document": documents.of(replace(rig, fitted={})), "toml": rigs.to_toml(rig)}
 
 
-def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> tuple[Plain, str]:
-    """Some slips of the trace, and those that a rig makes at its steady pace, beside them; and both in words."""
+def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> tuple[Plain, str, bool]:
+    """Some slips of the trace, and those that a rig makes at its steady pace, beside them; in words; if it fits."""
     begin, end, first = _window(events)
     unit, settle = seconds_in(events), 3.0 * events.recurrence
     lasts = (settle + 1.5 * (end - begin)) * unit
@@ -157,15 +171,17 @@ def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> 
     made = xr.Dataset({"spring_force": force}, {"time": times})
     try:
         slips = fitting.pick_events(made, smallest=events.smallest, after=min(settle, 0.5 * float(t[-1])))
-        told, agrees = compared(slips, events)
-        words = f"This rig {'fits' if agrees else 'does not fit'}: {told} (mean drop and period, at 90 % confidence)."
+        told, fits = compared(slips, events)
+        words = f"This rig {'fits' if fits else 'does not fit'}: {told} (mean drop and period, at 90 % confidence)."
+        if not fits and slips.drops.mean() > events.drops.mean():
+            words += " These formulas assume that sliding contacts carry no force; the fit with intervals does not."
         shift = first - float(slips.time[slips.peak_at[0]])
     except InputError:
         drop = f"{float(events.drops.mean()):.3g} {events.force_unit}".rstrip()
-        words = f"This rig does not fit: its run hardly slips, the trace has drops of {drop}."
+        fits, words = False, f"This rig does not fit: its run hardly slips, the trace has drops of {drop}."
         shift = begin - settle
     seen = (t + shift >= begin) & (t + shift <= end)
-    return _beside(events, [line(t[seen] + shift, F[seen])], begin, end), words
+    return _beside(events, [line(t[seen] + shift, F[seen])], begin, end), words, fits
 
 
 def _window(events: fitting.Events) -> tuple[float, float, float]:

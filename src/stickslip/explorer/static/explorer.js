@@ -12,7 +12,8 @@ import "./fit.js";
 import "./fronts.js";
 import "./tour.js";
 
-const PAGES = [...document.querySelectorAll("[role=tab]")].map((tab) => tab.dataset.page);
+const TITLES = { simulate: "Simulate", map: "Map", stop: "What would stop it?", trace: "Measured trace", fit: "Fit", fronts: "Fronts" };
+const PAGES = Object.keys(TITLES), nav = document.querySelector("nav");
 
 function open(next) {
   parts[state.page].close?.();
@@ -27,8 +28,11 @@ function open(next) {
   remember();
   parts[next].open?.();
 }
-for (const name of PAGES) $(`tab-${name}`).onclick = () => open(name);
-document.querySelector("nav").addEventListener("keydown", (event) => {
+for (const [name, textContent] of Object.entries(TITLES)) {
+  nav.append(element("button", { role: "tab", id: `tab-${name}`, textContent, onclick: () => open(name) }));
+  nav.lastChild.setAttribute("aria-controls", `page-${name}`);
+}
+nav.addEventListener("keydown", (event) => {
   const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (!step) return;
   open(PAGES[(PAGES.indexOf(state.page) + step + PAGES.length) % PAGES.length]);

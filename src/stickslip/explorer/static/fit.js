@@ -53,6 +53,7 @@ function read({ slips, readings }) {
 function showQuick(reply) {
   quick = reply;
   $("quick-words").textContent = pretty(reply.words);
+  for (const [id, is] of [["quick-next", reply.fits], ["fit-coarse", !reply.fits]]) $(id).classList.toggle("next", is);
   table("quick-numbers", reply.numbers);
   list("quick-assumed", reply.assumed.map((text) => `assumed: ${text}`));
   drawOverlay("plot-quick", reply.overlay);
@@ -60,10 +61,11 @@ function showQuick(reply) {
 function drawOverlay(id, { trace, series, time, force, span }) {
   if (state.page !== "fit") return;
   draw(id, [
-    ...series.map(({ x, y }, i) => ({ x, y, mode: "lines", name: "simulated", opacity: series.length > 1 ? 0.55 : 0.9,
+    ...series.map(({ x, y }, i) => ({ x, y, mode: "lines", name: "simulated", showlegend: i === 0, opacity: series.length > 1 ? 0.55 : 0.9,
       line: { color: colour("vermillion"), width: 1.4, dash: ["solid", "dash", "dot"][i] } })),
     { x: trace.x, y: trace.y, mode: "lines", name: "measured", line: { color: colour("blue"), width: 1.6 } },
-  ], { xaxis: axis(label(time), { range: span }), yaxis: axis(label(force)) });
+  ], { xaxis: axis(label(time), { range: span }), yaxis: axis(label(force)), showlegend: true,
+    legend: { orientation: "h", x: 1, xanchor: "right", y: 1, yanchor: "bottom" } });
 }
 
 // --------------------------------------------------------------------------------------------------- with intervals
@@ -109,7 +111,7 @@ function showPosterior(reply) {
   table("fit-quantities", reply.quantities);
   list("fit-notes", reply.notes);
   $("fit-no-rig").textContent = reply.no_rig ? pretty(reply.no_rig) : "";
-  for (const id of ["fit-open", "fit-save"]) $(id).disabled = !reply.document;
+  for (const id of ["fit-next", "fit-open", "fit-save"]) $(id).disabled = !reply.document;
   drawPosterior();
 }
 function drawPosterior() {
@@ -133,18 +135,19 @@ $("fit-full").onclick = () => fit(sizes[1]);
 
 // ----------------------------------------------------------------------------------------------------- what to do
 
-function openRig(rig) {
+function openRig(rig, page) {
   wait(false);
   state.cursor = 0.75;
   begin(structuredClone(rig.document));
-  $("tab-simulate").click();
+  $(`tab-${page}`).click();
   window.scrollTo(0, 0);
 }
-const saveRig = (rig) => save(rig.toml, rig.document.name, "toml");
-$("quick-open").onclick = () => openRig(quick);
-$("quick-save").onclick = () => saveRig(quick);
-$("fit-open").onclick = () => openRig(found);
-$("fit-save").onclick = () => saveRig(found);
+for (const [id, rig] of [["quick", () => quick], ["fit", () => found]]) {
+  const button = (what, textContent, onclick) => element("button", { type: "button", id: `${id}-${what}`, className: what, textContent, onclick });
+  $(`${id}-rig`).prepend(
+    button("next", "What would stop it?", () => openRig(rig(), "stop")), button("open", "Open in Simulate", () => openRig(rig(), "simulate")),
+    button("save", "Download the rig file", () => save(rig().toml, rig().document.name, "toml")));
+}
 
 /* Another trace: its readings are its own; of the sample, the bench is known. */
 function begun(file) {
@@ -168,13 +171,11 @@ parts.fit = {
     $("fit-fields").replaceChildren(...Object.entries(known).map(([key, words]) => input(key, words)));
   },
   open() {
-    $("source").hidden = false;
     if (pending !== undefined) begun(pending);
     pending = undefined;
     if (quick) drawOverlay("plot-quick", quick.overlay);
     if (found) drawPosterior();
   },
-  close() { $("source").hidden = true; },
   measured(file) {
     if (state.page === "fit") begun(file);
     else pending = file; // nothing is computed for a page that nobody looks at

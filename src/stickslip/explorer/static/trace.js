@@ -6,6 +6,7 @@ import { $, list, parts, showRegime, state, table, tellParts } from "./page.js";
 import { ask, on, refuse } from "./talk.js";
 
 const { shown } = state;
+const CHOICES = [$("column-force"), $("column-time")];
 let file = null, largest = 0;
 
 /* The file, and how it is to be read; null before there is one. */
@@ -13,7 +14,6 @@ export const source = () => file && { file, name: file.name,
   options: { force: $("column-force").value, time: $("column-time").value, step: $("step").value } };
 
 async function analyse(chosen) {
-  $("again").hidden = file === null;
   if (chosen.size > largest) {
     return complain(`${chosen.name} has ${Math.round(chosen.size / 1e6)} MB, more than ${largest / 1e6}; keep every n-th row or a part of it, or use stickslip measure`);
   }
@@ -21,16 +21,26 @@ async function analyse(chosen) {
   const bytes = await chosen.arrayBuffer().catch(() => null);
   if (!bytes) return complain(`${chosen.name} could not be read`);
   file = new File([bytes], chosen.name); // a copy: the file may go, or change
-  $("again").hidden = false;
   ask("trace", source());
 }
 on("trace", (reply) => {
+  if (reply.columns) return offer(reply.columns);
   shown.trace = reply;
   show(reply);
   tellParts("measured", file);
-}, { about: "trace", refused() { $("trace-state").textContent = ""; tellParts("measured", null); } });
+}, { about: "trace", whole: (reply) => !reply.columns, refused() { $("trace-state").textContent = ""; tellParts("measured", null); } });
 const complain = (message) => refuse("trace", [{ message }]);
 on("sample", ({ text }) => analyse(new File([text], "sample.csv")));
+/* The columns of the file; the choice of those of the file before stays where this one has them, too. */
+function offer(columns) {
+  const asked = JSON.stringify(source());
+  for (const list of CHOICES) {
+    const chosen = columns.some(([value]) => value === list.value) ? list.value : "";
+    list.replaceChildren(new Option("automatic", ""), ...columns.map(([value, text]) => new Option(text, value)));
+    list.value = chosen;
+  }
+  if (asked !== JSON.stringify(source())) analyse(file);
+}
 function show(found) {
   $("trace-state").textContent = `${found.name}: ${found.rows} rows${found.note ? `; ${found.note}` : ""}`;
   const per = found.regime.period;
@@ -38,12 +48,14 @@ function show(found) {
   $("trace-reason").textContent = found.regime.reason;
   list("trace-evidence", found.regime.evidence);
   table("statistics", found.statistics);
+  $("trace-next").hidden = found.slips.count === 0;
   if (state.page === "trace") draw("plot-trace", forceTraces(found), forceLayout(found));
 }
 
 $("file").onchange = () => { if ($("file").files[0]) analyse($("file").files[0]); $("file").value = ""; };
 $("sample").onclick = () => ask("sample");
-$("again").onclick = () => analyse(file);
+for (const input of [...CHOICES, $("step")]) input.onchange = () => { if (file) analyse(file); };
+$("trace-next").onclick = () => $("tab-fit").click();
 for (const kind of ["dragover", "drop"]) {
   window.addEventListener(kind, (event) => { // anywhere on the page, so that a miss does not leave it
     event.preventDefault();
@@ -57,6 +69,5 @@ window.addEventListener("dragleave", () => $("drop").classList.remove("over"));
 
 parts.trace = {
   greeted(reply) { largest = reply.largest; },
-  open() { $("source").hidden = false; if (shown.trace) show(shown.trace); },
-  close() { $("source").hidden = true; },
+  open() { if (shown.trace) show(shown.trace); },
 };
