@@ -125,8 +125,10 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
     if back.size:
-        late = f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before"
-        raise InputError(f"{late}; times must rise: sort the rows, or give the step (--step, step= in Python) instead")
+        raise InputError(
+            f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before; times must "
+            "rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
+        )
     told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
     text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
     return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
@@ -188,8 +190,10 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
         if len(found) == 1:
             chosen[name] = found[0]
         elif name == "force" or (name == "time" and not step):
-            how = f"Name it (--{name} on the command line, {name}= in Python); for times, --step or step= will do"
-            raise InputError(f"which column is the {name}? {how}; there are {table.listed()}")
+            raise InputError(
+                f"which column is the {name}? Name it (--{name} on the command line, {name}= in Python); for times, "
+                f"the step will do (--step or step=); there are {table.listed()}"
+            )
     return chosen
 
 

@@ -298,7 +298,8 @@ def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
         return f"{name} {in_words(value, part.force_unit, 3)}" if alike else part.kind
 
     runs = [(said, [*each][-1]) for said, each in itertools.groupby(parts, key=text)]
-    digits = 3 + int(math.log10(max(abs(parts[-1].window[1]) / (parts[-1].window[1] - parts[0].window[0]), 1.0)))
+    begin, end = parts[0].window[0], parts[-1].window[1]
+    digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
     told = [f"{said} to t = {in_words(last.window[1], last.time_unit, digits)}" for said, last in runs[:-1]]
     return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
 
