@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from scipy.special import gamma
 
 import stickslip as ss
-from stickslip.advise import Band, Mitigation, Prediction
+from stickslip.advise import Band, Doubt, Mitigation, Prediction
+from stickslip.advise.doubt import WIDEST
+from stickslip.advise.runs import Trials
 from stickslip.model import Contacts, Operation, Scales
 from stickslip.model.distributions import Distribution
 from stickslip.model.parameters import parameter_named
@@ -333,8 +335,61 @@ def advice() -> tuple[Claim, ...]:
     return tuple(claims)
 
 
+_DRAWN = 40
+"""Rigs that are drawn from what was assumed of one."""
+_SET = {
+    "slider.mass": ("mass", 1),
+    "slider.stiffness": ("stiffness", 1),
+    "slider.damping_ratio": ("damping", 1),
+    "interface.breaking_displacement": ("contact_stiffness", -1),
+    "interface.thresholds": ("std", 1),
+    "interface.delay": ("delay", 1),
+}
+_WIDEST = 0.5
+"""Standard deviation of thresholds, over their mean, beyond which none is drawn."""
+
+
+def oscillates(name: str) -> Iterator[bool | None]:
+    """Whether rigs drawn from what was assumed of an example oscillate, by linear theory or by runs of their own."""
+    rig, rng = ss.example(name), np.random.default_rng(SEED)
+    for number in range(_DRAWN):
+        there = rig
+        for parameter, side in (_SET[key] for key, item in rig.assumed.items() if key in _SET and not item.default):
+            value = there.value(parameter) * WIDEST ** (side * rng.uniform(-1.0, 1.0))
+            there = there.replace(**{parameter: min(value, _WIDEST) if parameter == "std" else value})
+        there = at(there, "velocity", there.velocity)
+        try:
+            kinds = {"unstable"} if count_unstable(there) else motion(there, seed=number)
+            yield None if kinds > {"smooth sliding"} else "smooth sliding" not in kinds
+        except (TooDear, ss.InputError, ss.UndecidedError):
+            yield None
+
+
+def doubt() -> tuple[Claim, ...]:
+    """What is said of rigs with other values of what was assumed is so, of the examples that name a delay."""
+    claims = []
+    for name in ("brake_pad", "precision_stage", "pmma_slider"):
+        said = Doubt.of(ss.example(name), Trials(math.inf))
+        assert said is not None
+        seen = [each for each in oscillates(name) if each is not None]
+        part = float(np.mean(seen))
+        chance = said.oscillates * (1.0 - said.oscillates) * (1.0 / len(seen) + 1.0 / said.draws)
+        error = 3.0 * math.sqrt(max(chance, 1.0 / len(seen) ** 2)) + said.undecided + 1.0 - len(seen) / _DRAWN
+        claims.append(
+            finding(
+                f"of {name}, as many rigs oscillate as is said, within three standard errors and what was not told",
+                Measured(name="fraction", value=part, low=said.oscillates - error, high=said.oscillates + error),
+                evidence=f"said {said.oscillates:.3f}, {said.undecided:.3f} not told; {len(seen)} rigs judged",
+            )
+        )
+    return tuple(claims)
+
+
 _ROOMS = (*COMPUTING, "advise")
-STUDIES = (Study(name="advice", group="Advice", title="Predictions of rigs drawn at random", run=advice, rooms=_ROOMS),)
+STUDIES = (
+    Study(name="advice", group="Advice", title="Predictions of rigs drawn at random", run=advice, rooms=_ROOMS),
+    Study(name="doubt", group="Advice", title="Predictions over what was assumed", run=doubt, rooms=_ROOMS),
+)
 
 
 def main(first: int, last: int) -> int:
