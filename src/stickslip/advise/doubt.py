@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Self
@@ -57,7 +57,6 @@ class Doubt(Answer):
     #: Keys of the rig's file that were varied, each with how much more often the rig oscillates at one end of the
     #: range than at the other: the difference between the upper and the lower half. The first matters most.
     matters: tuple[tuple[str, float], ...]
-    ranges: Mapping[str, tuple[float, ...]]  #: factors on the value of each between which it was varied
 
     @classmethod
     def of(cls, rig: Rig, trials: Trials) -> Self | None:
@@ -70,8 +69,7 @@ class Doubt(Answer):
         varied = {key: _VARIED[key] for key in rig.assumed if key in _VARIED and has(rig, _VARIED[key][0])}
         if not varied:
             return None
-        ranges = {key: rig.assumed[key].factors or (1.0 / WIDEST, WIDEST) for key in varied}
-        low, high = np.log([*ranges.values()]).T
+        low, high = np.log([rig.assumed[key].factors or (1.0 / WIDEST, WIDEST) for key in varied]).T
         # A Latin hypercube, the same each time: of each parameter every 64th of its range once.
         ranks = np.random.default_rng(0).permuted(np.tile(np.arange(_DRAWS), (len(varied), 1)), axis=1)
         places = (ranks.T + 0.5) / _DRAWS
@@ -93,7 +91,6 @@ class Doubt(Answer):
             undecided=float(1.0 - told.mean()),
             draws=_DRAWS,
             matters=tuple(matters),
-            ranges=ranges,
         )
 
     def __str__(self) -> str:
@@ -107,13 +104,8 @@ class Doubt(Answer):
         if abs(difference) > 2.0 / math.sqrt(self.draws):  # two standard errors of a difference of halves
             sign = "larger" if difference > 0 else "smaller"
             yield f"measuring {key} would decide most: {100 * abs(difference):.0f} % more often where it is {sign}"
-        usual, given = (
-            [key for key, _ in self.matters if (self.ranges[key] == (1.0 / WIDEST, WIDEST)) == each]
-            for each in (True, False)
-        )
-        told = [f"{', '.join(usual)} within a factor {WIDEST:g} of the value"] if usual else []
-        told += [f"{', '.join(given)} within the range given"] if given else []
-        yield f"{self.draws} rigs, with {', and '.join(told)}"
+        keys = ", ".join(key for key, _ in self.matters)
+        yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
 
 
 def _set(rig: Rig, parameter: Parameter, factor: float) -> Rig:

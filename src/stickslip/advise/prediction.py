@@ -7,21 +7,10 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
+from stickslip.advise import bands as by_theory
 from stickslip.advise import say
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
-from stickslip.advise.bands import (
-    CANNOT_GROW,
-    PRECISION,
-    Band,
-    Survey,
-    factor_of,
-    fastest_mode,
-    is_dear,
-    scaled,
-    stability_along,
-    told_along,
-    works_at,
-)
+from stickslip.advise.bands import Band, Survey, scaled, stability_along, told_along
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import TURNABLE, has, mitigated, reach, speeds_of
 from stickslip.advise.runs import OSCILLATES, Spent, Trials, cycle_of, method_of, trial
@@ -112,7 +101,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     modes, note = trials.told(_linear, rig)
     growth, frequency = None, None
     with suppress(Spent):
-        growth, frequency = (None, None) if note else trials.told(fastest_mode, rig, roots=1)
+        growth, frequency = (None, None) if note else trials.told(by_theory.fastest_mode, rig, roots=1)
     report(0.2)
     shown = _shown(rig, modes, trials, _first_run(rig, part(report, 0.2, 0.9)))
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
@@ -137,7 +126,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         theory_note=note,
         speeds_searched=(low * rig.velocity, high * rig.velocity),
         bands=scaled(bands, rig.velocity),
-        delays=_over_delays(rig) if note == CANNOT_GROW else (),
+        delays=_over_delays(rig) if note == by_theory.CANNOT_GROW else (),
     )
 
 
@@ -201,7 +190,7 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
     """The speeds that an answer is about, as factors: far on either side of those that the drive goes through."""
     number("drive: the speed of a prediction", rig.velocity, above=0, hint=rig.unit_name("velocity"))
     ends = [abs(v) / rig.natural.velocity for piece in rig.drive.pieces for v in (piece.start, piece.end) if v != 0]
-    through, widest = [*ends, *works_at(rig)], 10.0 if is_dear(rig) else 100.0
+    through, widest = [*ends, *by_theory.works_at(rig)], 10.0 if by_theory.is_dear(rig) else 100.0
     return min(through) / widest, max(through) * widest
 
 
@@ -244,7 +233,7 @@ def _linear(rig: Rig) -> tuple[int | None, str]:
     if isinstance(rig.interface.delay, OnArrest):
         return None, NO_THEORY_OF_ARREST
     try:
-        return (0, CANNOT_GROW) if respond(rig.interface).inert else (count_unstable(rig), "")
+        return (0, by_theory.CANNOT_GROW) if respond(rig.interface).inert else (count_unstable(rig), "")
     except (InputError, UndecidedError) as reason:
         return None, str(reason)
 
@@ -290,10 +279,10 @@ def _noisy(rig: Rig, margins: Sequence[Margin], trials: Trials) -> tuple[str, fl
     if not limits or not isinstance(rig.method, DRAWN):
         return None
     _, end, nearest = min(limits, key=lambda each: each[0])
-    change = factor_of(parameter_named(nearest.parameter))
+    change = by_theory.factor_of(parameter_named(nearest.parameter))
     quiet, loud = 1.0, end / nearest.value
     try:
-        while abs(math.log(loud / quiet)) > PRECISION / 10.0:
+        while abs(math.log(loud / quiet)) > by_theory.PRECISION / 10.0:
             middle = math.sqrt(quiet * loud)
             seen = trials.told(fluctuation, change.set(rig.natural, middle), roots=1) > say.SEEN
             quiet, loud = (quiet, middle) if seen else (middle, loud)
@@ -310,13 +299,13 @@ def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     found = ElasticPrediction(rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity))
     stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, _MODES)
     if respond(rig.interface).inert:
-        return replace(found, theory_note=CANNOT_GROW)
+        return replace(found, theory_note=by_theory.CANNOT_GROW)
     # Modes come in pairs of one stiffness.
     first = {slider: i for i, slider in reversed([*enumerate(sliders)])}
     sliding = {slider: replace(rig, slider=slider, drive=constant(rig.natural.velocity)) for slider in sliders}
 
     def wave(slider: Slider) -> WaveAnswer:
-        i, (growth, frequency) = first[slider], fastest_mode(sliding[slider])
+        i, (growth, frequency) = first[slider], by_theory.fastest_mode(sliding[slider])
         report((i + 1) / (i + 2))
         bands = stability_along(sliding[slider], VELOCITY, low, high)
         return WaveAnswer(
