@@ -78,6 +78,24 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert ss.regime(run).kind == "smooth sliding", mitigation
 
 
+def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
+    name, value = paper_s_rig.noisy
+    limit = next(each.upper for each in paper_s_rig.margins if each.parameter == name)
+    assert (name, value < limit) == ("velocity", True)
+    there = paper_s_rig.rig.replace(velocity=value)
+    assert ss.stability.contact_noise(there).relative_force == pytest.approx(say.SEEN, rel=0.1)
+    assert any("before the speed reaches its limit" in line for line in say.noise(paper_s_rig))
+
+
+def test_an_assumption_is_varied_within_the_range_that_the_file_gives():
+    assumed = {"slider.mass": ["2.9 kg", "3.1 kg"], "interface.delay": ["1 us", "2 us"]}
+    rig = example("brake_pad", assumed=assumed)
+    assert rig.assumed["interface.delay"].factors == pytest.approx((1e-3, 2e-3))
+    assert ss.read_rig(tomllib.loads(rigs.to_toml(rig))).assumed == rig.assumed
+    short, wide = (advise.Doubt.of(each, Trials(math.inf)).oscillates for each in (rig, example("brake_pad")))
+    assert (short, wide > 0.9) == (0.0, True)  # with delays so short nothing strengthens with rest
+
+
 def test_the_speeds_of_the_paper_s_rig(paper_s_rig):
     found = paper_s_rig
     seen = [band for band in found.bands if band.kind != "stable"]  # the slowest speeds take long to simulate

@@ -196,6 +196,8 @@ MISTAKES = [
     ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
     ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
     ("simulation", {"method": "master equation", "seed": 3}, "simulation.seed", "unknown key"),
+    ("assumed", {"interface.delay": ["2 ms", "1 ms"]}, "interface.delay", "two values, the lowest first"),
+    ("assumed", {"interface.delay": ["1 ms", "1 kg"]}, "interface.delay", "write it as in '"),
     ("assumed", {"slider.colour": "look"}, "slider.colour", "did you mean 'slider.mass'"),
     ("drive.velocity", [], "drive.velocity = []", "must be speeds, as in"),
     ("drive.velocity", ["20 mm/s", "1,2 m/s"], "drive.velocity[1] = '1,2 m/s'", "write '1.2 m/s'"),
