@@ -6,6 +6,7 @@ import re
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -121,7 +122,12 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     assert found.frequency == pytest.approx(natural.frequency / rig.scales.time)
     assert found.bands[1].high == pytest.approx(natural.bands[1].high * rig.unit("x_s/time"))
     assert found.to_dict()["velocity"] == pytest.approx(0.02)
-    assert "Brake pad" in found._repr_html_()
+    shown = found._repr_html_()
+    assert ">Brake pad, creep groan: at 20 mm/s: stick-slip, 170 Hz" in shown
+    drawn = ET.fromstring(re.search("<svg viewBox.*?</svg>", shown)[0])  # a strip of its speeds, to scale
+    wide = [float(part.get("width")) for part in drawn.iter("rect") if part.find("title") is not None]
+    decades = math.log10(found.speeds_searched[1] / found.speeds_searched[0])
+    assert wide == pytest.approx([600 * math.log10(b.high / b.low) / decades for b in found.bands], abs=0.06)
     assert not found.complete
 
 

@@ -325,7 +325,8 @@ def test_a_rig_says_itself_in_its_own_units():
     read = ss.read_rig("brake_pad")
     assert "30 MN/m" in repr(read)
     assert "20 mm/s" in str(read)
-    assert read._repr_html_().startswith("<pre>Brake pad")
+    assert ">Brake pad, creep groan</b>" in read._repr_html_()
+    assert ">30 MN/m</td>" in read._repr_html_()
 
 
 def test_a_drive_that_runs_backwards_may_run_forwards():

@@ -1,9 +1,23 @@
-"""The base of all answers: each prints as a short text, and converts to plain numbers and texts."""
+"""The base of all answers: each prints as a short text, is a card in a notebook, and converts to plain numbers."""
 
 import html
 import math
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
+
+COLOURS = {
+    "smooth sliding": "#DDEBF3",
+    "sustained oscillation": "#E69F00",
+    "stick-slip": "#0072B2",
+    "unstable": "#BFBFBF",
+    "stable": "#FFFFFF",
+}
+"""Of each motion, in every picture: light to dark, as what it does to a machine."""
+_LINE = "#8888"  # seen on any page, light or dark, as the colour of the text is
+_CARD = f"border:1px solid {_LINE};border-radius:6px;padding:.5em .9em;max-width:56em;overflow-x:auto"
+_WIDE = 600.0  # of the strip, in its own units
 
 
 class Answer:
@@ -13,12 +27,59 @@ class Answer:
         return str(self)
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
+        title, *lines = str(self).splitlines()
+        return card(title, table(re.split(" {2,}", line.strip()) for line in lines), str(getattr(self, "kind", "")))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
         found: dict[str, Any] = plain(self)
         return found
+
+
+def card(title: str, content: str, motion: str = "") -> str:
+    """Return HTML that a notebook shows of an answer: a line, and what stands beneath it; its edge tells a motion."""
+    edge = f"border-left:5px solid {COLOURS.get(motion, _LINE)}"
+    return f'<div style="{_CARD};{edge}"><div style="font-size:1.1em"><b>{escaped(title)}</b></div>{content}</div>'
+
+
+def table(rows: Iterable[str | Sequence[str]]) -> str:
+    """Return rows of texts as an HTML table; a text alone is as wide as all of it."""
+    given = [[row] if isinstance(row, str) else list(row) for row in rows]
+    look = f"text-align:left;padding:.15em 1em .15em 0;border-bottom:1px solid {_LINE}"
+    wide, cell = max(map(len, given), default=1), f'<td style="{look}"'
+    lines = ["".join(f"{cell} colspan={1 if row[1:] else wide}>{escaped(each)}</td>" for each in row) for row in given]
+    return f"<table style='border-collapse:collapse'><tr>{'</tr><tr>'.join(lines)}</tr></table>" if lines else ""
+
+
+def strip(bands: Iterable[Any], ends: tuple[float, float], at: float, named: Sequence[str]) -> str:
+    """Return speeds coloured by their motion as SVG, on a logarithmic axis between named ends; one is marked."""
+
+    def place(speed: float) -> float:
+        return _WIDE * math.log(min(max(speed, ends[0]), ends[1]) / ends[0]) / math.log(ends[1] / ends[0])
+
+    drawn, keys = "", dict[str, str]()
+    for band in bands:
+        words = band.kind + (", or smooth" if band.bistable else "")
+        fill = f'fill="{COLOURS.get(band.kind, "none")}" fill-opacity="{0.6 if band.bistable else 1}"'
+        left, right = place(band.low), place(band.high)
+        drawn += (
+            f'<rect x="{left:.1f}" y="12" width="{right - left:.1f}" height="16" {fill}><title>{words}</title></rect>'
+        )
+        box = f'<rect y="1" width="11" height="11" stroke="{_LINE}" {fill}/>'
+        keys[words] = f'<svg width="12" height="13" style="vertical-align:-2px">{box}</svg> {words}'
+    mark, (low, high) = place(at), map(escaped, named)
+    return (
+        f'<svg viewBox="-6 0 {_WIDE + 12} 44" role="img" aria-label="motion at each speed" fill="currentColor" '
+        f'font-size="12" style="display:block;width:100%;max-width:46em;margin:.5em 0 0">{drawn}'
+        f'<rect y="12" width="{_WIDE}" height="16" fill="none" stroke="{_LINE}"/>'
+        f'<path d="M{mark - 5:.1f} 1h10l-5 9zM{mark:.1f} 8v22" stroke="currentColor"/><text y="42">{low}</text>'
+        f'<text x="{_WIDE}" y="42" text-anchor="end">{high}</text></svg><small>{" &emsp; ".join(keys.values())}</small>'
+    )
+
+
+def escaped(text: str) -> str:
+    """Return a text as HTML shows it, a micro with its sign."""
+    return html.escape(re.sub(r"(?<= )u(?=[msNg]\b)", "\N{MICRO SIGN}", text))
 
 
 def plain(value: Any) -> Any:

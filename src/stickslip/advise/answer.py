@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -17,7 +16,7 @@ from stickslip.advise.bands import Band, joined, scaled
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.runs import OSCILLATES
-from stickslip.answers import Answer, plain
+from stickslip.answers import Answer, card, escaped, plain, strip, table
 from stickslip.measure import Regime
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
 from stickslip.model.rig import Rig
@@ -61,15 +60,17 @@ class Foretold(Answer):
         return [*self.sections, *assumed_and_fitted]
 
     def _repr_html_(self) -> str:
-        return f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.headline)}</p>{self.tables()}"
+        found: Any = self
+        bands, ends, speed = found.bands, found.speeds_searched, self.rig.velocity
+        drawn = strip(bands, ends, speed, [say.quantity(self.rig, end, "velocity", 3) for end in ends]) if bands else ""
+        motion = found.regime.kind if "regime" in vars(self) else ""
+        return card(f"{self.rig.name}: {self.headline}", drawn + self.tables(), motion)
 
     def tables(self) -> str:
         """Return all that is told beneath the headline as HTML, a table each."""
         told = ""
         for title, rest, rows in self.told:
-            cells = [[html.escape(cell) for cell in ([row] if isinstance(row, str) else row)] for row in rows]
-            body = "".join(f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in cells)
-            told += f"<p><b>{title}</b>{html.escape(rest)}</p><table>{body}</table>" if rows else ""
+            told += f"<p><b>{title}</b>{escaped(rest)}</p>{table(rows)}" if rows else ""
         return told
 
     def to_dict(self) -> dict[str, Any]:
@@ -307,10 +308,15 @@ class ElasticPrediction(Foretold):
     speeds_searched: tuple[float, float]
 
     @property
-    def speeds(self) -> tuple[tuple[float, float], ...]:
+    def bands(self) -> tuple[Band, ...]:
         """Ranges of speed in which any mode grows."""
         pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
-        return tuple(band.ends for band in joined(Band(kind="unstable", low=low, high=high) for low, high in pairs))
+        return tuple(joined(Band(kind="unstable", low=low, high=high) for low, high in pairs))
+
+    @property
+    def speeds(self) -> tuple[tuple[float, float], ...]:
+        """The ends of these."""
+        return tuple(band.ends for band in self.bands)
 
     @property
     def units(self) -> dict[str, str]:

@@ -14,15 +14,16 @@ from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
 
+from stickslip.answers import COLOURS
 from stickslip.errors import InputError
 from stickslip.plot import style
 from stickslip.plot.style import Array, house_style, label, minus, new_figure, panel
 from stickslip.words import number
 
 REGIMES: dict[str, tuple[str, str, str]] = {
-    "smooth sliding": ("#DDEBF3", "o", ""),
-    "sustained oscillation": (style.ORANGE, "^", ""),
-    "stick-slip": (style.BLUE, "s", ""),
+    "smooth sliding": (COLOURS["smooth sliding"], "o", ""),
+    "sustained oscillation": (COLOURS["sustained oscillation"], "^", ""),
+    "stick-slip": (COLOURS["stick-slip"], "s", ""),
     "undecided": ("#FFFFFF", "d", "/////////"),
     "seeds differ": ("#FFFFFF", "d", "......."),
     "failed": ("#FFFFFF", "x", "xxxxxxx"),

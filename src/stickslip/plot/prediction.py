@@ -12,16 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from stickslip.answers import COLOURS
 from stickslip.model.parameters import parameter_named
-from stickslip.plot.maps import EDGE, REGIMES, legend_below
+from stickslip.plot.maps import EDGE, legend_below
 from stickslip.plot.runs import force_trace
 from stickslip.plot.style import BLACK, DASHED, GREY, PAGE, VERMILLION, dress, house_style, new_figure
 
 Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
 
 _CYCLES_SHOWN = 12
-_COLOURS = {kind: REGIMES[kind][0] for kind in ("smooth sliding", "sustained oscillation", "stick-slip")}
-_COLOURS |= {"unstable": "#BFBFBF", "stable": "#FFFFFF"}
 _BY_THEORY = {
     "unstable": "unstable (linear, without noise)",
     "stable": "stable (linear, without noise)",
@@ -60,7 +59,7 @@ def _title(rig: Any, sentence: str) -> str:
 def _patch(kind: str) -> Patch:
     """A kind of motion in the legend."""
     hatch = "....." if kind == "unknown" else None
-    return Patch(label=_BY_THEORY.get(kind, kind), facecolor=_COLOURS.get(kind, "#FFFFFF"), hatch=hatch, **EDGE)
+    return Patch(label=_BY_THEORY.get(kind, kind), facecolor=COLOURS.get(kind, "#FFFFFF"), hatch=hatch, **EDGE)
 
 
 def _strip(ax: Axes, bands: Any) -> list[Patch]:
@@ -116,7 +115,7 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
 
 def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
     for low, high in ranges:
-        ax.barh(row, high - low, left=low, color=_COLOURS[kind], height=0.62, linewidth=0)
+        ax.barh(row, high - low, left=low, color=COLOURS[kind], height=0.62, linewidth=0)
 
 
 def _margins(ax: Axes, answer: Prediction) -> None:
@@ -163,4 +162,4 @@ def waves(answer: Any) -> Figure:
     ax.spines["left"].set_visible(False)
     figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
     named = {"unstable": "grows (linear)", "smooth sliding": "decays"}
-    return legend_below(figure, [Patch(facecolor=_COLOURS[kind], label=name, **EDGE) for kind, name in named.items()])
+    return legend_below(figure, [Patch(facecolor=COLOURS[kind], label=name, **EDGE) for kind, name in named.items()])
