@@ -31,7 +31,7 @@ from stickslip.stability import contact_noise, count_unstable
 # so much of their range is left to linear theory, and what is assumed. Runs of a search that is not cut short.
 _FAST, _ALL, _FIRST = 2.0, 13.0, 1.0
 _FOR_SPEEDS, _ENOUGH, _FOR_DOUBT = 0.4, 0.05, 0.2
-_AT_SPEEDS, _OF_A_PARAMETER = 40, 60
+_AT_SPEEDS, _OF_A_PARAMETER = 20, 27
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
