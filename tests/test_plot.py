@@ -9,16 +9,19 @@ import xarray as xr
 from drawn import assert_drawn
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from PIL import Image, ImageSequence
+from scipy.io import wavfile
 
-from stickslip import example, plot, predict, read_rig
+from stickslip import cli, example, plot, predict, read_rig, regime
 from stickslip.advise import chart
 from stickslip.errors import InputError
+from stickslip.io import datasets as store
 from stickslip.io.rig_files import example_file
 from stickslip.model import Contacts, Output, Rig
 from stickslip.model.drive import constant
 from stickslip.model.units import Scales, in_si
 from stickslip.paper.cases import FIG4
-from stickslip.plot import maps
+from stickslip.plot import film, maps
 from stickslip.simulation import simulate
 
 
@@ -53,6 +56,30 @@ def test_the_module_draws_what_it_is_called_with(run):
     for no_picture in (3, run["spring_force"], rig):
         with pytest.raises(InputError, match="there is no picture"):
             plot(no_picture)
+
+
+def test_a_run_is_seen_as_a_film_and_heard_at_its_own_pitch(run, trace, tmp_path, monkeypatch):
+    monkeypatch.setattr(film, "_FRAMES", 5)
+    made = simulate(example("brake_pad"))
+    for name in ("film.gif", "brake.wav"):
+        store.save(made, tmp_path / "run.nc")
+        assert cli.main(["plot", str(tmp_path / "run.nc"), str(tmp_path / name)]) == 0
+    with Image.open(tmp_path / "film.gif") as pictures:
+        seen = [pictures.convert("L").tobytes() for _ in ImageSequence.Iterator(pictures)]
+    assert len(set(seen)) == 5
+    rate, samples = wavfile.read(tmp_path / "brake.wav")
+    assert samples.size / rate == pytest.approx(float(made["time"][-1]), abs=2 / rate)
+    loudest = np.abs(np.fft.rfft(samples * np.hanning(samples.size)))[3:].argmax() + 3
+    heard = regime(made)
+    assert loudest * rate / samples.size == pytest.approx(1.0 / heard.period, abs=rate / samples.size)
+    with pytest.raises(InputError, match=r"0.143 Hz is not heard.*--kind contacts"):
+        plot.sound(trace)
+    with pytest.raises(InputError, match="give the rig in SI units"):
+        plot.sound(run)
+    with pytest.raises(InputError, match="no provenance"):
+        plot.contacts(trace)
+    with pytest.raises(InputError, match=r"a sound is written as \.wav"):
+        plot.save(plot.sound(made), tmp_path / "brake.png")
 
 
 def test_only_what_is_printed_has_a_prefix(run_si):

@@ -53,7 +53,9 @@ RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an 
 Json = Annotated[Switch, Parameter(help="Print JSON for a machine to read.")]
 Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
 Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
-Kind = Literal["overview", "phase", "energy", "spacetime", "fronts", "precursors", "slips"]
+Kind = Literal["overview", "phase", "energy", "spacetime", "fronts", "precursors", "slips", "contacts", "sound"]
+SUFFIXES: dict[str, Kind] = {".gif": "contacts", ".wav": "sound"}  # what is made by default as such a file
+KINDS = "What to show of a run: by default an overview, as .gif its contacts; fronts, precursors, slips: of a chain."
 
 
 @Parameter(name="*")
@@ -121,7 +123,9 @@ def _fail(message: str, code: int = 2) -> int:
 # ---------------------------------------------------------------- shared steps
 
 
-def _check_outputs(output: Path | None = None, *, picture: Path | None = None, read: Path | None = None) -> None:
+def _check_outputs(
+    output: Path | None = None, *, picture: Path | None = None, read: Path | None = None, kind: str = ""
+) -> None:
     """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
     places = {place: files.target(place) for place in (output, picture) if place is not None}
     for given, place in places.items():
@@ -133,7 +137,7 @@ def _check_outputs(output: Path | None = None, *, picture: Path | None = None, r
     if picture is not None:
         from stickslip.plot.style import format_of
 
-        format_of(picture)
+        format_of(picture, kind)
 
 
 def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
@@ -366,9 +370,9 @@ def measure(
 @app.command
 def plot(
     data: Annotated[Path, Parameter(help="A run (NetCDF), a table in plain text, or the store of a sweep.")],
-    output: Annotated[Path, Parameter(help="The picture: .png, .svg or .pdf.")],
+    output: Annotated[Path, Parameter(help="The picture: .png, .svg or .pdf; a film: .gif; a sound: .wav.")],
     *,
-    kind: Annotated[Kind, Parameter(help="What to draw of a run; the last four, of one of a chain.")] = "overview",
+    kind: Annotated[Kind | None, Parameter(help=KINDS)] = None,
     beside: Annotated[File, Parameter(help="Another run: draw both forces on one scale.")] = None,
     columns: Columns = Columns(),
     at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
@@ -377,7 +381,8 @@ def plot(
     """Draw a run, a measured trace or a sweep."""
     from stickslip.sweep import is_store
 
-    _check_outputs(picture=output, read=data)
+    kind = kind or SUFFIXES.get(output.suffix.lower(), "overview")
+    _check_outputs(picture=output, read=data, kind=kind)
     if is_store(data):
         from stickslip.sweep.plan import open_plan
 
@@ -389,9 +394,9 @@ def plot(
         else:
             names = {"phase": "phase_portrait", "slips": "slip_profiles"}
             figure = getattr(ss.plot, names.get(kind, kind))(trace)
-            figure = figure if kind == "overview" else figure.get_figure(root=True)
+            figure = getattr(figure, "figure", figure)  # of axes
         ss.plot.save(figure, output)
-    print(f"picture: {output}")
+    print(f"{'film' if kind == 'contacts' else 'sound' if kind == 'sound' else 'picture'}: {output}")
 
 
 @app.command

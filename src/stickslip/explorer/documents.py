@@ -18,12 +18,13 @@ from pandas import json_normalize
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
 from stickslip.io.rig_keys import TABLES
-from stickslip.model import Contacts, Drive, ElasticBody, constant
+from stickslip.model import Contacts, ElasticBody, constant
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Scales
 from stickslip.paper import cases
 from stickslip.paper.cases import PaperCase
+from stickslip.plot.replay import lasting
 from stickslip.simulation import estimate
 from stickslip.stability import PARAMETERS
 
@@ -117,24 +118,6 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
 def of_duration(rig: Rig, duration: object) -> Rig:
     """Return the rig with the duration, in its own units, that its run on the page had; without one, as it is."""
     return rig if duration is None else lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
-
-
-def lasting(rig: Rig, duration: float) -> Rig:
-    """Return the rig with its drive up to a time; one of constant velocity may go on beyond its end."""
-    first, lasts = rig.drive.pieces[0], rig.drive.duration
-    if abs(duration / lasts - 1.0) < 1e-9:
-        return rig
-    if duration > lasts:
-        if len(rig.drive.pieces) > 1 or first.start != first.end or first.until is not None:
-            raise InputError(f"duration = {duration:g}: this drive ends after {lasts:g}")
-        return replace(rig, drive=constant(first.start, duration))
-    pieces, left = [], duration
-    for piece in rig.drive.pieces:
-        if left > 1e-12 * duration:
-            part = min(piece.duration, left)
-            pieces.append(replace(piece, end=piece.start + piece.acceleration * part, duration=part))
-            left -= part
-    return replace(rig, drive=Drive(tuple(pieces)))
 
 
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:

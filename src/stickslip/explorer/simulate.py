@@ -14,14 +14,17 @@ import xarray as xr
 
 from stickslip import advise, plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
-from stickslip.explorer import documents, replay
+from stickslip.explorer import documents
 from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, in_unit, packed, width_of, within
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay
 from stickslip.model.rig import Rig
+from stickslip.plot import replay
 from stickslip.simulation import simulate
 
+FRAMES = 1_200  # 40 s, at 30 a second
+STEP = 1e-3  # of the stretchings as they are sent
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
 _LAW, _LAW_POINTS = 300.0, 61  # of the friction law: speeds about that of the drive
 
@@ -119,10 +122,14 @@ def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Frames of the contacts one by one, from the cursor on; see `replay`."""
+    """Frames of the contacts one by one, from the cursor on; see `plot.replay`."""
     rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
     documents.check_size(rig, documents.seconds_of(request))
-    yield {"frames": replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), watch)}
+    seen = replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), FRAMES, watch)
+    frames = {name: packed(getattr(seen, name)) for name in ("times", "force", "slider", "drive")}
+    frames["stretching"] = packed(np.clip(np.rint(seen.stretching / STEP), -32_767, 32_767), "i2")
+    about = {"step": STEP, "shown": seen.flags.shape[1], "of": seen.contacts, "exact": seen.exact, "own": seen.own}
+    yield {"frames": {**frames, "flags": packed(seen.flags, "u1"), **about}}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:

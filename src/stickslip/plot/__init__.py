@@ -33,6 +33,7 @@ from stickslip.plot.elastic import (
     slip_profiles,
     spacetime,
 )
+from stickslip.plot.film import contacts, sound
 from stickslip.plot.fits import fitted, peaks_after_holds, slips, velocity_step
 from stickslip.plot.maps import chart, sweep_picture
 from stickslip.plot.prediction import prediction, waves
@@ -60,10 +61,11 @@ from stickslip.plot.style import (
 )
 
 __all__ = ["BLACK", "BLUE", "COLUMN", "GREEN", "GREY", "ORANGE", "PAGE", "PALETTE", "SKY", "VERMILLION", "attached"]
-__all__ += ["chart", "drawn", "dress", "elastic_overview", "energy", "fitted", "force_trace", "front_curve", "fronts"]
-__all__ += ["house_style", "label", "legend_above", "letter", "new_figure", "overview", "peaks_after_holds"]
-__all__ += ["phase_portrait", "precursor_lengths", "precursors", "prediction", "save", "side_by_side", "slip_profiles"]
-__all__ += ["slips", "spacetime", "sweep_picture", "unit_text", "velocity", "velocity_step", "waves"]
+__all__ += ["chart", "contacts", "drawn", "dress", "elastic_overview", "energy", "fitted", "force_trace"]
+__all__ += ["front_curve", "fronts", "house_style", "label", "legend_above", "letter", "new_figure", "overview"]
+__all__ += ["peaks_after_holds", "phase_portrait", "precursor_lengths", "precursors", "prediction", "save"]
+__all__ += ["side_by_side", "slip_profiles", "slips", "sound", "spacetime", "sweep_picture", "unit_text", "velocity"]
+__all__ += ["velocity_step", "waves"]
 
 
 class _Plot(ModuleType):

@@ -4,6 +4,7 @@ import io
 import math
 import os
 import re
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,11 +13,13 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
+from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from scipy.io import wavfile
 
 from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, printable
@@ -36,7 +39,8 @@ COLUMN, PAGE = 3.5, 7.0
 """Widths of a printed column and page, in inches."""
 
 _STYLE = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
-_FORMATS = ("png", "svg", "pdf")
+_FORMATS = {"": ("picture", "png", "svg", "pdf"), "contacts": ("film", "gif"), "sound": ("sound", "wav")}
+PER_SECOND = 20  # frames of a film
 MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is the same, the file is not
 
 
@@ -200,18 +204,31 @@ def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]
     return x[kept], y[kept]
 
 
-def format_of(path: str | os.PathLike[str]) -> str:
-    """Return the format of a picture, by the suffix of its name; `InputError` if it is none that is written."""
-    kind = Path(path).suffix.lower().removeprefix(".")
-    if kind not in _FORMATS:
-        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
-    return kind
+def format_of(path: str | os.PathLike[str], kind: str = "") -> str:
+    """Return the format of a picture, film or sound, by the suffix of its name; `InputError` if it has no such."""
+    what, *formats = _FORMATS.get(kind, _FORMATS[""])
+    suffix = Path(path).suffix.lower().removeprefix(".")
+    if suffix not in formats:
+        named = ", ".join("." + each for each in formats)
+        raise InputError(f"{path}: a {what} is written as {named}, chosen by suffix")
+    return suffix
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all."""
+def save(shown: Figure | FuncAnimation | tuple[int, Array], path: str | os.PathLike[str]) -> Path:
+    """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, a sound as WAV; whole or not at all."""
     files.target(path)
-    return files.write(path, drawn(figure, format_of(path)))
+    if isinstance(shown, Figure):
+        return files.write(path, drawn(shown, format_of(path)))
+    if isinstance(shown, FuncAnimation):
+        format_of(path, "contacts")
+        with tempfile.TemporaryDirectory() as folder, house_style():
+            film = Path(folder) / "film.gif"
+            shown.save(film, PillowWriter(PER_SECOND), dpi=100)
+            return files.write(path, film.read_bytes())
+    format_of(path, "sound")
+    heard = io.BytesIO()
+    wavfile.write(heard, *shown)
+    return files.write(path, heard.getbuffer())
 
 
 def drawn(figure: Figure, kind: str) -> memoryview:

@@ -1,4 +1,4 @@
-"""The contacts of a run, one by one: what the drawing of the slider replays.
+"""The contacts of a run, one by one: what a film of them, and the drawing of the explorer, replay.
 
 The run is made once more, in steps from frame to frame, and each contact is looked at in each frame. Frames lie closer
 where the slider moves fast, so that shown at an even pace they slow down through the slips.
@@ -6,26 +6,23 @@ where the slider moves fast, so that shown at an even pace they slow down throug
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, number
-from stickslip.explorer import documents
-from stickslip.explorer.plain import Array, Plain, packed
-from stickslip.model import Contacts
+from stickslip.model import Contacts, Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.simulation import simulate
 from stickslip.simulation.engines import Advance, Beginning, Leg, engine_of
 from stickslip.simulation.follow import follow
 
-FRAMES = 1_200  # 40 s, at 30 a second
 SHOWN = 40  # contacts in the drawing; the run may have any number of them
 CYCLES = 5.0  # cycles of loading that the frames span
-STEP = 1e-3  # of the stretchings as they are sent
 ATTACHED, RENEWED = 1, 2
 """Flags of a contact in a frame: it holds now; it broke and attached again since the frame before."""
 _MOVING = 0.7  # part of the frames that is spread over the way of the slider, the rest over the time
@@ -33,30 +30,51 @@ _SAMPLES = 20_000
 _CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
 
 
-def frames(rig: Rig, at: float, watch: Progress) -> Plain:
-    """Frames from a fraction of the drive on; times and forces in the rig's units, displacements in ``x_s``."""
+class Frames(NamedTuple):
+    """Where everything is in each frame; times and forces in the rig's units, displacements in ``x_s``."""
+
+    times: Array
+    force: Array
+    slider: Array
+    drive: Array
+    stretching: Array  # of the contacts that are shown, along the second axis; 0 of one that is not attached
+    flags: NDArray[np.uint8]  # as many
+    contacts: int  # that there are
+    exact: bool  # the very run, not one with other contacts of the same rig, or other chances
+    own: bool  # the rig's solver follows contacts itself
+
+
+def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
+    """So many frames from a fraction of the drive on."""
     case = rig.natural
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError("drive.pieces: the drawing follows drives whose pieces end at a given time only")
     method = case.method if isinstance(case.method, Contacts) else Contacts(_CONTACTS, seed=1)
     own, case = method is case.method, replace(case, method=method)
     begin, end = _window(case, at)
-    times = _frame_times(case, begin, end, part(watch, 0.0, 0.5))
+    times = _frame_times(case, begin, end, count, part(watch, 0.0, 0.5))
     slider, drive, stretching, flags = _look(case, method, times, part(watch, 0.5, 1.0))
-    return {
-        "times": packed(times * rig.unit("time")),
-        "force": packed(case.slider.stiffness * (drive - slider) * rig.unit("f_s")),
-        "slider": packed(slider),
-        "drive": packed(drive),
-        "stretching": packed(np.clip(np.rint(stretching / STEP), -32_767, 32_767), "i2"),
-        "flags": packed(flags, "u1"),
-        "step": STEP,
-        "shown": stretching.shape[1],
-        "of": method.count,
-        "exact": own and case.interface.ageing is None,
-        "own": own,
-        "speed": case.velocity / rig.unit("time"),
-    }
+    force = case.slider.stiffness * (drive - slider) * rig.unit("f_s")
+    exact = own and case.interface.ageing is None
+    return Frames(times * rig.unit("time"), force, slider, drive, stretching, flags, method.count, exact, own)
+
+
+def lasting(rig: Rig, duration: float) -> Rig:
+    """Return the rig with its drive up to a time; one of constant velocity may go on beyond its end."""
+    first, lasts = rig.drive.pieces[0], rig.drive.duration
+    if abs(duration / lasts - 1.0) < 1e-9:
+        return rig
+    if duration > lasts:
+        if len(rig.drive.pieces) > 1 or first.start != first.end or first.until is not None:
+            raise InputError(f"duration = {duration:g}: this drive ends after {lasts:g}")
+        return replace(rig, drive=constant(first.start, duration))
+    pieces, left = [], duration
+    for piece in rig.drive.pieces:
+        if left > 1e-12 * duration:
+            part = min(piece.duration, left)
+            pieces.append(replace(piece, end=piece.start + piece.acceleration * part, duration=part))
+            left -= part
+    return replace(rig, drive=Drive(tuple(pieces)))
 
 
 def _window(rig: Rig, at: float) -> tuple[float, float]:
@@ -69,17 +87,17 @@ def _window(rig: Rig, at: float) -> tuple[float, float]:
     return begin, begin + span
 
 
-def _frame_times(rig: Rig, begin: float, end: float, watch: Progress) -> Array:
+def _frame_times(rig: Rig, begin: float, end: float, count: int, watch: Progress) -> Array:
     """Times of the frames: even in a clock that runs with the time and with the way of the slider."""
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))
     interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
     output = replace(rig.output, interval=interval, snapshots=())
-    run = simulate(replace(documents.lasting(rig, end), output=output), progress=watch)
+    run = simulate(replace(lasting(rig, end), output=output), progress=watch)
     seen = run["time"].to_numpy() >= begin
     t, X = run["time"].to_numpy()[seen], run["displacement"].to_numpy()[seen]
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(X)))])
     clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (way[-1] or 1.0)
-    return np.asarray(np.interp(np.linspace(0.0, clock[-1], FRAMES), clock, t))
+    return np.asarray(np.interp(np.linspace(0.0, clock[-1], count), clock, t))
 
 
 class _Followed:
