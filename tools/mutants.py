@@ -98,6 +98,7 @@ TESTS = {
     "paper": "test_paper",
     "plot": "test_plot",
     "plot/elastic.py": "test_fronts test_elastic",
+    "plot/replay.py": "test_plot test_explorer",
     "progress.py": "test_cli test_plain",
     "rate_state": "test_friction_laws",
     "rigid.py": "test_rigid",

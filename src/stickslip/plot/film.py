@@ -126,6 +126,13 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
     ------
     InputError
         If there is nothing to hear, or the times are in no unit of seconds.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> rate, samples = ss.plot.sound(ss.simulate(ss.example("brake_pad")))
+    >>> rate, len(samples)  # of 0.2 s
+    (44100, 8819)
     """
     force, seen = variable(run, "spring_force", "time"), regime(run)
     if not (seconds := ratio(seen.time_unit, "s")):
