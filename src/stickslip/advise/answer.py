@@ -50,14 +50,10 @@ class Foretold(Answer):
     @property
     def told(self) -> list[say.Section]:
         """The sections, and what of the rig was assumed or fitted."""
-        assumed, fitted = (
-            [f"{key}: {item}" for key, item in given.items()] for given in (self.rig.assumed, self.rig.fitted)
-        )
-        assumed_and_fitted = [
-            ("Assumed", ", not measured", assumed),
-            ("Fitted", " to a trace, with 90 % intervals", fitted),
-        ]
-        return [*self.sections, *assumed_and_fitted]
+        assumed = [f"{key}: {item}" for key, item in self.rig.assumed.items()]
+        fitted = [f"{key}: {item}" for key, item in self.rig.fitted.items()]
+        rests_on = ("Assumed", ", not measured", assumed), ("Fitted", " to a trace, with 90 % intervals", fitted)
+        return [*self.sections, *rests_on]
 
     def _repr_html_(self) -> str:
         found: Any = self
@@ -68,10 +64,8 @@ class Foretold(Answer):
 
     def tables(self) -> str:
         """Return all that is told beneath the headline as HTML, a table each."""
-        told = ""
-        for title, rest, rows in self.told:
-            told += f"<p><b>{title}</b>{escaped(rest)}</p>{table(rows)}" if rows else ""
-        return told
+        told = [(f"<b>{title}</b>{escaped(rest)}", table(rows)) for title, rest, rows in self.told if rows]
+        return "".join(f"<p>{head}</p>{rows}" for head, rows in told)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""

@@ -4,7 +4,6 @@ All along here are factors on what the rig has, so that no unit matters.
 """
 
 import math
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -61,6 +60,11 @@ class Band:
         return MOTIONS.get(self.kind, self.kind) + (" from rest only" if self.bistable else "")
 
 
+def halvings(furthest: float) -> int:
+    """How often a range of factors is halved until a change is known to `PRECISION`."""
+    return math.ceil(math.log2(math.log(furthest) / math.log1p(PRECISION)))
+
+
 def scaled(bands: Iterable[Band], size: float) -> tuple[Band, ...]:
     """Bands in a unit that is smaller by a factor."""
     return tuple(replace(band, low=band.low * size, high=band.high * size) for band in bands)
@@ -78,12 +82,6 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     return tuple(found)
 
 
-def untold(bands: Sequence[Band]) -> float:
-    """The part of a range, by its logarithm, of which no run has told."""
-    widths = [math.log(band.high / band.low) for band in bands]
-    return sum(width for width, band in zip(widths, bands, strict=True) if band.kind in MOTIONS) / sum(widths)
-
-
 # By linear theory
 
 
@@ -92,7 +90,7 @@ def is_dear(rig: Rig) -> bool:
     return rig.interface.ageing is not None or rig.interface.temperature is not None
 
 
-def _density(rig: Rig) -> int:
+def _per_decade(rig: Rig) -> int:
     return _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
 
 
@@ -115,19 +113,19 @@ def factor_of(parameter: Parameter, side: int = 1) -> Parameter:
     return Parameter(name=parameter.name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
-def stability_along(rig: Rig, parameter: Parameter, low: float, high: float, side: int = 1) -> tuple[Band, ...]:
+def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
     """Ranges of the factor on a parameter, rising, in which smooth sliding is stable throughout, or not.
 
     Stable ranges narrower than a sixteenth of a decade may be missed.
     """
-    factor = factor_of(parameter, side)
+    factor = factor_of(parameter)
     try:
-        found = search(factor, rig.natural, low, high, density=_density(rig), edges_only=True)
+        found = search(factor, rig.natural, low, high, density=_per_decade(rig), edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
         if high < (1.0 + _NARROW) * low or all(linearly_unstable(factor.set(rig, end)) is None for end in (low, high)):
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
-        parts = [stability_along(rig, parameter, *ends, side) for ends in ((low, middle), (middle, high))]
+        parts = [stability_along(rig, parameter, *ends) for ends in ((low, middle), (middle, high))]
         return joined(chain.from_iterable(parts))
     ends = [low, *(edge.value for edge in found.edges), high]
     growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
@@ -135,24 +133,18 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float, sid
     return tuple(Band(kind=kind, low=a, high=b) for kind, (a, b) in zip(kinds, pairwise(ends), strict=True))
 
 
-def _cost(here: Rig, there: Rig) -> float:
-    """Seconds that a look takes at a rig that was varied from one that is known."""
-    cost = effort(VELOCITY.set(here, there.velocity))
-    if here.interface.threshold_distribution != there.interface.threshold_distribution:
-        return max(cost.look, cost.root)
-    same = (here.interface, here.velocity) == (there.interface, there.velocity)
-    return cost.again if same else cost.look
-
-
-def told_along(
-    trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float, side: int = 1
-) -> tuple[Band, ...]:
+def told_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
     """`stability_along`, where it can be paid for; raises `Spent` elsewhere."""
-    here, vary = rig.natural, factor_of(parameter, side)
-    ends = [vary.set(here, factor) for factor in (low, high)]
-    each = sum(_cost(here, end) for end in ends) / len(ends)
-    looks = each * (1.0 + _density(rig) * math.log10(high / low))
-    return trials.told(stability_along, rig, parameter, low, high, side, looks=looks)
+    here, seconds = rig.natural, list[float]()
+    for factor in (low, high):
+        there = factor_of(parameter).set(here, factor)
+        cost = effort(VELOCITY.set(here, there.velocity))
+        known = (here.interface, here.velocity) == (there.interface, there.velocity)
+        seconds.append(cost.again if known else cost.look)
+        if here.interface.threshold_distribution != there.interface.threshold_distribution:
+            seconds[-1] = max(cost.look, cost.root)
+    looks = 1.0 + _per_decade(rig) * math.log10(high / low)
+    return trials.told(stability_along, rig, parameter, low, high, looks=looks * sum(seconds) / len(seconds))
 
 
 # By runs
@@ -171,43 +163,33 @@ class Survey:
     """
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
-        self._setting, self._works_at, self._linear = trial(rig), works_at(rig), linear
-        self.known: dict[float, str] = {1.0: here}
+        self._setting, self._linear = trial(rig), linear
+        grid = [v for band in linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
+        self._places = [*works_at(rig), *sorted(grid, key=lambda speed: abs(math.log(speed)))]
+        self.known = dict.fromkeys(self._places, "") | {1.0: here}  # by speed; "" is not known yet
 
-    def look(self, trials: Trials, enough: float = 0.0) -> None:
-        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is.
+    @property
+    def most(self) -> int:
+        """Runs that it makes where each linear range holds one change of motion."""
+        return len(self._places) + len(self._linear) * halvings(_APART)
 
-        Until no more than a part of the range, by the logarithm, is left to linear theory.
-        """
-        grid = [v for band in self._linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
-        places = [*self._works_at, *sorted(grid, key=lambda speed: abs(math.log(speed)))]
-        self.known = dict.fromkeys(places, "") | self._seen_by(trials) | self.known  # not known yet, unless it was seen
-        for speed in places:
+    def look(self, trials: Trials) -> None:
+        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
+        for speed in self._places:
             with suppress(Spent):  # slower speeds, farther on, may cost more than what is left, and faster ones less
                 self._try(speed, trials)
         with suppress(Spent):
-            while (change := self._widest_change()) is not None and untold(self.bands()) > enough:
+            while (change := self._widest_change()) is not None:
                 self._try(change, trials)
-
-    def _seen_by(self, trials: Trials) -> dict[float, str]:
-        """The motion at other speeds that most of the runs for another question have shown there."""
-        found, here = defaultdict[float, list[str]](list), self._setting
-        for case, seen in trials.seen.items():
-            if (case.interface, case.slider) == (here.interface, here.slider):
-                found[case.natural.velocity / here.natural.velocity].append(seen.kind)
-        return {speed: Counter(kinds).most_common(1)[0][0] for speed, kinds in found.items()}
 
     def _try(self, speed: float, trials: Trials) -> None:
         """Simulate at a speed, if that has not been done."""
         if not self.known.get(speed):
             case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
-            self.known[speed] = "undecided"
-            with suppress(InputError):
-                try:
-                    self.known[speed] = trials.judge(case).kind
-                except Spent:
-                    self.known[speed] = ""
-                    raise
+            try:
+                self.known[speed] = trials.judge(case).kind
+            except InputError:
+                self.known[speed] = "undecided"
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
         """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.

@@ -1,12 +1,10 @@
 """The stability map around a rig's own point."""
 
-import math
-
 import numpy as np
 import xarray as xr
 
 from stickslip import stability
-from stickslip.advise.mitigations import WIDEST_STD
+from stickslip.advise.mitigations import highest
 from stickslip.errors import InputError, number, whole
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
@@ -44,7 +42,7 @@ def chart(
         raise InputError(
             f"map: over = {units[0]}: stick-slip is not followed along a unit of the rig; leave out --bistable"
         )
-    ends = [(v / around, min(v * around, WIDEST_STD if name == "std" else math.inf)) for name, v in here.items()]
+    ends = [(v / around, v * min(around, highest(natural, parameter_named(name)))) for name, v in here.items()]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
     found = stability.stability_map(natural, over=(one, other), values=(low, high), growth=True)
     report(0.7)

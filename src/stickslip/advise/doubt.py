@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from stickslip.advise.mitigations import WIDEST_STD, has
+from stickslip.advise.mitigations import has, highest
 from stickslip.advise.runs import OSCILLATES, Spent, Trials, trial
 from stickslip.answers import Answer
 from stickslip.cycles.verdict import linearly_unstable
@@ -78,7 +78,8 @@ class Doubt(Answer):
             there = rig.natural
             with suppress(InputError, Spent):
                 for (parameter, side), factor in zip(varied.values(), np.exp(low + (high - low) * place), strict=True):
-                    there = _set(there, parameter, float(factor) ** side)
+                    raised = min(float(factor) ** side, highest(there, parameter))
+                    there = parameter.set(there, raised * parameter.get(there))
                 found[i] = _oscillates(there, trials)
         told = np.isfinite(found)
         halves = [found[told & (at > 0.5)] for at in places.T], [found[told & (at <= 0.5)] for at in places.T]
@@ -106,12 +107,6 @@ class Doubt(Answer):
             yield f"measuring {key} would decide most: {100 * abs(difference):.0f} % more often where it is {sign}"
         keys = ", ".join(key for key, _ in self.matters)
         yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
-
-
-def _set(rig: Rig, parameter: Parameter, factor: float) -> Rig:
-    """The rig with a parameter varied by a factor; thresholds stay such about a mean."""
-    widest = WIDEST_STD * rig.interface.thresholds.moment(1) if parameter is parameters.STD else math.inf
-    return parameter.set(rig, min(parameter.get(rig) * factor, max(widest, parameter.get(rig))))
 
 
 def _oscillates(rig: Rig, trials: Trials) -> float:

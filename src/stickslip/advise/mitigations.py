@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.advise.bands import PRECISION, factor_of, fastest_mode, is_dear, told_along
+from stickslip.advise.bands import PRECISION, factor_of, fastest_mode, halvings, is_dear, told_along
 from stickslip.advise.runs import SEEDS, Spent, Trials, trial
 from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
@@ -19,12 +19,11 @@ from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress
-from stickslip.simulation import estimate
 
 if TYPE_CHECKING:
     from stickslip.advise.answer import Prediction
 
-WIDEST_STD = 0.5  # a wider distribution, relative to its mean, is no longer one of thresholds about a mean
+_WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
 _APART = 4.0  # speeds of a range at which runs are made lie within this factor of each other
 # What can be changed on a machine; what only another material or surface would change.
@@ -53,29 +52,32 @@ class Mitigation:
 
 def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False) -> Prediction:
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
-    rig, search = found.rig, _Search(found)
+    rig, search = found.rig, _Search(found, trials)
     choices = [each for each in (*TURNABLE, *_OTHERS) if search.can_vary(each)]
     changes, tried, pair = dict[Parameter, Mitigation](), dict[str, tuple[float, float]](), tuple[Mitigation, ...]()
-    # The cheapest first, none with more than half of what is left; then those that are not through, with all of it.
-    left = sorted(choices, key=lambda each: search.cost(each, trials))
+    # What is most easily set first, each with a fair share of what is left; then those not through, with all of it.
+    left = [*choices]
     for lap in range(2):
         for i, parameter in enumerate(waiting := [*left]):
             report(0.5 * (lap + i / len(waiting)))
-            value, stops, reached = rig.value(parameter), list[float](), [1.0]
-            with trials.of(1.0 if lap else 0.5) as search.trials:
-                sides = [(side, search.along(factor_of(parameter, side), end)) for side, end in search.sides(parameter)]
-            for side, (factor, end, _) in sides:
-                stops += [] if factor is None else [value * factor**side]
-                reached.append(end**side)
+            value = rig.value(parameter)
+            with trials.within(1.0 if lap else 1.0 / (len(waiting) - i)):
+                sides = [
+                    (side, *search.along(factor_of(parameter, side), end)) for side, end in search.sides(parameter)
+                ]
+            stops = [value * factor**side for side, factor, _, _ in sides if factor is not None]
+            low, high = sorted(value * reached**side for side, _, reached, _ in sides)
             if stops:
-                nearest = min(stops, key=lambda stop: abs(math.log(stop / value)))
-                changes[parameter] = Mitigation(parameter=parameter.name, value=value, stops=nearest)
-            elif max(reached) > min(reached):
-                tried[parameter.name] = min(reached) * value, max(reached) * value
-            if all(wholly for _, (_, _, wholly) in sides):
+                changes[parameter] = min(
+                    (Mitigation(parameter=parameter.name, value=value, stops=stop) for stop in stops),
+                    key=lambda each: each.size,
+                )
+            elif low < high:
+                tried[parameter.name] = low, high
+            if all(wholly for *_, wholly in sides):
                 left.remove(parameter)
         if pairs and not lap:
-            with trials.of(0.5) as search.trials:
+            with trials.within(0.5):
                 pair = search.pair([each for each in choices if each in TURNABLE], [*changes.values()])
     mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
     return replace(
@@ -97,10 +99,17 @@ def has(rig: Rig, parameter: Parameter) -> bool:
 
 def reach(rig: Rig, parameter: Parameter) -> tuple[float, float]:
     """Factors on a parameter between which limits and changes are looked for."""
-    widest = 10.0 if is_dear(rig) else 30.0
     if parameter is parameters.STD:
-        return 1.0 / 3.0, max(WIDEST_STD * rig.interface.thresholds.moment(1) / parameter.get(rig), 1.0)
+        return 1.0 / 3.0, highest(rig, parameter)
+    widest = 10.0 if is_dear(rig) else 30.0
     return 1.0 / widest, 3.0 if parameter is parameters.DELAY else widest  # longer delays never help: many modes
+
+
+def highest(rig: Rig, parameter: Parameter) -> float:
+    """Factor up to which a parameter can be raised at all: wider thresholds are no longer such about a mean."""
+    if parameter is not parameters.STD:
+        return math.inf
+    return max(_WIDEST_STD * rig.interface.thresholds.moment(1) / parameter.get(rig), 1.0)
 
 
 def speeds_of(found: Prediction) -> list[float]:
@@ -116,11 +125,11 @@ def speeds_of(found: Prediction) -> list[float]:
 class _Search:
     """The rig at each speed at which it is to slide smoothly, in natural units, and the runs that are allowed."""
 
-    def __init__(self, found: Prediction) -> None:
+    def __init__(self, found: Prediction, trials: Trials) -> None:
         self._own, setting, speeds = found.rig, trial(found.rig.natural), speeds_of(found)
         self._range = 1.0 if found.between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
-        self.trials = Trials(0.0)
+        self._trials = trials
 
     def can_vary(self, parameter: Parameter) -> bool:
         """Whether to vary a parameter may help: the speed only if it is one."""
@@ -133,20 +142,6 @@ class _Search:
         value, (low, high) = parameter.get(self._rigs[0]), reach(self._rigs[0], parameter)
         least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
         return (1, min(high, most / value)), (-1, 1.0 / max(low, least / value))
-
-    def cost(self, parameter: Parameter, trials: Trials) -> int:
-        """What a run takes, by estimate and as a power of two, where the search for a value of a parameter begins."""
-        self.trials, seconds = trials, 0.0
-        for side, furthest in self.sides(parameter):
-            change = factor_of(parameter, side)
-            try:
-                ranges = self._may_be_stable(change, furthest) if furthest > 1.0 else []
-                seconds += sum(
-                    estimate(trial(change.set(self._rigs[0], _CLEARANCE * low))).seconds for low, _ in ranges[:1]
-                )
-            except (InputError, Spent):
-                seconds = math.inf
-        return math.frexp(seconds)[1] if seconds else -1000
 
     def along(self, change: Parameter, furthest: float) -> tuple[float | None, float, bool]:
         """The smallest factor from which on stick-slip decays from rest, within `PRECISION`, if any.
@@ -168,7 +163,7 @@ class _Search:
 
     def _first(self, change: Parameter, low: float, high: float, seeds: int) -> float | None:
         """The smallest factor in a range, to `PRECISION`, with so many smooth runs, if its steps meet any."""
-        steps = [low * _CLEARANCE * (1.0 + PRECISION) ** (2**k - 1) for k in range(8)]
+        steps = [low * _CLEARANCE * (1.0 + PRECISION) ** (2**k - 1) for k in range(halvings(high / low) + 1)]
         for rough, step in pairwise([low, *(step for step in steps if step < high), high]):
             self._reached = rough
             if self._smooth(change, step, seeds):
@@ -179,10 +174,10 @@ class _Search:
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all speeds, and in runs."""
         rigs = [change.set(rig, factor) for rig in self._rigs]
-        if any(self.trials.told(linearly_unstable, rig) for rig in rigs):
+        if any(self._trials.told(linearly_unstable, rig) for rig in rigs):
             return False
-        bands = told_along(self.trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
-        return all(band.kind != "unstable" for band in bands) and self.trials.slide_smoothly(rigs, seeds)
+        bands = told_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
+        return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, seeds)
 
     def _may_be_stable(self, change: Parameter, furthest: float) -> list[tuple[float, float]]:
         """Ranges of the factor in which linear theory does not call smooth sliding unstable at any of the speeds.
@@ -191,7 +186,7 @@ class _Search:
         """
         found = [(1.0, furthest)]
         for rig in self._rigs:
-            bands = [band for band in told_along(self.trials, rig, change, 1.0, furthest) if band.kind != "unstable"]
+            bands = [band for band in told_along(self._trials, rig, change, 1.0, furthest) if band.kind != "unstable"]
             if len(self._rigs) == 1 and bands and bands[0].kind == "stable" and bands[0].low == 1.0:
                 bands = [band for band in bands if band.low > 1.0 or band.high == furthest]
             both = [(max(low, band.low), min(high, band.high)) for low, high in found for band in bands]

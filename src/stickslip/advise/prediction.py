@@ -13,7 +13,8 @@ from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveA
 from stickslip.advise.bands import Band, Survey, scaled, stability_along, told_along
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import TURNABLE, has, mitigated, reach, speeds_of
-from stickslip.advise.runs import OSCILLATES, Spent, Trials, cycle_of, method_of, trial
+from stickslip.advise.runs import OSCILLATES, SEEDS, Spent, Trials, cycle_of, method_of, trial
+from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
@@ -27,11 +28,10 @@ from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import contact_noise, count_unstable
 
 # By convention, in seconds of one core by estimate: what a verdict may take, and all of an answer; of these, what the
-# first run takes at most, if it lasts long enough. The parts of what is left at its turn that other speeds get, until
-# so much of their range is left to linear theory, and what is assumed. Runs of a search that is not cut short.
+# first run takes at most, if it lasts long enough. The parts of what is left at its turn that other speeds get,
+# and what is assumed.
 _FAST, _ALL, _FIRST = 2.0, 13.0, 1.0
-_FOR_SPEEDS, _ENOUGH, _FOR_DOUBT = 0.4, 0.05, 0.2
-_AT_SPEEDS, _OF_A_PARAMETER = 20, 27
+_FOR_SPEEDS, _FOR_DOUBT = 0.4, 0.2
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
@@ -157,33 +157,35 @@ def complete(
         found = replace(found, **_shown(rig, found.unstable_modes, trials, found.recording))
     bands = scaled(found.bands, 1.0 / rig.velocity)
     if not found.theory_note and bands[0].ends == _speeds_searched(rig) and bands[0].kind == "unknown":
-        with trials.of(0.5) as mine, suppress(Spent):
-            bands = told_along(mine, rig, VELOCITY, *bands[0].ends)
+        with trials.within(0.5), suppress(Spent):
+            bands = told_along(trials, rig, VELOCITY, *bands[0].ends)
     survey = Survey(rig, bands, found.regime.kind)
 
-    def surveyed(found: Prediction, part: float, enough: float) -> Prediction:
-        with trials.of(part) as mine:
-            survey.look(mine, enough)
+    def surveyed(found: Prediction, part: float) -> Prediction:
+        with trials.within(part):
+            survey.look(trials)
         return replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
 
-    found = surveyed(found, _FOR_SPEEDS, _ENOUGH)
+    found = surveyed(found, _FOR_SPEEDS)
     report(0.3)
     margins = [] if found.theory_note else [*_margins(rig, trials, missed)]
     noisy = _noisy(rig, margins, trials) if found.unstable_modes == 0 else None
-    with trials.of(_FOR_DOUBT) as mine:
-        found = replace(found, margins=tuple(margins), noisy=noisy, doubt=Doubt.of(rig, mine))
+    with trials.within(_FOR_DOUBT):
+        found = replace(found, margins=tuple(margins), noisy=noisy, doubt=Doubt.of(rig, trials))
     report(0.4)
     if found.ill:
         found = mitigated(found, trials, part(report, 0.4, 0.9), pairs=pairs)
     report(1.0)
-    return surveyed(replace(found, not_searched=(*found.not_searched, *missed)), 1.0, 0.0)
+    return surveyed(replace(found, not_searched=(*found.not_searched, *missed)), 1.0)
 
 
 def in_full(found: Prediction) -> float:
-    """Seconds, by estimate, that all runs take that `complete` may make: of each parameter, and at speeds."""
-    trials, speeds = Trials(math.inf), len(speeds_of(found))
-    trials.judge(trial(found.rig))
-    return trials.spent * (_AT_SPEEDS + (_OF_A_PARAMETER * speeds * len(PARAMETERS) if found.ill else 0))
+    """Seconds, by estimate, of the runs that `complete` may make: at speeds, and of each parameter one way."""
+    trials, rig = Trials(math.inf), found.rig
+    trials.judge(trial(rig))
+    at_speeds = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), "").most
+    of_each = SEEDS + 2 * by_theory.halvings(max(reach(rig, VELOCITY)))  # steps double, are halved, and all must slide
+    return trials.spent * (at_speeds + (of_each * len(speeds_of(found)) * len(PARAMETERS) if found.ill else 0))
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:
@@ -209,15 +211,12 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
     return record(run, progress=progress)
 
 
-def fluctuation(rig: Rig) -> float:
-    """Root mean square of the force of smooth sliding over its mean, by the noise of the contacts; infinite at a limit.
-
-    Raises `InputError` where theory does not tell.
-    """
+def _is_seen(rig: Rig) -> bool:
+    """Whether the force of smooth sliding fluctuates by the noise of the contacts so that it is seen."""
     try:
-        return contact_noise(rig).relative_force
-    except UndecidedError:
-        return math.inf
+        return contact_noise(rig).relative_force > say.SEEN
+    except UndecidedError:  # at a limit of stability
+        return True
 
 
 def _stays(rig: Rig) -> bool:
@@ -280,12 +279,11 @@ def _noisy(rig: Rig, margins: Sequence[Margin], trials: Trials) -> tuple[str, fl
         return None
     _, end, nearest = min(limits, key=lambda each: each[0])
     change = by_theory.factor_of(parameter_named(nearest.parameter))
-    quiet, loud = 1.0, end / nearest.value
     try:
-        while abs(math.log(loud / quiet)) > by_theory.PRECISION / 10.0:
-            middle = math.sqrt(quiet * loud)
-            seen = trials.told(fluctuation, change.set(rig.natural, middle), roots=1) > say.SEEN
-            quiet, loud = (quiet, middle) if seen else (middle, loud)
+        quiet, _ = halved(
+            lambda factor: trials.told(_is_seen, change.set(rig.natural, factor), roots=1),
+            *(1.0, end / nearest.value, by_theory.PRECISION / 10.0),
+        )
     except (InputError, Spent):  # no theory of their noise
         return None
     return nearest.parameter, quiet * nearest.value

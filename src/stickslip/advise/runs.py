@@ -111,14 +111,13 @@ class Trials:
         self.seen, self._known, self._tables = dict[Rig, Regime](), dict[Any, Any](), set[Any]()
 
     @contextmanager
-    def of(self, part: float) -> Iterator[Trials]:
-        """Runs within a part of what is left, which know of those before."""
-        left = Trials(part * (self.allowed - self.spent))
-        left._part, left.seen, left._known, left._tables = self._part, self.seen, self._known, self._tables
+    def within(self, part: float) -> Iterator[None]:
+        """Allow no more than a part of what is left."""
+        allowed, self.allowed = self.allowed, self.spent + part * (self.allowed - self.spent)
         try:
-            yield left
+            yield
         finally:
-            self.spent += left.spent
+            self.allowed = allowed
 
     def pay(self, seconds: float) -> None:
         """Count work; raise `Spent` if there is less left."""

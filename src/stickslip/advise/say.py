@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import MOTIONS
+from stickslip.advise.bands import MOTIONS, Band
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
@@ -68,70 +68,70 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
 
 def verdict(found: Prediction) -> str:
     """The whole answer in one sentence."""
-    return "; ".join(
-        [headline(found), *here(found), *([", ".join(_bands(found))] if found.judged else []), *_rest(found)]
-    )
+    return "; ".join(filter(None, [headline(found), *here(found), ", ".join(_bands(found)), *_rest(found)]))
 
 
 def headline(found: Prediction) -> str:
     """What the rig does at its own speed, in a line."""
+    words, _ = _motion(found)
+    return f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}" if found.judged else words
+
+
+def here(found: Prediction) -> list[str]:
+    """What else there is to say of the rig at its own speed."""
+    return [more for more in _motion(found)[1:] if more]
+
+
+def _motion(found: Prediction) -> tuple[str, str]:
+    """The motion at the rig's own speed, and what else there is to say of it."""
     rig, kind, modes = found.rig, str(found.regime.kind), found.unstable_modes
+    contacts = _contacts(found)
     if not found.judged:
-        return "cannot be judged: nothing says how contacts strengthen with rest"
-    words = kind
+        spans = (
+            f"{band.motion} from {' to '.join(quantity(rig, v, 'time') for v in band.ends)}" for band in found.delays
+        )
+        told = f"with a delay of re-attachment it would be, at this speed, {', '.join(spans)}"
+        return "cannot be judged: nothing says how contacts strengthen with rest", told
+    hidden = f"the oscillation may not yet exceed the noise of {contacts}" if modes else ""
     if found.noise is not None:
-        words += f"; the force fluctuates by {100 * found.noise:.2g} % rms, noise of {_contacts(found)}"
-    elif kind == "undecided" and modes is not None:
-        words += f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
-    elif kind == "smooth sliding" and modes:
-        words = "linearly unstable, but smooth in this run"
-    elif kind not in ("undecided", "smooth sliding"):
-        words += "" if found.frequency is None else f", {engineering(found.frequency, frequency_unit(rig), 3)}"
-        words += f", force ±{quantity(rig, found.amplitude, 'force', 3)}" + ("; bistable" if found.bistable else "")
-    return f"at {quantity(rig, rig.velocity, 'velocity')}: {words}"
+        enough = getattr(found.recording.rig.method, "count", math.nan) * (found.noise / SEEN) ** 2  # its variance: 1/N
+        told = f"below {100 * SEEN:.0f} % from {number(enough, 2)} contacts on" if found.noise > SEEN else hidden
+        return f"{kind}; the force fluctuates by {100 * found.noise:.2g} % rms, noise of {contacts}", told
+    if kind == "undecided":
+        theory = "" if modes is None else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
+        return kind + theory, found.regime.reason
+    if kind == "smooth sliding":
+        return "linearly unstable, but smooth in this run" if modes else kind, hidden
+    often = "" if found.frequency is None else f", {engineering(found.frequency, frequency_unit(rig), 3)}"
+    words = f"{kind}{often}, force ±{quantity(rig, found.amplitude, 'force', 3)}"
+    if found.bistable:
+        return f"{words}; bistable", "from this start, although smooth sliding, once reached, is linearly stable"
+    return words, f"no mode grows, but {contacts} leave smooth sliding by their noise" if modes == 0 else ""
 
 
 def _contacts(found: Prediction) -> str:
     return f"{getattr(found.recording.rig.method, 'count', 'its')} contacts"
 
 
-def here(found: Prediction) -> Iterator[str]:
-    """What else there is to say of the rig at its own speed."""
-    kind, modes = str(found.regime.kind), found.unstable_modes
-    if not found.judged:
-        words = (
-            f"{band.motion} from {' to '.join(quantity(found.rig, v, 'time') for v in band.ends)}"
-            for band in found.delays
-        )
-        yield f"with a delay of re-attachment it would be, at this speed, {', '.join(words)}"
-    elif found.noise is not None and found.noise > SEEN:
-        count = getattr(found.recording.rig.method, "count", math.nan)
-        enough = count * (found.noise / SEEN) ** 2  # its variance goes as 1/N
-        yield f"below {100 * SEEN:.0f} % from {number(enough, 2)} contacts on"
-    elif kind == "undecided":
-        yield found.regime.reason
-    elif kind == "smooth sliding" and modes:
-        yield f"the oscillation may not yet exceed the noise of {_contacts(found)}"
-    elif found.bistable:
-        yield "from this start, although smooth sliding, once reached, is linearly stable"
-    elif kind != "smooth sliding" and modes == 0:
-        yield f"no mode grows, but {_contacts(found)} leave smooth sliding by their noise"
-
-
 def speeds(found: Prediction) -> list[str]:
     """The motion at each speed: its ranges, other speeds at which the rig works, and its range of speeds."""
-    return [*_bands(found), *_rest(found)] if found.judged else []
+    return [*_bands(found), *_rest(found)]
 
 
-def _ranges(found: Prediction, *kinds: str) -> list[str]:
-    return [_span(found, *band.ends, band.low_found, band.high_found) for band in found.bands if band.kind in kinds]
+def _over(found: Prediction, band: Band) -> str:
+    return _span(found, *band.ends, band.low_found, band.high_found)
+
+
+def _ranges(found: Prediction, kind: str) -> str:
+    return " and ".join(_over(found, band) for band in found.bands if band.kind == kind)
 
 
 def _bands(found: Prediction) -> list[str]:
     """Ranges of speed with oscillation, and those that only starts at rest reach."""
+    if not found.judged:
+        return []
     told = [
-        f"{MOTIONS.get(band.kind, band.kind)} {_span(found, *band.ends, band.low_found, band.high_found)}"
-        + (" if started from rest" if band.bistable else "")
+        f"{MOTIONS.get(band.kind, band.kind)} {_over(found, band)}" + " if started from rest" * band.bistable
         for band in found.bands
         if band.kind not in ("smooth sliding", "stable", "unknown")
     ]
@@ -147,9 +147,9 @@ def _rest(found: Prediction) -> Iterator[str]:
     if not found.judged:
         return
     if found.complete and (stable := _ranges(found, "stable")):
-        yield f"linearly stable {' and '.join(stable)} (starts from rest not judged)"
+        yield f"linearly stable {stable} (starts from rest not judged)"
     if (unknown := _ranges(found, "unknown")) and not found.theory_note:
-        yield f"{' and '.join(unknown)} linear theory cannot tell, or not in the time that is allowed"
+        yield f"{unknown} linear theory cannot tell, or not in the time that is allowed"
     for speed, kind in found.at_speeds:
         if speed != found.rig.velocity:
             yield f"at {_speed(found.rig, speed)}: {kind}"
@@ -174,7 +174,7 @@ def _over_its_range(found: Prediction, low: float, high: float) -> str:
 
 def sections(found: Prediction) -> Iterator[Section]:
     """What is said beneath the verdict."""
-    yield "At this speed", "", list(here(found))
+    yield "At this speed", "", here(found)
     yield "Speeds", "", speeds(found)
     yield "", "", str(found.regime).splitlines() if found.judged else []
     yield "", "", list(numbers(found))
@@ -299,15 +299,18 @@ def headline_on_waves(found: ElasticPrediction) -> str:
 
 def verdict_on_waves(found: ElasticPrediction) -> str:
     """The answer of linear theory in one sentence."""
-    where = "" if found.speeds or found.theory_note else f" {_span(found, *found.speeds_searched)}"
-    beside = "" if found.theory_note else f"linearly {_grows(found, found.speeds)}{where}; "
-    return beside + headline_on_waves(found)
+    return "; ".join([*_speeds_of_waves(found), headline_on_waves(found)])
+
+
+def _speeds_of_waves(found: ElasticPrediction) -> list[str]:
+    where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
+    return [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"]
 
 
 def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig, told = found.rig, list[str]()
-    yield "Speeds", "", [] if found.theory_note else [verdict_on_waves(found).split("; at ")[0]]
+    yield "Speeds", "", _speeds_of_waves(found)
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:
