@@ -1,5 +1,6 @@
 """What runs and answers cost: each interface, method and question beside the cheapest of its kind, in the same run."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -103,6 +104,19 @@ def test_master_equation(benchmark):
 def test_master_equation_to_a_tolerance(benchmark, rtol, promised):
     of(benchmark, STICK_SLIP, f"rtol {rtol:.0e} beside 1e-4", promised)
     run(benchmark, FIG4C.replace(method=ss.MasterEquation(rtol=rtol)), rounds=5)
+
+
+HOT = {
+    f"Bell's rate of width {width:g}": {"temperature": ss.Bell(width=width, attempts=1e6)}
+    for width in (0.1, 0.01, 0.001)
+}
+
+
+@pytest.mark.parametrize("name", [*HOT, "logarithmic growth"])
+def test_master_equation_of_other_contacts(benchmark, name):
+    interface = replace(FIG4.interface, **HOT.get(name, {"ageing": LOGARITHMIC}))
+    of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 20)
+    run(benchmark, FIG4C.replace(interface=interface, method=ss.MasterEquation(rtol=1e-4)), rounds=5)
 
 
 def test_population(benchmark):

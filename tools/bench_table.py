@@ -40,7 +40,7 @@ def tables(record: dict[str, Any]) -> dict[str, str]:
     when = datetime.fromisoformat(record["datetime"]).astimezone(UTC).date()
     cpu = record["machine_info"]["cpu"].get("brand_raw", "unknown processor")
     made = f"Minimum of each, in one run on {when}; {cpu}, Python {record['machine_info']['python_version']}."
-    return {role: "\n".join([*rows, "", made]) for role, rows in lines.items()}
+    return {role: "\n".join([*rows, "", made]) for role, rows in lines.items() if rows[2:]}
 
 
 def _least(item: dict[str, Any]) -> float:
