@@ -212,16 +212,6 @@ def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k:
 
 
 @bare
-def clock_from(way: Floats, breaking: Breaking, b: float, begin: float, k: int) -> float:
-    """What the clock of contacts at a place gains from a part of a step up to a node."""
-    u = NEVER
-    for i in range(1, k + 1):
-        if NODE[i] > begin:
-            u = later(breaking.width, u, gain_of_interval(way, breaking, b, begin, i))
-    return u
-
-
-@bare
 def gain_since_start(
     way: Floats, breaking: Breaking, b: float, before: float, k: int, low: float, high: float
 ) -> float:
@@ -234,22 +224,13 @@ def gain_since_start(
 
 
 @bare
-def carried(way: Floats, breaking: Breaking, b: float, u: float, r: float, age: float) -> tuple[float, float]:
-    """Clock and reach at the end of a step of contacts at a place that had this age at its start."""
-    low = high = 0.0
-    gain = NEVER
-    for k in range(1, P + 1):
-        low, high = min(low, way[X, k]), max(high, way[X, k])
-        r = max(r, reach_at(breaking.growth, abs(way[X, k] - b), age + NODE[k] * way[LENGTH, 0]))
-        if breaking.width > 0.0:
-            gain = gain_since_start(way, breaking, b, gain, k, low, high)
-    return (later(breaking.width, u, gain) if breaking.width > 0.0 else u), r
-
-
-@bare
-def born(way: Floats, breaking: Breaking, b: float, r: float, begin: float, k: int) -> tuple[float, float]:
-    """Clock and reach at a node of contacts that attach at a place, and with a reach, in a part of a step."""
+def carried(
+    way: Floats, breaking: Breaking, b: float, u: float, r: float, age: float, begin: float, k: int
+) -> tuple[float, float]:
+    """Clock and reach at a node of a step of contacts at a place that had these, and this age, in a part of it."""
     for i in range(1, k + 1):
         if NODE[i] > begin:
-            r = max(r, reach_at(breaking.growth, abs(way[X, i] - b), (NODE[i] - begin) * way[LENGTH, 0]))
-    return (clock_from(way, breaking, b, begin, k) if breaking.width > 0.0 else NEVER), r
+            r = max(r, reach_at(breaking.growth, abs(way[X, i] - b), age + (NODE[i] - begin) * way[LENGTH, 0]))
+            if breaking.width > 0.0:
+                u = later(breaking.width, u, gain_of_interval(way, breaking, b, begin, i))
+    return u, r

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import NEVER, born, carried, is_fixed, reach_at, survival, survivals
+from .breaking import NEVER, Breaking, carried, reach_at, survival, survivals
 from .cohorts import CLOCK, COHORT_ROWS, COUNT, MASS, PLACE, REACH, SINCE, WHOLE
 from .drive import drive_at
 from .oscillator import is_rigid, response
-from .panel_state import WAITING, Case, State, Work
-from .panel_step import element_at, reach
+from .panel_state import WAITING, Case, Delays, FiniteNumber, State, Work
+from .panel_step import element_at
 from .reattachment import in_panel
 from .records import Floats, Record
 from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
@@ -44,13 +44,13 @@ _COARSE = 0.02  # largest error of merging two cohorts, in units of the toleranc
 
 
 @inlined
-def _drawn(case: Case, count: float, held: float) -> float:
+def _drawn(finite: FiniteNumber, count: float, held: float) -> float:
     """How many of a number break if each holds with a probability."""
     if held >= 1.0 - _GONE or count == 0.0:  # rounding draws no number
         return 0.0
     if held <= 0.0:
         return count
-    return float(case.finite.rng.binomial(np.int64(count), 1.0 - held))
+    return float(finite.rng.binomial(np.int64(count), 1.0 - held))
 
 
 @bare
@@ -87,9 +87,9 @@ def deviation(work: Work, case: Case, t: float, row: Record, force: float, veloc
 
 
 @bare
-def deviate(row: Record, t: float, start: Record, end: Record, work: Work, case: Case) -> None:
+def deviate(row: Record, t: float, end: Record, work: Work, case: Case) -> None:
     """Add the deviation from the mean to a sample of it, with energy lost no sooner than it is."""
-    part = work.nodes[P].lost
+    part, start = work.nodes[P].lost, work.before[0]
     part = min(max((row.lost - start.lost) / part, 0.0), 1.0) if part != 0.0 else 0.0
     deviation(work, case, t, row, row.contact_force, row.velocity)
     row.attached = min(max(row.attached, 0.0), 1.0)
@@ -99,15 +99,15 @@ def deviate(row: Record, t: float, start: Record, end: Record, work: Work, case:
 
 
 @bare
-def settle(state: State, work: Work, case: Case, dt: float, start: Record, direction: float) -> None:
+def settle(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float, direction: float) -> None:
     """Draw what breaks and re-attaches in a step that has been solved, and taken, for the mean.
 
-    The cohorts are still those of its start, of which `start` holds the motion; the slider moved the way `way`.
+    The cohorts are still those of its start.
     """
-    cohorts, motion, nodes, extra, N = state.cohorts, state.motion, work.nodes, work.fluctuation, case.finite.contacts
-    breaking, origin, fixed = case.breaking, start.position, is_fixed(case.breaking)
-    low, high = reach(nodes)
-    u = case.finite.rng.random()
+    cohorts, motion, nodes, extra, N = state.cohorts, state.motion, work.nodes, work.fluctuation, finite.contacts
+    breaking, start = case.breaking, work.before[0]
+    origin = start.position
+    u = finite.rng.random()
     place = value(nodes.x, work.curves.x, u)
     e = element_at(state, case, place) if case.sliding_force > 0.0 else 0.0
     total = excess = force = energy = 0.0
@@ -117,13 +117,11 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, direc
             if n == 0.0:
                 continue
             b, r, clock = cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[CLOCK, g, j]
-            most = max(r, origin + high - b, b - origin - low)
-            if not fixed:
-                age = start.time - cohorts[SINCE, g, j]
-                clock, most = carried(work.reading.way, breaking, b - origin, clock, r, age)
+            age = start.time - cohorts[SINCE, g, j]
+            clock, most = carried(work.reading.way, breaking, b - origin, clock, r, age, 0.0, nodes.size - 2)
             if (most > r and most > breaking.thresholds.bottom) or breaking.width > 0.0:
                 held = min(max(N * cohorts[MASS, g, j] * survival(breaking, clock, most)[0] / n, 0.0), 1.0)
-                k = _drawn(case, n, held)
+                k = _drawn(finite, n, held)
                 more = k - n * (1.0 - held)
                 x = origin + place - b
                 excess += more
@@ -149,18 +147,18 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Record, direc
     deviation(work, case, motion.time, motion, nodes[P].force, nodes[P].v)
     if case.sliding_force > 0.0:
         motion.element = element_at(state, case, motion.position - origin)
-    total += _go_on(state, case)
+    total += _go_on(state, case, finite)
     motion.broken = start.broken
-    _keep(state, work, case, start, dt, total)
-    reattached = _arrivals(state, case, start.time, motion.time)
+    _keep(state, work, case, finite, dt, total)
+    reattached = _arrivals(state, case, finite, start.time, motion.time)
     motion.reattached = start.reattached + reattached / N
     if reattached > 0.0:
-        _keep(state, work, case, start, dt, _attach(state, work, case, origin, direction, reattached, dt))
-    count_up(state, case)
+        _keep(state, work, case, finite, dt, _attach(state, work, case, finite, direction, reattached, dt))
+    count_up(state, N)
 
 
 @bare
-def _go_on(state: State, case: Case) -> float:
+def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
     """Break what does not hold where the slider has come to lie, and leave out empty nodes; how many broke."""
     cohorts, breaking, X = state.cohorts, case.breaking, state.motion.position
     total = 0.0
@@ -174,11 +172,11 @@ def _go_on(state: State, case: Case) -> float:
                 continue
             x = reach_at(breaking.growth, abs(X - b), state.motion.time - since)
             if x > r:
-                k = _drawn(case, n, _held(case, u, r, u, x))
+                k = _drawn(finite, n, _held(case, u, r, u, x))
                 r = x
                 total += k
                 n -= k
-            kept += _put(cohorts, kept, case, n, Life(b, u, r, since))
+            kept += _put(cohorts, kept, case, finite, n, Life(b, u, r, since))
     state.used.cohorts = (kept + Q - 1) // Q
     return total
 
@@ -191,20 +189,20 @@ def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
 
 
 @inlined
-def _put(cohorts: Floats, place: int, case: Case, n: float, life: Life) -> int:
+def _put(cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float, life: Life) -> int:
     """Put contacts with a life so far into a place among the nodes; whether there are any."""
     if n == 0.0:
         return 0
     g, j = place // Q, place % Q
     J = survival(case.breaking, life.clock, life.reach)[0]
     cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[WHOLE, g, j], cohorts[COUNT, g, j] = life.b, life.reach, 0.0, n
-    cohorts[MASS, g, j] = n / (case.finite.contacts * J) if J > _GONE else 0.0
+    cohorts[MASS, g, j] = n / (finite.contacts * J) if J > _GONE else 0.0
     cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = life.clock, life.since
     return 1
 
 
 @inlined
-def _joins(cohorts: Floats, place: int, case: Case, n: float, life: Life, X: float) -> bool:
+def _joins(cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float, life: Life, X: float) -> bool:
     """Let contacts join those at a place among the nodes if that is as good as where they attached."""
     g, j = place // Q, place % Q
     if place < 0 or n == 0.0:
@@ -213,21 +211,21 @@ def _joins(cohorts: Floats, place: int, case: Case, n: float, life: Life, X: flo
     if r > case.breaking.thresholds.bottom or (case.breaking.width > 0.0 and u > case.breaking.blurred.bottom):
         return False
     total, offset = n + cohorts[COUNT, g, j], life.b - cohorts[PLACE, g, j]
-    error = total / case.finite.contacts * offset * offset
-    if abs(offset) > case.finite.grain or error > _COARSE * case.accuracy.tolerance:
+    error = total / finite.contacts * offset * offset
+    if abs(offset) > finite.grain or error > _COARSE * case.accuracy.tolerance:
         return False
     part, before = n / total, cohorts[SINCE, g, j]
     b = cohorts[PLACE, g, j] + offset * part
     r = max(r, abs(X - b)) if case.breaking.growth.first == 0.0 else r
-    _put(cohorts, place, case, total, Life(b, u, r, before + part * (life.since - before)))
+    _put(cohorts, place, case, finite, total, Life(b, u, r, before + part * (life.since - before)))
     return True
 
 
 @bare
-def _keep(state: State, work: Work, case: Case, start: Record, dt: float, more: float) -> None:
+def _keep(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float, more: float) -> None:
     """Let what has broken in a step, or more of it, wait for its re-attachment."""
-    panels, nodes, delays, motion = state.panels, work.nodes, case.delays, state.motion
-    motion.broken += more / case.finite.contacts
+    panels, nodes, delays, motion, start = state.panels, work.nodes, case.delays, state.motion, work.before[0]
+    motion.broken += more / finite.contacts
     if more == 0.0 or delays.time.size + delays.fraction == 0.0:
         return
     n = state.used.panels
@@ -241,22 +239,21 @@ def _keep(state: State, work: Work, case: Case, start: Record, dt: float, more: 
     for k in range(P + 1):
         part = nodes[k].broken / nodes[P].broken if nodes[P].broken > 1e-15 else NODE[k]
         panels[n, 2 + k] = start.broken + min(max(part, 0.0), 1.0) * (motion.broken - start.broken)
-    _wait(panels[n], case, more)
+    _wait(panels[n], delays, finite, more)
 
 
 @bare
-def _wait(panel: Floats, case: Case, more: float) -> None:
+def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> None:
     """Divide what broke in a panel between the delays, and what has a delay from a distribution between its nodes."""
-    delays = case.delays
     left, rest = more, 1.0
     for i in range(delays.time.size):
-        k = _drawn(case, left, 1.0 - delays.weight[i] / rest)
+        k = _drawn(finite, left, 1.0 - delays.weight[i] / rest)
         panel[WAITING + i] += k
         left -= k
         rest = max(rest - delays.weight[i], 1e-300)
     if delays.fraction == 0.0:
         return
-    k = _drawn(case, left, 1.0 - delays.fraction / rest)
+    k = _drawn(finite, left, 1.0 - delays.fraction / rest)
     left, rest = k, 1.0
     full = panel[2 + P] - panel[2]
     for j in range(Q):
@@ -264,16 +261,16 @@ def _wait(panel: Floats, case: Case, more: float) -> None:
         for a in range(P + 1):
             part += INCREASE[P - 1, j, a] * (panel[2 + a] - panel[2])
         part = max(part / full, 0.0)
-        k = left if j == Q - 1 else _drawn(case, left, 1.0 - part / rest)
+        k = left if j == Q - 1 else _drawn(finite, left, 1.0 - part / rest)
         panel[WAITING + delays.time.size + j] += k
         left -= k
         rest = max(rest - part, 1e-300)
 
 
 @bare
-def _arrivals(state: State, case: Case, before: float, now: float) -> float:
+def _arrivals(state: State, case: Case, finite: FiniteNumber, before: float, now: float) -> float:
     """Draw how many re-attach between two times; they wait no longer."""
-    panels, delays, N = state.panels, case.delays, case.finite.contacts
+    panels, delays, N = state.panels, case.delays, finite.contacts
     total = 0.0
     longest = delays.continuous.top if delays.fraction > 0.0 else 0.0
     for i in range(delays.time.size):
@@ -291,7 +288,7 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
             if until < start + length:
                 gone = (in_panel(panels, p, before - delays.time[i]) - panels[p, 2]) / full
                 held = (1.0 - (in_panel(panels, p, until) - panels[p, 2]) / full) / max(1.0 - gone, 1e-14)
-            k = _drawn(case, n, held)
+            k = _drawn(finite, n, held)
             panels[p, WAITING + i] = n - k
             total += k
         if delays.fraction == 0.0:
@@ -304,7 +301,7 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
             age = now - start - GAUSS[j] * length
             left = value_at(delays.continuous, max(age, 0.0))
             first = value_at(delays.continuous, max(age - (now - before), 0.0))
-            k = _drawn(case, n, left / first if first > _GONE else 0.0)
+            k = _drawn(finite, n, left / first if first > _GONE else 0.0)
             total += k
             panels[p, i] = n - k
             if left > _GONE:
@@ -314,37 +311,33 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
 
 @bare
 def _attach(
-    state: State, work: Work, case: Case, origin: float, direction: float, reattached: float, dt: float
+    state: State, work: Work, case: Case, finite: FiniteNumber, direction: float, reattached: float, dt: float
 ) -> float:
     """Put what re-attaches in a step where the slider is on the way; how many have broken again by its end."""
     cohorts, nodes, newborn = state.cohorts, work.nodes, case.newborn
     X, place = state.motion.position, Q * state.used.cohorts
-    broken = 0.0
+    broken, origin = 0.0, work.before[0].position
     left, rest = reattached, 1.0
     for j in range(Q):
         part, b = dot(INCREASE[P - 1, j], nodes.reattached), dot(PART[P - 1, j], nodes.x)
         part = max(part / nodes[P].reattached, 0.0) if nodes[P].reattached > 1e-15 else WEIGHT[j]
-        here = left if j == Q - 1 else _drawn(case, left, 1.0 - part / rest)
+        here = left if j == Q - 1 else _drawn(finite, left, 1.0 - part / rest)
         left -= here
         rest = max(rest - part, 1e-300)
         more, other = here, 1.0
         for i in range(newborn.stretching.size):
-            n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
+            n = more if i == newborn.stretching.size - 1 else _drawn(finite, more, 1.0 - newborn.fraction[i] / other)
             more -= n
             other = max(other - newborn.fraction[i], 1e-300)
-            at, u = origin + b - direction * newborn.stretching[i], NEVER
-            r = newborn.tried * abs(newborn.stretching[i])
-            since, x = state.motion.time - (1.0 - GAUSS[j]) * dt, abs(X - at)
-            if not is_fixed(case.breaking):
-                u, x = born(work.reading.way, case.breaking, at - origin, r, GAUSS[j], nodes.size - 2)
-            if x > r or u > NEVER:
-                k = _drawn(case, n, _held(case, NEVER, r, u, max(r, x)))
+            at, x0 = b - direction * newborn.stretching[i], newborn.tried * abs(newborn.stretching[i])
+            u, r = carried(work.reading.way, case.breaking, at, NEVER, x0, 0.0, GAUSS[j], nodes.size - 2)
+            if r > x0 or u > NEVER:
+                k = _drawn(finite, n, _held(case, NEVER, x0, u, r))
                 broken += k
                 n -= k
-                r = max(r, x)
-            life = Life(at, u, r, since)
-            if not _joins(cohorts, place - 1, case, n, life, X):
-                place += _put(cohorts, place, case, n, life)
+            life = Life(origin + at, u, r, state.motion.time - (1.0 - GAUSS[j]) * dt)
+            if not _joins(cohorts, place - 1, case, finite, n, life, X):
+                place += _put(cohorts, place, case, finite, n, life)
     _fill_up(state, place)
     return broken
 
@@ -359,26 +352,26 @@ def _fill_up(state: State, place: int) -> None:
 
 
 @bare
-def attach_all(state: State, case: Case) -> None:
+def attach_all(state: State, case: Case, finite: FiniteNumber) -> None:
     """Let all that is detached re-attach where the slider is, stretched the way it has moved last."""
-    motion, newborn, N = state.motion, case.newborn, case.finite.contacts
+    motion, newborn, N = state.motion, case.newborn, finite.contacts
     more, other, place = N * motion.mass_out + 0.5, 1.0, Q * state.used.cohorts
     more = math.floor(more)
     for i in range(newborn.stretching.size):
         x = motion.direction * newborn.stretching[i]
-        n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
+        n = more if i == newborn.stretching.size - 1 else _drawn(finite, more, 1.0 - newborn.fraction[i] / other)
         more -= n
         other = max(other - newborn.fraction[i], 1e-300)
         life = Life(motion.position - x, NEVER, newborn.tried * abs(x), motion.time)
-        place += _put(state.cohorts, place, case, n, life)
+        place += _put(state.cohorts, place, case, finite, n, life)
     _fill_up(state, place)
-    count_up(state, case)
+    count_up(state, N)
 
 
 @bare
-def count_up(state: State, case: Case) -> None:
+def count_up(state: State, N: float) -> None:
     """Take force, attached fraction and energy from the counts; energy that is no longer stored is lost."""
-    cohorts, motion, N = state.cohorts, state.motion, case.finite.contacts
+    cohorts, motion = state.cohorts, state.motion
     A = F = E = 0.0
     for g in range(state.used.cohorts):
         for j in range(Q):
@@ -395,12 +388,13 @@ def count_up(state: State, case: Case) -> None:
     motion.stored = stored
 
 
-def counted(state: State, case: Case, count: int) -> State:
+def counted(state: State, case: Case, finite: FiniteNumber) -> State:
     """Return a state as `initial_state` makes it with a number of contacts in place of fractions of infinitely many."""
-    delays, rng = case.delays, case.finite.rng
+    delays, rng, N = case.delays, finite.rng, finite.contacts
+    count = round(N)
     state = copy.deepcopy(state)
     used, cohorts, panels = state.used, state.cohorts, state.panels
-    n, N = used.cohorts, float(count)
+    n = used.cohorts
     alive = survivals(case.breaking, cohorts[CLOCK, :n], cohorts[REACH, :n])
     weight = cohorts[MASS, :n] * np.maximum(alive, 1e-12)
     attached = round(count * float(weight.sum()))
@@ -420,19 +414,19 @@ def counted(state: State, case: Case, count: int) -> State:
             waiting = past[:, WAITING + delays.time.size :]
             parted = N * delays.fraction * np.maximum(left, _GONE)
             past[:, 3 + P : WAITING] = np.where(left > _GONE, waiting / parted, 0)
-    count_up(state, case)
+    count_up(state, N)
     state.motion.lost = 0.0
     return state
 
 
-def joined(cohorts: Floats, used: int, case: Case, now: float) -> Floats:
+def joined(cohorts: Floats, used: int, breaking: Breaking, finite: FiniteNumber, now: float) -> Floats:
     """Join nodes that lie close to each other and reach nearly as far; none of the contacts is lost."""
-    there, breaking = cohorts[:, :used].reshape(COHORT_ROWS, -1), case.breaking
+    there = cohorts[:, :used].reshape(COHORT_ROWS, -1)
     there = there[:, there[COUNT] > 0]
     count, lives = there[COUNT], there[[PLACE, REACH, CLOCK, SINCE]]
     alike = lives[:3].copy()
     alike[2] = np.maximum(alike[2], breaking.blurred.low) if breaking.width > 0.0 else 0.0
-    cell = np.round(alike / (0.3 * case.finite.grain))
+    cell = np.round(alike / (0.3 * finite.grain))
     if breaking.growth.first != 0.0:  # of one age, or nearly
         cell = np.append(cell, [np.round(20.0 * np.log(np.maximum(now - there[SINCE], 1e-300)))], axis=0)
     kinds, which = np.unique(cell, axis=1, return_inverse=True)
@@ -441,5 +435,5 @@ def joined(cohorts: Floats, used: int, case: Case, now: float) -> Floats:
     made = np.zeros((COHORT_ROWS, -(-total.size // Q) * Q))
     alive = survivals(breaking, u, r)
     made[[PLACE, REACH, CLOCK, SINCE, COUNT], : b.size] = b, r, u, since, np.round(total)
-    made[MASS, : b.size] = np.where(alive > _GONE, total / (case.finite.contacts * np.maximum(alive, _GONE)), 0.0)
+    made[MASS, : b.size] = np.where(alive > _GONE, total / (finite.contacts * np.maximum(alive, _GONE)), 0.0)
     return made.reshape(COHORT_ROWS, -1, Q)

@@ -55,7 +55,7 @@ class Accuracy(NamedTuple):
 
 
 class FiniteNumber(NamedTuple):
-    """Number of contacts, of which each node holds some; 0: infinitely many."""
+    """Number of contacts, of which each node holds some."""
 
     contacts: float
     rng: np.random.Generator  # draws how many break and re-attach
@@ -63,7 +63,6 @@ class FiniteNumber(NamedTuple):
 
 
 UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), 1.0)
-INFINITE = FiniteNumber(0.0, np.random.default_rng(0), 0.0)
 
 
 class Case(NamedTuple):
@@ -76,7 +75,7 @@ class Case(NamedTuple):
     drive: Quadratic = STILL
     newborn: Newborn = UNSTRETCHED
     sliding_force: float = 0.0
-    finite: FiniteNumber = INFINITE  # its generator goes on
+    finite: FiniteNumber | None = None  # its generator goes on
 
 
 MOTION = record(

@@ -1,7 +1,7 @@
 """One step of the master equation: positions and forces that agree at its nodes, and whether it is too long."""
 
 from ._jit import bare, inlined
-from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, born, is_fixed, run_clocks, survival
+from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, NEVER, carried, is_fixed, run_clocks, survival
 from .cohorts import force_at, gather
 from .drive import drive_at
 from .oscillator import is_rigid
@@ -9,7 +9,6 @@ from .panel_state import FIRST, MOST_SWEEPS, NEGLIGIBLE, NOT_CONVERGED, Case, De
 from .reattachment import all_reattachment, known_reattachment
 from .records import Floats, Record
 from .rules import COLLOCATION, GAUSS, INCREASE, LAST, NODE, PART, SLOPES, P, Q, dot, solve
-from .survival import value_at
 
 
 @inlined
@@ -39,7 +38,7 @@ def _observe(state: State, work: Work, count: int, case: Case, dt: float) -> Non
 @bare
 def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it breaks at once."""
-    nodes, table, newborn, fixed = work.nodes, case.breaking.thresholds, case.newborn, is_fixed(case.breaking)
+    nodes, way, newborn = work.nodes, work.reading.way, case.newborn
     all_reattachment(work, case.delays, dt)
     direction = heading(state, work)
     change = 0.0
@@ -50,12 +49,9 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
             reattached, b = dot(INCREASE[k - 1, j], nodes.reattached), dot(PART[k - 1, j], nodes.x)
             for i in range(newborn.stretching.size):
                 x = y - b + direction * newborn.stretching[i]
-                m, held, most = reattached * newborn.fraction[i], 1.0, newborn.tried * abs(newborn.stretching[i])
-                if not fixed:
-                    u, r = born(work.reading.way, case.breaking, y - x, most, NODE[k] * GAUSS[j], k)
-                    held = survival(case.breaking, u, r)[0]
-                elif max(abs(x), most) > table.bottom:
-                    held = value_at(table, max(abs(x), most))
+                m, r = reattached * newborn.fraction[i], newborn.tried * abs(newborn.stretching[i])
+                u, r = carried(way, case.breaking, y - x, NEVER, r, 0.0, NODE[k] * GAUSS[j], k)
+                held = survival(case.breaking, u, r)[0]
                 if held < 1.0:
                     held *= m * newborns(case.breaking, newborn, i)
                     lost += m - held

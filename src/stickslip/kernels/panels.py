@@ -19,7 +19,7 @@ import numpy as np
 
 from . import panel_state
 from ._jit import bare, jit
-from .breaking import NEVER, a_way, born, carried, is_fixed
+from .breaking import NEVER, a_way, carried
 from .cohorts import (
     CLOCK,
     COHORT_ROWS,
@@ -37,8 +37,8 @@ from .cohorts import (
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STOPPED, UNSOLVED, Stop, drive_at, holds
 from .finite_population import attach_all, deviate, joined, settle
 from .oscillator import is_rigid, spring_force
-from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, State, Work, newborns
-from .panel_step import element_at, heading, only_lose, reach, try_step
+from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, FiniteNumber, State, Work, newborns
+from .panel_step import element_at, heading, only_lose, try_step
 from .reattachment import forget, mark_rough, next_front
 from .records import Floats, Record, blank
 from .rules import GAUSS, INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
@@ -95,8 +95,7 @@ def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
 def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -> None:
     """Make cohorts and a panel of what a step has done to infinitely many contacts."""
     nodes, motion, breaking, newborn = work.nodes, state.motion, case.breaking, case.newborn
-    origin, y, cohorts, way, fixed = motion.position, nodes[P].x, state.cohorts, work.reading.way, is_fixed(breaking)
-    low, high = reach(nodes)
+    origin, y, cohorts, way, last = motion.position, nodes[P].x, state.cohorts, work.reading.way, nodes.size - 2
     room = cohorts.shape[1] - newborn.stretching.size  # for what attaches
     state.used.cohorts = divide_passed(cohorts, state.used.cohorts, origin + y, breaking, room)
     kept = 0
@@ -104,14 +103,12 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
         alive = False
         spare = 0.25 * abs(cohorts[PLACE, g, Q - 1] - cohorts[PLACE, g, 0])
         for j in range(Q):
-            b, m, r = cohorts[PLACE, g, j], cohorts[MASS, g, j], cohorts[REACH, g, j]
-            u, since = cohorts[CLOCK, g, j], cohorts[SINCE, g, j]
-            most = max(r, origin + high - b, b - origin - low)
-            if not fixed:
-                u, most = carried(way, breaking, b - origin, u, r, motion.time - since)
-            if m != 0.0 and most < breaking.thresholds.top + spare and u < breaking.blurred.top + spare:
+            b, m, since = cohorts[PLACE, g, j], cohorts[MASS, g, j], cohorts[SINCE, g, j]
+            u, r, age = cohorts[CLOCK, g, j], cohorts[REACH, g, j], motion.time - since
+            u, r = carried(way, breaking, b - origin, u, r, age, 0.0, last)
+            if m != 0.0 and r < breaking.thresholds.top + spare and u < breaking.blurred.top + spare:
                 alive = True
-            cohorts[PLACE, kept, j], cohorts[MASS, kept, j], cohorts[REACH, kept, j] = b, m, most
+            cohorts[PLACE, kept, j], cohorts[MASS, kept, j], cohorts[REACH, kept, j] = b, m, r
             cohorts[WHOLE, kept, j], cohorts[CLOCK, kept, j] = cohorts[WHOLE, g, j], u
             cohorts[SINCE, kept, j] = since
         if alive:
@@ -119,15 +116,12 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
     if abs(nodes[P].reattached) > 0.0:
         for i in range(newborn.stretching.size):
             x0 = newborn.stretching[i]
-            most = newborn.tried * abs(x0)
             fraction = newborn.fraction[i] * newborns(breaking, newborn, i)
             for j in range(Q):
                 m = dot(INCREASE[P - 1, j], nodes.reattached)
                 b = dot(PART[P - 1, j], nodes.x) - direction * x0
                 cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = origin + b, m * fraction
-                u, r = NEVER, max(abs(y - b), abs(x0))
-                if not fixed:
-                    u, r = born(way, breaking, b, most, GAUSS[j], nodes.size - 2)
+                u, r = carried(way, breaking, b, NEVER, newborn.tried * abs(x0), 0.0, GAUSS[j], last)
                 cohorts[REACH, kept, j], cohorts[CLOCK, kept, j] = r, u
                 cohorts[WHOLE, kept, j], cohorts[SINCE, kept, j] = 1.0, motion.time + GAUSS[j] * dt
             kept += 1
@@ -165,16 +159,17 @@ def _move(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
-def _sample(row: Record, t: float, start: Record, state: State, work: Work, case: Case, dt: float) -> None:
-    curves, u = work.curves, (t - start.time) / dt
+def _sample(row: Record, t: float, end: Record, work: Work, case: Case, finite: FiniteNumber | None, dt: float) -> None:
+    curves, start = work.curves, work.before[0]
+    u = (t - start.time) / dt
     row.time = t
     row.position, row.velocity = start.position + along(curves.x, u), along(curves.v, u)
     row.contact_force = along(curves.force, u)
     row.attached = min(max(along(curves.attached, u), 0.0), 1.0)  # a polynomial overshoots
     row.work, row.damped = start.work + along(curves.work, u), start.damped + along(curves.damped, u)
     row.lost, row.stored = start.lost + along(curves.lost, u), along(curves.stored, u)
-    if case.finite.contacts > 0.0:
-        deviate(row, t, start, state.motion, work, case)
+    if finite is not None:
+        deviate(row, t, end, work, case)
     row.drive_force = spring_force(case.slider, case.drive, row.time, row.position, row.contact_force)
 
 
@@ -187,13 +182,13 @@ def _first_step(state: State, case: Case) -> float:
 
 
 @bare
-def _arrest(state: State, case: Case) -> None:
+def _arrest(state: State, case: Case, finite: FiniteNumber | None) -> None:
     """Let all that is detached re-attach where the slider is."""
     motion, newborn, cohorts = state.motion, case.newborn, state.cohorts
     out, e = motion.mass_out, motion.element
     motion.reattached += out
-    if case.finite.contacts > 0.0:
-        attach_all(state, case)
+    if finite is not None:
+        attach_all(state, case, finite)
         return
     force = stored = 0.0
     for i in range(newborn.stretching.size):
@@ -323,13 +318,14 @@ def _held(state: State, work: Work, case: Case, wanted: Wanted, dt: float) -> fl
 
 
 @bare
-def _turn(state: State, work: Work, case: Case, start: Record, dt: float, room: int, broke: bool) -> None:
+def _turn(state: State, work: Work, case: Case, finite: FiniteNumber | None, dt: float, broke: bool) -> None:
     """Note a place where the slider turns, at the end of a step in which contacts `broke`."""
     motion = state.motion
     if case.breaking.knots.size > 0:
+        room = state.cohorts.shape[1] - case.newborn.stretching.size
         state.used.cohorts = divide(state.cohorts, state.used.cohorts, motion.position, case.breaking, room)
     if case.delays.arrest:
-        _arrest(state, case)
+        _arrest(state, case, finite)
     if broke:
         mark_rough(state, motion.time)
     if abs(motion.velocity) * dt < 1e-4 * case.accuracy.tolerance:
@@ -339,7 +335,7 @@ def _turn(state: State, work: Work, case: Case, start: Record, dt: float, room: 
         for i in range(e - 2):
             state.extremes[i] = state.extremes[i + 2]
         e -= 2
-    state.extremes[e] = start.position + work.nodes[P].x
+    state.extremes[e] = work.before[0].position + work.nodes[P].x
     state.used.extremes = e + 1
 
 
@@ -358,7 +354,9 @@ def _pass(state: State, work: Work, event: int) -> None:
 
 
 @bare
-def _sample_all(state: State, work: Work, case: Case, wanted: Wanted, dt: float, end: float) -> None:
+def _sample_all(
+    state: State, work: Work, case: Case, finite: FiniteNumber | None, wanted: Wanted, dt: float, end: float
+) -> None:
     """Sample a step up to its end."""
     motion, used, start = state.motion, state.used, work.before[0]
     times, rows = wanted.times, wanted.rows
@@ -367,7 +365,7 @@ def _sample_all(state: State, work: Work, case: Case, wanted: Wanted, dt: float,
             fit(work.values[:, i], work.coefficients[:, i])
     while used.sampled < times.size and times[used.sampled] < end:
         row = rows[used.sampled]
-        _sample(row, times[used.sampled], start, state, work, case, dt)
+        _sample(row, times[used.sampled], motion, work, case, finite, dt)
         if only_lose(case):
             lost = min(max(row.lost, start.lost), motion.lost)
             row.lost = max(lost, rows[used.sampled - 1].lost) if used.sampled > 0 else lost
@@ -389,18 +387,17 @@ def _sample_here(state: State, wanted: Wanted, smallest: float) -> bool:
 
 
 @jit  # which gives the generator back; the others make no array
-def _run(state: State, work: Work, case: Case, wanted: Wanted) -> int:
+def _run(state: State, work: Work, case: Case, finite: FiniteNumber | None, wanted: Wanted) -> int:
     """Take steps until there is a reason to come back."""
     motion, nodes, used, stop, until = state.motion, work.nodes, state.used, wanted.stop, wanted.until
     smallest = 1e-12 * max(1.0, abs(until))
-    counted = case.finite.contacts > 0.0
+    counted = finite is not None
     spare = panel_state.SPARE + case.newborn.stretching.size
-    room = state.cohorts.shape[1] - case.newborn.stretching.size
     motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
     if is_rigid(case.slider):
         motion.velocity = drive_at(case.drive, motion.time)[1]
         if motion.velocity == 0.0 and case.delays.arrest and used.cohorts + spare <= state.cohorts.shape[1]:
-            _arrest(state, case)
+            _arrest(state, case, finite)
     while used.left > 0:
         if _sample_here(state, wanted, smallest):
             return STOPPED
@@ -423,32 +420,32 @@ def _run(state: State, work: Work, case: Case, wanted: Wanted) -> int:
         if event == FAILS:
             return UNSOLVED
         used.left -= 1
-        _take(state, work, case, dt, event, room)
-        _sample_all(state, work, case, wanted, dt, motion.time - smallest)
+        _take(state, work, case, finite, dt, event)
+        _sample_all(state, work, case, finite, wanted, dt, motion.time - smallest)
     return PAUSED
 
 
 @bare
-def _take(state: State, work: Work, case: Case, dt: float, event: int, room: int) -> None:
+def _take(state: State, work: Work, case: Case, finite: FiniteNumber | None, dt: float, event: int) -> None:
     """Take a step that has been solved, and what happens at its end."""
-    motion, nodes, start = state.motion, work.nodes, work.before[0]
-    direction, counted = heading(state, work), case.finite.contacts > 0.0
+    motion, nodes = state.motion, work.nodes
+    direction = heading(state, work)
     broke = nodes[P].broken > EVENT * case.accuracy.tolerance
     motion.slope = nodes[P].slope + nodes[P].ahead + nodes[P].back
     _sum_energies(state, work, case, dt)
-    if not counted:
+    if finite is None:
         _commit(state, work, case, dt, direction)
     _move(state, work, case, dt)
-    if counted:
-        settle(state, work, case, dt, start, direction)
+    if finite is not None:
+        settle(state, work, case, finite, dt, direction)
         motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
     motion.direction = direction
     if event == TURNS:
-        _turn(state, work, case, start, dt, room, broke)
+        _turn(state, work, case, finite, dt, broke)
     else:
         _pass(state, work, event)
-        if counted and case.delays.arrest and nodes[P].v * motion.velocity < 0.0:
-            _arrest(state, case)
+        if finite is not None and case.delays.arrest and nodes[P].v * motion.velocity < 0.0:
+            _arrest(state, case, finite)
 
 
 def advance(
@@ -461,15 +458,16 @@ def advance(
     state, a row for each sample time that was passed, and why: `FINISHED`, `STOPPED`, `PAUSED`, or `UNSOLVED` where
     Newton's method fails in a step however short.
     """
-    state = copy.deepcopy(state)
+    state, finite = copy.deepcopy(state), case.finite
+    case = case._replace(finite=None)  # apart, so that what does not ask for it is compiled once
     times = np.asarray(times, float)
     rows = np.empty(times.size, MOTION).view(np.recarray)
     wanted, reason = Wanted(until, stop, times, rows), NO_ROOM
     state.used.sampled, state.used.left = 0, max_steps
     while reason == NO_ROOM:
-        reason = _run(state, _room_to_work(state), case, wanted)
+        reason = _run(state, _room_to_work(state), case, finite, wanted)
         if reason == NO_ROOM:
-            state = _with_room(state, case)
+            state = _with_room(state, case, finite)
     return state, rows[: state.used.sampled], reason
 
 
@@ -482,13 +480,13 @@ def _room_to_work(state: State) -> Work:
     return Work(nodes, values, curves, coefficients, before, matrix, reading, blank(panel_state.FLUCTUATION))
 
 
-def _with_room(state: State, case: Case) -> State:
+def _with_room(state: State, case: Case, finite: FiniteNumber | None) -> State:
     """The same state with room for more cohorts, some joined, and for more panels."""
     used, room = state.used, state.cohorts.shape[1]
     spare = panel_state.SPARE + case.newborn.stretching.size
     if used.cohorts + spare > room:
-        if case.finite.contacts > 0.0:
-            kept = joined(state.cohorts, used.cohorts, case, state.motion.time)
+        if finite is not None:
+            kept = joined(state.cohorts, used.cohorts, case.breaking, finite, state.motion.time)
         else:
             kept = merged(state.cohorts, used.cohorts, case.breaking, case.accuracy.width, case.accuracy.tolerance)
         used.cohorts = kept.shape[1]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import NEVER, Breaking, later, survival
+from .breaking import NEVER, Breaking, later, reach_at, survival
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
 from .hazard import EXPONENTIAL, Growth, Hazard, grown, rate, threshold_at
@@ -43,7 +43,6 @@ ROWS = 7
 EXTINCT = 1e-13  # a cohort of which a smaller fraction survives is dropped; its rest counts as broken
 UNTRIED = 1e-10  # a contact whose integrated rate is smaller is as good as whole, and with it all of larger strengths
 _PIECE = 0.5  # largest logarithm of the growth of an age in a panel of its quadrature
-_STEADY = 0.1  # largest growth of an age in a step in which exponents change all but evenly
 
 _NODE, _WEIGHT = gauss(3)
 
@@ -52,7 +51,6 @@ class Model(NamedTuple):
     """How contacts break."""
 
     hazard: Hazard
-    growth: Growth
     breaking: Breaking
     node: Floats  # shape (n,): strengths at which the hazard is followed; none where a clock and a reach are enough
     weight: Floats  # shape (n,)
@@ -137,27 +135,10 @@ def _integral(hazard: Hazard, growth: Growth, strength: float, age: float, dt: f
 
 @inlined
 def _gained(model: Model, age: float, dt: float, x: float, dx: float) -> float:
-    """Logarithm of what ``G`` grows by: the integral for the strength 0, scaled so that it does not overflow."""
-    hazard, growth = model.hazard, model.growth
-    A = hazard.scale
-    top = max(abs(x), abs(x + dx))
-    if x * (x + dx) < 0.0 or dt > _STEADY * (age + growth.second):
-        # A threshold of `top` at rest: its rate does not overflow.
-        return math.log(max(_integral(hazard, growth, top, age, dt, x, dx), 1e-300)) + top / A
-    # On one side of 0, the exponent all but linear on either half: thresholds grow ever more slowly.
-    start = abs(x) - grown(growth, age)[1]
-    middle = abs(x + 0.5 * dx) - grown(growth, age + 0.5 * dt)[1]
-    end = abs(x + dx) - grown(growth, age + dt)[1]
-    top = max(start, middle, end)
-    first = math.exp((max(start, middle) - top) / A) * _mean_exponential(abs(middle - start) / A)
-    second = math.exp((max(middle, end) - top) / A) * _mean_exponential(abs(end - middle) / A)
-    return math.log(0.5 * hazard.attempts * dt * (first + second)) + top / A
-
-
-@inlined
-def _mean_exponential(far: float) -> float:
-    """Mean of ``exp(-z)`` for `z` from 0 to `far`."""
-    return -math.expm1(-far) / far if far > 1e-8 else 1.0
+    """Logarithm of what ``G`` grows by: the integral for a strength that does not overflow, scaled."""
+    strength = max(abs(x), abs(x + dx)) - grown(model.breaking.growth, age)[1]
+    integral = _integral(model.hazard, model.breaking.growth, strength, age, dt, x, dx)
+    return math.log(max(integral, 1e-300)) + strength / model.hazard.scale
 
 
 @inlined
@@ -168,9 +149,7 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
     if model.node.size > 0:
         cohort[TRIAL_REACH, j] = cohort[REACH, j]
         return _follow_nodes(state, model, j, age, dt, x, dX)
-    factor, addend, _, _ = grown(model.growth, age + dt)
-    reach = max(cohort[REACH, j], (abs(x + dX) - addend) / factor)
-    cohort[TRIAL_REACH, j] = reach
+    cohort[TRIAL_REACH, j] = reach = max(cohort[REACH, j], reach_at(model.breaking.growth, abs(x + dX), age + dt))
     state.trial[j, 0] = later(model.hazard.scale, state.run[j, 0], model.hazard.scale * _gained(model, age, dt, x, dX))
     return survival(model.breaking, state.trial[j, 0], reach)[0]
 
@@ -183,10 +162,10 @@ def _follow_nodes(state: State, model: Model, j: int, age: float, dt: float, x: 
     for k in range(model.node.size):
         run = state.run[j, k]
         if run < 40.0:
-            if end >= threshold_at(model.growth, model.node[k], age + dt):
+            if end >= threshold_at(model.breaking.growth, model.node[k], age + dt):
                 run = math.inf
             else:
-                run += _integral(model.hazard, model.growth, model.node[k], age, dt, x, dX)
+                run += _integral(model.hazard, model.breaking.growth, model.node[k], age, dt, x, dX)
                 fraction += model.weight[k] * math.exp(-run)
         state.trial[j, k] = run
         seen += model.weight[k]

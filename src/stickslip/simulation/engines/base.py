@@ -19,7 +19,7 @@ from stickslip.errors import InputError, UndecidedError, shown
 from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
-from stickslip.model import ElasticBody, FromRest, FromSliding, Interface, Prestressed, Slider, Start
+from stickslip.model import ElasticBody, ExponentialGrowth, FromRest, FromSliding, Interface, Prestressed, Slider, Start
 from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
@@ -295,6 +295,16 @@ def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
     return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 
+def check_newborns(interface: Interface) -> None:
+    """Raise `InputError` for newborns without strength: they break as soon as they attach."""
+    if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
+        which = "MasterEquation" if interface.temperature is None else "Interface.temperature"
+        raise InputError(
+            f"ExponentialGrowth.newborn = 0 with {which}: contacts with zero threshold break as soon as they attach; "
+            "give newborn > 0"
+        )
+
+
 def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ...]:
     """Return the looks that fall before a time: a copy goes there, so that the run itself need not stop."""
     seen = []
@@ -323,6 +333,8 @@ class Cohorts(Engine):
     state: Any
     _case: Any
     _method: Any
+
+    check = staticmethod(check_newborns)
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""

@@ -34,6 +34,7 @@ from stickslip.simulation.engines.base import (
     Individuals,
     Leg,
     Stretchings,
+    check_newborns,
     slider_constants,
     solves,
 )
@@ -51,16 +52,6 @@ _WINDOW = 2e-7  # seconds that it takes to lay a window of the shared clock, som
 _CONTACT = 150.0  # bytes of a contact
 _FINEST_TURN = 1e-13  # of a run's time; shorter turns of the slider are lost in the rounding of time
 _LIVES = 16  # the same for each contact that keeps its strength: its lifetimes are much alike
-
-
-def check_newborns(interface: Interface) -> None:
-    """Raise `InputError` for newborns without strength: they break as soon as they attach."""
-    if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
-        which = "MasterEquation" if interface.temperature is None else "Interface.temperature"
-        raise InputError(
-            f"ExponentialGrowth.newborn = 0 with {which}: contacts with zero threshold break as soon as they attach; "
-            "give newborn > 0"
-        )
 
 
 @solves(Contacts)

@@ -36,7 +36,6 @@ from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
-from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
 
 _SAFETY = 1e-4, 0.87
@@ -107,12 +106,7 @@ class Panels(Cohorts):
             grain = _GRAIN * distribution.standard_deviation() * min(math.sqrt(method.rtol / 1e-4), 2.0)
             finite = kernel.FiniteNumber(float(count), np.random.default_rng(method.seed), grain)
             self._case = self._case._replace(finite=finite)
-            self.state = counted(self.state, self._case, count)
-
-    @staticmethod
-    def check(interface: Interface) -> None:
-        """Raise `InputError` for newborns without strength."""
-        check_newborns(interface)
+            self.state = counted(self.state, self._case, finite)
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation | Population, course: Course) -> tuple[Part, ...]:
@@ -141,7 +135,7 @@ class Panels(Cohorts):
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
         other = super().copy()  # what the kernel takes, it leaves as it is, but for random numbers
-        if self._case.finite.contacts:
+        if self._case.finite is not None:
             other._case = self._case._replace(finite=copy.deepcopy(self._case.finite))
         return other
 
@@ -282,11 +276,10 @@ def _lives_met(
         mass = fraction / max(float(thresholds.survival(begun)), 1e-13)
         if is_fixed(breaking):
             x, weight = _on_panels({abs(begin), *_knots(thresholds)}, begin, strongest, width)
-            clock, most, age = np.full(x.shape, NEVER), np.maximum(np.abs(x), begun), (x - begin) / velocity
         else:
             early = begin + width * 0.25 ** np.arange(1, 24)  # what breaks at a rate, or as it grows, does so at once
             x, weight = _on_panels({0.0, *early}, begin, end, width)
-            clock, most, age = _carried(breaking, begin, begun, x, velocity)
+        clock, most, age = _carried(breaking, begin, begun, x, velocity)
         alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
         parts.append((x, mass * weight * alive, clock, most, age))
     x, weight, clock, most, age = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -326,7 +319,9 @@ def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Acc
     # Weights of a bell as wide as that are good to the tolerance.
     width = min(std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width)
     x, weight = _on_panels({*initial.knots, *_knots(thresholds)}, max(low, -end), min(high, end), width)
-    return _of_weight(x, weight * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12))
+    weight = weight * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12)
+    kept = weight.sum(axis=1) > 1e-17
+    return x[kept], weight[kept] / weight[kept].sum()
 
 
 def _knots(thresholds: Distribution) -> set[float]:
@@ -340,9 +335,3 @@ def _on_panels(knots: set[float], low: float, high: float, width: float) -> tupl
     parts = [np.linspace(a, b, math.ceil((b - a) / width) + 1) for a, b in pairwise(edges)]
     left, right = (np.concatenate(ends)[:, None] for ends in zip(*((p[:-1], p[1:]) for p in parts), strict=True))
     return left + (right - left) * GAUSS, (right - left) * WEIGHT
-
-
-def _of_weight(x: Array, weight: Array) -> tuple[Array, Array]:
-    """The panels that weigh anything, with weights of sum 1."""
-    kept = weight.sum(axis=1) > 1e-17
-    return x[kept], weight[kept] / weight[kept].sum()

@@ -13,9 +13,8 @@ from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import breaking_of
-from stickslip.simulation.engines.contacts import check_newborns
 from stickslip.simulation.work import Course, Part, oscillation, sampling
-from stickslip.sliding.lifetimes import growth_of, hazard_of
+from stickslip.sliding.lifetimes import hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
 _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
@@ -35,27 +34,25 @@ class ThermalPopulation(Cohorts):
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         interface = beginning.interface
         self._method, self.slider = method, slider_constants(beginning.slider)
-        model, mean = _model(interface), interface.threshold_distribution.moment(1)
+        thresholds, width, nodes = interface.threshold_distribution, activation_width(interface), (np.empty(0),) * 2
+        if not _is_one_number(interface):
+            nodes = _threshold_nodes(thresholds, width)
+        model = kernel.Model(hazard_of(interface.temperature), breaking_of(interface), *nodes, width)
         # Second order: half a width makes 1e-5 of the force.
         coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
         reach = 0.5 * coarser
-        broken = min(1.5 * reach * model.width / mean, _BROKEN * coarser)
+        broken = min(1.5 * reach * width / thresholds.moment(1), _BROKEN * coarser)
         limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
         delays = Delays(*interface.delay.quadrature())
         self._case = kernel.Case(model, delays, self.slider, interface.sliding_force, limits)
         if beginning.sliding:
-            step = 0.5 * reach * model.width
+            step = 0.5 * reach * width
             self.state = kernel.sliding_state(model, delays, beginning.velocity, limits, step, interface.sliding_force)
             self.state.motion.velocity = beginning.slider_velocity
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
-            x, fraction = stretching_nodes(interface.initial, interface.threshold_distribution)
+            x, fraction = stretching_nodes(interface.initial, thresholds)
             self.state = kernel.initial_state(model, delays, x, fraction, since, beginning.slider_velocity)
-
-    @staticmethod
-    def check(interface: Interface) -> None:
-        """Raise `InputError` for newborns without strength."""
-        check_newborns(interface)
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
@@ -75,15 +72,6 @@ class ThermalPopulation(Cohorts):
         """Stretchings of the cohorts now."""
         place, alive = self.state.cohort[[PLACE, ALIVE], : self.state.used.cohorts]
         return Stretchings(self.state.motion.position - place, alive, cells=True)
-
-
-def _model(interface: Interface) -> kernel.Model:
-    """Return how contacts break, with its tables or nodes."""
-    width, node, weight = activation_width(interface), np.empty(0), np.empty(0)
-    if not _is_one_number(interface):
-        node, weight = _threshold_nodes(interface.threshold_distribution, width)
-    hazard, growth = hazard_of(interface.temperature), growth_of(interface.ageing)
-    return kernel.Model(hazard, growth, breaking_of(interface), node, weight, width)
 
 
 def _is_one_number(interface: Interface) -> bool:
