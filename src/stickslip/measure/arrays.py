@@ -61,24 +61,19 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
-
-    `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
-    loading. `rig` is that of a run, `contacts` their number, where it is known. A `measured` force has noise, and a
-    bench behind it.
-    """
+    """The arrays of a Dataset; forces and motion are along the direction of the drive."""
 
     t: Array
     force: Array
     sign: float
-    largest: float
+    largest: float  # force in all of the data: static friction, where they hold a slip or the first loading
     X: Array | None = None
     velocity: Array | None = None
     drive: Array | None = None
     displacement: Array | None = None
     rig: Rig | None = None
-    contacts: int | None = None
-    measured: bool = False
+    contacts: int | None = None  # their number, where it is known
+    measured: bool = False  # with noise, and a bench behind it
     time_unit: str = ""
     force_unit: str = ""
     quantity: str = "force"

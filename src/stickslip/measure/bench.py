@@ -1,12 +1,12 @@
 """Effects of the bench on a trace: reciprocating strokes, a saturated sensor, a reversed sign."""
 
-import functools
 import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
 from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace
 from stickslip.measure.periods import rises
@@ -22,11 +22,7 @@ FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and
 
 
 def find_strokes(trace: Trace) -> list[Trace]:
-    """The strokes of a reciprocating test, each along its own direction; none of any other test.
-
-    By the displacement, where it is known; by the force, where it changes between two plateaus of opposite sign.
-    The reversals are left out: a stroke goes from where the force first reaches its usual level to where it last does.
-    """
+    """The strokes of a reciprocating test, each along its own direction and without the reversals; none of another."""
     edges = _reversals(trace)
     if len(edges) < 3:
         return []
@@ -46,7 +42,7 @@ def find_strokes(trace: Trace) -> list[Trace]:
 
 
 def _reversals(trace: Trace) -> list[int]:
-    """First samples of the strokes, and the end of the last."""
+    """First samples of strokes, and the end of the last: by displacement, or a force with plateaus of either sign."""
     size = trace.t.size
     if (way := trace.displacement) is not None:
         least = LEAST_WAY * float(np.ptp(way))
@@ -74,10 +70,7 @@ def about_the_sensor(force: Array) -> tuple[str, ...]:
 
 
 def far_outside(force: Array) -> NDArray[np.bool_]:
-    """Samples between others and farther from all of these than they ever are from one another: -9999, or a spark.
-
-    A force that moves there passes through what lies between; a few samples with nothing between are a fault.
-    """
+    """Samples between others, and farther from all of these than they ever are from one another: -9999, or a spark."""
     found = ~np.isfinite(force)
     for side in (1.0, -1.0, 1.0):
         values = np.sort(side * force[~found])
@@ -92,23 +85,19 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
 
 
 def spikes(force: Array) -> NDArray[np.bool_]:
-    """Single samples that a force did not pass through: electrical spikes, of either sign.
-
-    They lie more than six standard deviations off the median of five, and farther from the four samples beside them
-    than these from one another: a slip, which is no longer, leaves those apart. Where many are so, they are no faults.
-    """
+    """Electrical spikes: samples farther from the four beside them than these, as in a slip, from one another."""
     found, known = np.zeros(force.size, dtype=bool), np.flatnonzero(np.isfinite(force))
     values = force[known]
     if values.size < FEWEST_READINGS:
         return found
-    bend = float(np.median(np.abs(values[:-2] - 2.0 * values[1:-1] + values[2:])))
+    bend = float(np.median(np.abs(np.diff(values, 2))))
     scatter = max(1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0))
-    beside, here = (values[:-4], values[1:-3], values[3:-1], values[4:]), values[2:-2]
-    lowest, highest = functools.reduce(np.minimum, beside), functools.reduce(np.maximum, beside)
-    apart = np.maximum(lowest - here, here - highest) > highest - lowest
-    apart[apart] = np.abs(here[apart] - np.median([each[apart] for each in (*beside, here)], axis=0)) > SIGMAS * scatter
-    if np.count_nonzero(apart) <= FEW * values.size:
-        found[known[2:-2][apart]] = True
+    lowest, highest = (extreme(values, footprint=[1, 1, 0, 1, 1]) for extreme in (minimum_filter, maximum_filter))
+    apart = np.maximum(lowest - values, values - highest) > highest - lowest
+    apart &= np.abs(values - median_filter(values, 5)) > SIGMAS * scatter
+    apart[:2] = apart[-2:] = False
+    if np.count_nonzero(apart) <= FEW * values.size:  # where many are so, they are no faults
+        found[known[apart]] = True
     return found
 
 
@@ -119,8 +108,7 @@ def _is_flat(force: Array) -> bool:
     many = int(np.count_nonzero(at))
     if many < FEWEST_FLAT or many > 0.9 * force.size:
         return False
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
-    runs = edges[1::2] - edges[::2]
+    runs = np.diff(np.flatnonzero(np.diff(at, prepend=False, append=False)))[::2]
     if np.count_nonzero(runs >= FLAT_RUN) < FLAT_PEAKS:
         return False
     near = force[~at & (force > top - 0.2 * (top - float(force.min())))]

@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 from stickslip import words
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.arrays import CHANCE, ERRORS, FEWEST_CYCLES, Trace, mean_and_std, slope, without_drift
+from stickslip.measure.arrays import CHANCE, ERRORS, FEWEST_CYCLES, Trace, mean_and_std, without_drift
 from stickslip.measure.kinematics import HALF, RESTS, loading, strays_by
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
 from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
@@ -39,10 +39,7 @@ _AT_MOST = {"steady", "small", "slight"}  # tests passed at most at their limit;
 
 
 def noise_of(rig: Rig) -> float | None:
-    """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``, in the rig's units.
-
-    NaN if it is unstable; None of what theory does not take.
-    """
+    """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``: NaN if unstable, None if not known."""
     noise = _noise(rig.interface, rig.slider, rig.natural.velocity)
     return noise if noise is None else noise * rig.unit("f_s")
 
@@ -98,10 +95,7 @@ class Window:
 
     @cached_property
     def trend(self) -> tuple[float, float]:
-        """Amplitude in the second half over that in the first, and the error of its logarithm; NaN and 0 if unknown.
-
-        From the drops, where they are cycles; else from the fluctuation in parts of the window.
-        """
+        """Amplitude in the second half over that in the first, and the error of its logarithm; NaN and 0 if unknown."""
         sizes, times, trace = self.found.drops, self.found.times, self.trace
         if not self.cycles or abs(self.found.size - self.cycles.count) > 1:
             forces, moments = (np.array_split(values, 2 * FEWEST_CYCLES) for values in (trace.force, trace.t))
@@ -109,22 +103,14 @@ class Window:
         times, sizes = times[sizes > 0], np.log(sizes[sizes > 0])
         if sizes.size < FEWEST_CYCLES:
             return math.nan, 0.0
-        at = (times - times.mean()) / (trace.t[-1] - trace.t[0])
-        rate = slope(sizes, at)
-        rest = sizes - sizes.mean() - rate * at
-        error = math.sqrt(float(rest @ rest) / (sizes.size - 2) / float(at @ at))
+        (rate, _), covariance = np.polyfit(times / np.ptp(trace.t), sizes, 1, cov=True)
         few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS  # by Student: few parts tell their scatter badly
-        return math.exp(0.5 * rate), 0.5 * few * error
+        return math.exp(0.5 * rate), 0.5 * few * math.sqrt(covariance[0, 0])
 
     @cached_property
     def line(self) -> tuple[float, float]:
         """Period and swing of a line of the spectrum of a force that has no period; NaN if there is none."""
         return (math.nan, math.nan) if self.cycles else spectral_line(self.trace.t, self.trace.force)
-
-    @cached_property
-    def fast(self) -> float:
-        """Largest velocity of the slider in a typical drop, over that of the drive; NaN if it is not known."""
-        return weighted_median(speeds(self.trace, self.found), self.found.drops**2)
 
     @cached_property
     def slips(self) -> tuple[*Row, str]:
@@ -133,10 +119,11 @@ class Window:
         Of a periodic force the time in drops tells that; of an irregular one, the time at the full loading rate, too.
         """
         trace, found = self.trace, self.found
-        samples = weighted_median((found.trough - found.peak).astype(float), found.drops**2)
-        if self.fast >= SLIP_VELOCITY or (math.isfinite(self.fast) and samples >= FEWEST_IN_A_DROP):
-            said = f"peak slider velocity {words.number(self.fast, 3)} times that of the drive"
-            return "largest slider velocity over the drive's", self.fast, SLIP_VELOCITY, "theory", said
+        samples = weighted_median(np.asarray(found.trough - found.peak, dtype=float), found.drops**2)
+        fast = weighted_median(speeds(trace, found), found.drops**2)  # in a typical drop; NaN if it is not known
+        if fast >= SLIP_VELOCITY or (math.isfinite(fast) and samples >= FEWEST_IN_A_DROP):
+            said = f"peak slider velocity {words.number(fast, 3)} times that of the drive"
+            return "largest slider velocity over the drive's", fast, SLIP_VELOCITY, "theory", said
         phase = found.slip_phase(trace)
         said = f"slipping takes {100 * phase:.0f} % of each cycle"
         if self.cycles or not phase > SLIP_PHASE or trace.contacts:
@@ -149,11 +136,7 @@ class Window:
 
     @cached_property
     def noise(self) -> tuple[float, float]:
-        """Standard deviation of the force that contacts make in smooth sliding, and how many times it is no more.
-
-        By theory where the rig is known: NaN if it is unstable. Where only their number is, as much as evenly stretched
-        ones make at most.
-        """
+        """Standard deviation of the force in smooth sliding, NaN if unstable; and how many times is no more."""
         trace, count = self.trace, self.trace.contacts
         if not count or not self.found.size:
             return math.nan, ERRORS

@@ -196,10 +196,7 @@ def _half_times(time: Array, X: Array) -> Array:
 
 
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Means of a variable of each block over at most so many times and places; of a velocity, its largest size.
-
-    Returned with the edges of the times and of the places: block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
-    """
+    """Means, of a velocity largest sizes, over at most so many times and places of blocks; and the edges of these."""
     values, edges = np.asarray(field.values, dtype=float), list[NDArray[np.intp]]()
     for axis, pieces in enumerate(most):
         edges.append(np.unique(np.linspace(0, values.shape[axis], pieces + 1).astype(int)))

@@ -27,10 +27,7 @@ _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi  # part of half a cyc
 
 
 def slopes(force: Array, step: float, noise: float, rate: float) -> Array:
-    """Slopes of a force at its samples, by least squares over as many as tell a rate to a tenth.
-
-    Empty where that takes more than a twelfth of them.
-    """
+    """Slopes by least squares over as many samples as tell a rate to a tenth; none if that takes over a twelfth."""
     width = max(math.ceil((12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
@@ -39,10 +36,7 @@ def slopes(force: Array, step: float, noise: float, rate: float) -> Array:
 
 
 def loading(force: Array, step: float, noise: float) -> tuple[float, float]:
-    """Rate at which a force rises where it rises at its full rate, and the part of the time in which it does.
-
-    The rate is the upper mode of the slopes. Not numbers where the noise leaves none.
-    """
+    """Rate at which a force rises at its fullest, the upper mode of slopes, and for which part of the time; or NaN."""
     rate = math.inf
     for _ in range(20):
         found = slopes(force, step, noise, rate)

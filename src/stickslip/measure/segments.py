@@ -15,10 +15,7 @@ LARGE = np.array([1.0, math.log(2.0)])  # steps of the level by the scatter abou
 
 
 def segments(trace: Trace, found: Slips) -> list[Trace]:
-    """The parts of a trace between steps of its level or amplitude, in turn; none where there is no step.
-
-    Level and logarithm of the amplitude are those of blocks of a cycle or more, over their scatter between neighbours.
-    """
+    """The parts of a trace between steps of its level or amplitude, in turn; none where there is no step."""
     usual = weighted_median(np.diff(found.times), found.drops[1:] ** 2) if found.size > 1 else 0.0
     count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS, int(np.ptp(trace.t) / (usual or 1e-300)))
     if count < 2 * FEWEST_CYCLES or not np.ptp(trace.force):

@@ -79,10 +79,7 @@ def weighted_median(values: Array, weights: Array) -> float:
 
 
 def white_noise(force: Array) -> float:
-    """Standard deviation of white noise on a trace, from second differences.
-
-    Slips spoil some of them; where they are many, those beyond twice the noise are left out, again and again.
-    """
+    """Standard deviation of white noise, from second differences; those that many slips spoil are left out."""
     every = max(1, force.size // _FOR_NOISE)
     bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
     first = noise = float(np.median(bend)) / 0.6745
@@ -107,18 +104,12 @@ def resolution(force: Array) -> float:
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
-    """Drop that noise alone may show between two of so many samples, one `within` so many of the other.
-
-    The tenth on top is to spare.
-    """
+    """Drop that noise shows between two of so many samples, `within` so many of one another; a tenth is to spare."""
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
 def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
-    """A force smoothed as far as its cycles allow, and the drop that its noise may show by chance.
-
-    A running median keeps the edges of the drops; it cuts a drop by its length over that of the cycle.
-    """
+    """A force by a median, which keeps edges, as wide as cycles allow; and the drop its noise may show by chance."""
     chance = _chance_drop(force.size, force.size, noise)
     peaks, troughs = turning_points(force, 0.7 * chance)
     drops = force[peaks] - force[troughs]
@@ -132,11 +123,7 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
-    """Drops by a threshold that comes from the data: above noise, and not small beside the typical drop.
-
-    A force that is white noise about a line, no more of it and no period, has none. Those cut off at the ends or by a
-    gap are left out.
-    """
+    """Drops above the noise and not small beside the typical one, cut off neither by an end nor by a gap."""
     noise, cycles, t, force = white_noise(trace.force), find_cycles(trace.t, trace.force), trace.t, trace.force
     smallest = least = minimum_drop or 0.0
     criterion = "drops of at least the minimum_drop given"
@@ -154,7 +141,10 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         criterion = (
             f"drops of at least {smallest:.3g}: a tenth of the typical one, {by_chance:.2g} by noise ({noise:.2g})"
         )
-    peaks, troughs = pick(t, force, smallest, back=_way_back(trace))
+    back = None  # the way of the slider against the drive's direction, less that of the drive
+    if trace.X is not None and trace.drive is not None and not trace.measured:
+        back = -trace.X - cumulative_trapezoid(np.abs(trace.drive), t, initial=0)
+    peaks, troughs = pick(t, force, smallest, back=back)
     across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
     whole = (peaks > 0) & (troughs < force.size - 1) & ~across
     peak, trough = peaks[whole], troughs[whole]
@@ -215,13 +205,6 @@ def turning_points(values: Array, drop: float, rise: float | None = None) -> tup
     peaks, troughs = zigzag(values, drop, drop if rise is None else rise)
     ends = np.flatnonzero(values[1:] != values[:-1])
     return ends[np.searchsorted(ends, peaks)], troughs
-
-
-def _way_back(trace: Trace) -> Array | None:
-    """The way of the slider against the drive's direction less that of the drive; None where it is not known."""
-    if trace.X is None or trace.drive is None or trace.measured:
-        return None
-    return np.asarray(-trace.X - cumulative_trapezoid(np.abs(trace.drive), trace.t, initial=0))
 
 
 def pick(

@@ -80,10 +80,7 @@ def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = N
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
-    """Number and unit of a cell; no number, and no unit, where it holds none that is finite, or words behind it.
-
-    A time of the day, with a date or without, is seconds.
-    """
+    """Number and unit of a cell, a time of the day as seconds; None and no unit where it holds no finite number."""
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
     plain = (cell.translate(_COMMAS) if comma else cell) if len(cell) <= _LONGEST_NUMBER else ""
     if clock := _CLOCK.fullmatch(plain):
