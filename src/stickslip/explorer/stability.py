@@ -87,7 +87,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "margins": [list(row) for row in advise.say.margins(found)],
         "mitigations": [
             {"title": sentence, "values": {each.parameter: each.stops}}
-            for sentence, each in zip(advise.say.mitigations(found), found.mitigations, strict=True)
+            for each, sentence in zip(found.mitigations, advise.say.mitigations(found), strict=False)
         ],
         "attempts": list(advise.say.attempts(found)),
         "not_searched": " ".join(advise.say.not_searched(found)),
