@@ -24,7 +24,7 @@ MECHANISMS: dict[str, tuple[dict[str, Any], float]] = {
     "of different areas": ({"areas": "fresh"}, 10),
     "that strengthen, logarithmically": ({"ageing": LOGARITHMIC}, 15),
     "that strengthen, exponentially": ({"ageing": EXPONENTIAL}, 40),
-    "that break by heat, Bell's rate": ({"temperature": BELL}, 5),
+    "that break by heat, Bell's rate": ({"temperature": BELL}, 15),
     "that break by heat, a parabolic barrier": ({"temperature": PARABOLIC}, 25),
     "that break by heat, a power-law barrier": ({"temperature": BARRIER}, 35),
     "that strengthen logarithmically, Bell's rate": ({"temperature": BELL, "ageing": LOGARITHMIC}, 25),
@@ -138,7 +138,7 @@ def test_a_run(benchmark):
 ANSWERS: dict[str, tuple[Any, float]] = {
     "critical velocities": (lambda: ss.critical(RIG, "velocity", between=(0.1, 10.0)), 10),
     "noise of the contacts": (lambda: ss.stability.contact_noise(RIG.replace(stiffness=10.0)), 3),
-    "bistable range of the velocity": (lambda: ss.bistable_range(RIG, "velocity", between=(0.3, 2.0)), 150),
+    "bistable range of the velocity": (lambda: ss.bistable_range(RIG, "velocity", between=(0.3, 2.0)), 250),
     "rate-and-state parameters, Bell's rate": (
         lambda: ss.rate_and_state(ss.Interface(**PLAIN | {"temperature": BELL}), 1.0),
         300,

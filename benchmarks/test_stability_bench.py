@@ -65,7 +65,7 @@ def test_unstable_modes(benchmark):
 def forget():
     """Forget every response of ageing contacts; the kernels stay compiled."""
     critical(AGED, "stiffness", between=(0.9, 1.1))
-    for kept in (langevin._at, langevin._known, whole_axis):
+    for kept in (langevin._known, whole_axis):
         kept.cache_clear()
 
 
