@@ -43,7 +43,7 @@ def rigid(interface, method):
 
 
 def small_cases():
-    few, coarse, sliding = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=1e-2), {"start": ss.FromSliding()}
+    few, coarse, sliding = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=5e-3), {"start": ss.FromSliding()}
     at_once = ss.Interface(thresholds=TENTH)
     delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
@@ -65,7 +65,7 @@ def small_cases():
             f"{method}, ageing": partial(run, ageing, method, drive=BACK),
         }
     cases |= {
-        "memoryless": partial(run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)),
+        "memoryless": partial(run, delayed, ss.MasterEquation(rtol=5e-3, memoryless=True)),
         "contacts, ageing with a delay": partial(run, strong, few, **slow),
         "contacts, ageing, sliding": partial(run, ageing, few, **slow, **sliding),
         "contacts, ageing, in one place": partial(run, ageing, few, drive=ss.constant(0.0, 0.4)),
