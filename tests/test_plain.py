@@ -23,7 +23,7 @@ SLIDER = ss.Slider(stiffness=2.0, mass=1e-3, damping=30.0)
 LIGHT = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
 THERE_AND_BACK = ss.constant(1.0, 1.6).then(ss.ramp(-1.0, 0.0, 1.0))
 BACK = ss.constant(0.5, 0.5).then(ss.constant(-0.5, 0.2))
-UNTIL = ss.constant(1.0, 5.0).until(ss.model.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.model.ForceBelow(0.3))
+UNTIL = ss.constant(1.0, 5.0).until(ss.model.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.model.ForceBelow(0.4))
 DELAYS = {
     "no delay": ss.Delay(0.0),
     "delay": ss.Delay(0.2),
@@ -43,7 +43,7 @@ def rigid(interface, method):
 
 
 def small_cases():
-    few, coarse, sliding = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=5e-3), {"start": ss.FromSliding()}
+    few, coarse, sliding = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=1e-2), {"start": ss.FromSliding()}
     at_once = ss.Interface(thresholds=TENTH)
     delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
@@ -65,7 +65,7 @@ def small_cases():
             f"{method}, ageing": partial(run, ageing, method, drive=BACK),
         }
     cases |= {
-        "memoryless": partial(run, delayed, ss.MasterEquation(rtol=5e-3, memoryless=True)),
+        "memoryless": partial(run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)),
         "contacts, ageing with a delay": partial(run, strong, few, **slow),
         "contacts, ageing, sliding": partial(run, ageing, few, **slow, **sliding),
         "contacts, ageing, in one place": partial(run, ageing, few, drive=ss.constant(0.0, 0.4)),
