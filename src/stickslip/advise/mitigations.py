@@ -155,8 +155,10 @@ class _Search:
                 value = self._first(change, low, high, 1)
                 if value is not None and not self._smooth(change, value, SEEDS):
                     value = self._first(change, value, high, SEEDS)
-                if value is not None and (value <= high / (1.0 + PRECISION) or high == furthest):
-                    return min(value * (1.0 + PRECISION), high), self._reached, True  # beyond that nothing is known
+                if value is not None and value <= high / (1.0 + PRECISION):
+                    return value * (1.0 + PRECISION), self._reached, True
+                if value is not None and high == furthest:  # too near to the end to stand with room beyond it
+                    return None, self._reached, True
         except Spent:
             return None, self._reached, False
         return None, max(furthest, 1.0), True
