@@ -381,9 +381,10 @@ def plot(
     """Draw a run, a measured trace or a sweep."""
     from stickslip.sweep import is_store
 
-    kind = kind or SUFFIXES.get(output.suffix.lower(), "overview")
+    swept = is_store(data)
+    kind = "overview" if swept or beside else kind or SUFFIXES.get(output.suffix.lower(), "overview")
     _check_outputs(picture=output, read=data, kind=kind)
-    if is_store(data):
+    if swept:
         from stickslip.sweep.plan import open_plan
 
         print(f"on top: {_draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)}")
