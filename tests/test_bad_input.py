@@ -16,7 +16,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import rigid
-from stickslip.cycles import is_sustained
+from stickslip.cycles import cycle_branch, is_sustained
 from stickslip.errors import (
     LARGEST,
     LONGEST_MESSAGE,
@@ -137,7 +137,7 @@ REFUSED = [
     (lambda: ss.critical_stiffness(interface(thresholds=ss.Gaussian(1.0, 1e-29))), "next to equal"),
     (lambda: ss.static_friction(interface(thresholds=ss.Gaussian(1.0, 1e-6))), "points are needed"),
     (lambda: ss.regime(3.0), "must be"),
-    (lambda: ss.cycles.cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"), "tolerance = '1 m/s'"),
+    (lambda: cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"), "tolerance = '1 m/s'"),
     (lambda: ss.velocity_step(RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
     # rigs and runs
     (lambda: RIG.replace(slider=None), r"^Rig\.slider = None: must be a Slider"),

@@ -1,4 +1,3 @@
-from . import cycles as cycles
 from . import elastic as elastic
 from . import measure as measure
 from . import model as model
@@ -59,6 +58,7 @@ from .simulation import simulate as simulate
 from .simulation import slide_hold_slide as slide_hold_slide
 from .simulation import velocity_step as velocity_step
 from .sliding import kinetic_friction as kinetic_friction
+from .stability import contact_noise as contact_noise
 from .stability import critical as critical
 from .stability import growth_rate as growth_rate
 from .stability import stability_map as stability_map

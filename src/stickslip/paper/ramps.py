@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 import stickslip as ss
 from stickslip import plot
+from stickslip.cycles import cycle_branch
 from stickslip.model import Start
 from stickslip.paper.cases import FIG7, FIG9, FIG10, V1, aged
 from stickslip.paper.figure import Claim, Figure, at_least, between, extremes, near, weighed
@@ -140,7 +141,7 @@ def _data_7(progress: Progress, quick: bool) -> xr.Dataset:
     sweeps = xr.concat([run[["spring_force", "drive_velocity"]] for run in runs], "sweep")
     (band,) = ss.bistable_range(FIG7.rig, "velocity", between=(0.3, _FAST))
     start, step = FIG7.rig.replace(velocity=1.5), 0.2 if quick else 0.05
-    branch = ss.cycles.cycle_branch(start, "velocity", step=step, between=(0.3, _FAST))
+    branch = cycle_branch(start, "velocity", step=step, between=(0.3, _FAST))
     ranges = grid(lambda case, _: _ranges(case, 5 if quick else 16), next(parts), case=cases)
     return dataset(
         {
