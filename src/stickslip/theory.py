@@ -64,11 +64,9 @@ def _closure_force(velocity: float, ageing: Langevin) -> float:
 def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Array:
     """Return the mean fraction of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
-    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``; without ageing.
-
-    The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
-    stretching. There it is exact, for a random delay with the mean delay. Used inside the dynamics, as the
-    paper does, it has no memory and is an approximation.
+    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``; without ageing. It is exact
+    in steady sliding, where the paper's ``xbar = 1/Gamma`` is the mean threshold, for a random delay with its mean.
+    Used inside the dynamics, as the paper does, it has no memory and is an approximation.
     """
     instance("attached_fraction: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), "attached_fraction")
@@ -88,9 +86,8 @@ def driving_force(interface: Interface, slider: Slider, velocity: float) -> floa
 def critical_stiffness_estimate(interface: Interface) -> float:
     """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9), in ``k``: a hint at scaling.
 
-    From the standard deviations of thresholds and of initial stretchings; infinite where all contacts are equal. For
-    the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for narrow
-    distributions.
+    From the standard deviations of thresholds and of initial stretchings, if they are small; infinite where both are 0.
+    For the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99.
     """
     distribution = interface.threshold_distribution
     width = distribution.standard_deviation() + interface.initial.standard_deviation()
@@ -100,10 +97,9 @@ def critical_stiffness_estimate(interface: Interface) -> float:
 def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Array:
     """Return how far the slider slips in a time after the elastic instability, ``v dt [1 + (Omega dt)^2/6]``, Eq. (12).
 
-    With ``Omega = sqrt(K/M)`` of a slider with a mass. For `velocity` the paper prints the drive's, ``v_d``. That
-    supposes that the slider still follows the drive at the instability; it has run ahead by then, and the result is too
-    small by up to a factor 3.5. With the slider's actual velocity at the instability it holds to 10 % for ``Omega dt <=
-    1``.
+    With ``Omega = sqrt(K/M)``. For `velocity` the paper prints the drive's, ``v_d``; but the slider has run ahead of it
+    by then, and the result is too small by up to a factor 3.5. With the slider's actual velocity at the instability it
+    holds to 10 % for ``Omega dt <= 1``.
     """
     instance("slip_displacement: slider", slider, Slider, "a Slider")
     number("velocity", velocity, at_least=0, hint="in x_s per time")
@@ -131,9 +127,8 @@ def effective_potential(slider: Slider, position: ArrayLike, contact_force: Arra
 def newborn_pull(interface: Interface, velocity: float, distance: float, points: int) -> tuple[Array, Array]:
     """Return the force on a slider of constant velocity whose contacts were all newborn at its start, as in Fig. 11.
 
-    Lifetimes at constant velocity are alike, so it follows from a renewal equation. Contacts have `Langevin` ageing, no
-    delay, and no strength at birth. Returned are positions, so many equal steps of the distance, in ``x_s``, and forces
-    there, per contact in ``f_s``.
+    By a renewal equation. Contacts have `Langevin` ageing, no delay, and no strength at birth. Returned are positions,
+    so many equal steps of the distance, in ``x_s``, and forces there, per contact in ``f_s``.
     """
     speed, distance = number("velocity", velocity, above=0), number("distance", distance, above=0)
     return pull_newborns(speed, ageing_constants(interface), distance, points)

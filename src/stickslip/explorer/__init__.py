@@ -31,11 +31,7 @@ the clear (http): give it to people in the room, not to the internet."""
 
 
 def serve(
-    rig: Path | None = None,
-    *,
-    port: int | None = None,
-    ready: Callable[[str], None] | None = None,
-    share: bool = False,
+    rig: Path | None = None, *, port: int | None = None, ready: Callable[[str], None] | None = None, share: bool = False
 ) -> None:
     """Serve the app until interrupted, on the loopback interface unless it is shared (`EXPOSED`).
 

@@ -1,12 +1,10 @@
 """The distributions that come with the package, for the thresholds of contacts and for their initial stretchings.
 
-Every distribution answers the same few questions (`Distribution`), so that every solver takes every distribution. A
-threshold is a stretching at which a contact breaks, hence positive: a distribution that reaches below zero is
-conditioned on positive values by `positive` when it is used for thresholds, and taken as it is when it is used for
-initial stretchings.
+A threshold is a stretching at which a contact breaks: of a distribution that reaches below zero, its positive part.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Self
@@ -142,10 +140,14 @@ class _Histogram(Distribution):
         """The standard deviation, which `with_std` sets."""
         return self.standard_deviation()
 
-    def _stretched(self, std: float) -> tuple[float, ...]:
-        """The edges stretched about the mean to another standard deviation."""
-        mean, ratio = self.moment(1), std / self.standard_deviation()
-        return tuple((mean + ratio * (self._bins[0] - mean)).tolist())
+    def with_std(self, value: float) -> Self:
+        """Return the distribution stretched about its mean to another standard deviation."""
+        mean, ratio = self.moment(1), value / self.standard_deviation()
+        return self._with((mean + ratio * (self._bins[0] - mean)).tolist())
+
+    def _with(self, edges: Sequence[float]) -> Self:
+        """The distribution with other edges."""
+        raise NotImplementedError
 
     def density(self, x: ArrayLike) -> Array:
         x = np.asarray(x, dtype=float)
@@ -205,9 +207,8 @@ class Uniform(_Histogram):
     def _bins(self) -> tuple[Array, Array]:
         return np.array([self.low, self.high]), np.ones(1)
 
-    def with_std(self, value: float) -> "Uniform":
-        """Return the distribution stretched about its mean to another standard deviation."""
-        return Uniform(*self._stretched(value))
+    def _with(self, edges: Sequence[float]) -> Self:
+        return replace(self, low=edges[0], high=edges[1])
 
 
 def _above_0(x: ArrayLike) -> Array:
@@ -397,9 +398,8 @@ class Empirical(_Histogram):
     def _bins(self) -> tuple[Array, Array]:
         return np.array(self.edges), np.array(self.weights)
 
-    def with_std(self, value: float) -> Self:
-        """Return the distribution stretched about its mean to another standard deviation."""
-        return replace(self, edges=self._stretched(value))
+    def _with(self, edges: Sequence[float]) -> Self:
+        return replace(self, edges=tuple(edges))
 
 
 @register("steady state")
@@ -426,10 +426,6 @@ class SteadyState(Distribution):
         distribution, n = self.thresholds, order + 1
         beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x), 0.0)
         return np.asarray((distribution.partial_moment(x, n) - beyond) / (n * distribution.moment(1)))
-
-    @property
-    def leftmost(self) -> float:
-        return self.thresholds.leftmost
 
     knots = (0.0,)
 

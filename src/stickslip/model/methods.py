@@ -111,10 +111,7 @@ class QuasiStatic(Record):
 class Renewal(Record):
     """Method of `rigid_slide`: the master equation as a renewal equation, solved by fast convolution.
 
-    Parameters
-    ----------
-    points : int
-        Intervals of the grid of positions; the error falls as ``points**-6`` for smooth distributions.
+    The grid of positions has so many intervals; the error falls as ``points**-6`` for smooth distributions.
     """
 
     points: Annotated[int, Number(at_least=8, at_most=10_000_000)] = 4096

@@ -6,8 +6,6 @@
 >>> picture = figure.draw(data)
 >>> all(claim.ok for claim in figure.check(data))
 True
-
-A figure is three functions: data, claims and drawing, joined in a `Figure`. Settled numbers stand in the claims.
 """
 
 from stickslip.errors import InputError

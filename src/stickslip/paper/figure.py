@@ -151,14 +151,9 @@ class Figure:
         self._height, self._data, self._claims, self._drawing = height, data, claims, drawing
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
-        """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
+        """Compute the data of the figure; if `quick`, coarser, for tests: the verdicts are the same.
 
-        Parameters
-        ----------
-        progress : callable, optional
-            Called with the fraction of the work that is done.
-        quick : bool
-            Coarser, for tests; the verdicts are the same.
+        `progress` is called with the fraction of the work that is done. `stickslip.io.datasets.save` writes the data.
         """
         report = progress or (lambda _: None)
         data = self._data(report, quick)
@@ -219,13 +214,7 @@ class Reproduction:
 def places(
     figure: Figure, directory: str | os.PathLike[str], formats: Sequence[Format] = ("png",)
 ) -> tuple[Path, tuple[Path, ...]]:
-    """Return where data and pictures of a figure go; the directory is made.
-
-    Raises
-    ------
-    InputError
-        If nothing can be written there, or a format is unknown.
-    """
+    """Return where data and pictures of a figure go; the directory is made, or `InputError` says what is wrong."""
     folder = Path(directory)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -250,23 +239,7 @@ def reproduce(
 ) -> Reproduction:
     """Compute a figure, write data and pictures, and weigh the claims on the data read back from the file.
 
-    Parameters
-    ----------
-    figure : Figure
-    directory : path
-        Where ``fig4.nc``, ``fig4.png`` ... go; made if it is not there.
-    formats : sequence of {"png", "pdf", "svg"}
-    check : bool
-        Whether to weigh the claims.
-    quick : bool
-        Fewer points and contacts; the verdicts are the same.
-    progress : callable, optional
-        Called with the fraction of the work that is done.
-
-    Raises
-    ------
-    InputError
-        If nothing can be written there; before anything is computed.
+    Raises `InputError` if nothing can be written there; before anything is computed.
 
     Examples
     --------

@@ -50,19 +50,17 @@ from stickslip.plot.style import (
     SKY,
     VERMILLION,
     drawn,
-    dress,
     house_style,
     label,
     legend_above,
-    letter,
     new_figure,
     save,
     unit_text,
 )
 
 __all__ = ["BLACK", "BLUE", "COLUMN", "GREEN", "GREY", "ORANGE", "PAGE", "PALETTE", "SKY", "VERMILLION", "attached"]
-__all__ += ["chart", "contacts", "drawn", "dress", "elastic_overview", "energy", "fitted", "force_trace"]
-__all__ += ["front_curve", "fronts", "house_style", "label", "legend_above", "letter", "new_figure", "overview"]
+__all__ += ["chart", "contacts", "drawn", "elastic_overview", "energy", "fitted", "force_trace"]
+__all__ += ["front_curve", "fronts", "house_style", "label", "legend_above", "new_figure", "overview"]
 __all__ += ["peaks_after_holds", "phase_portrait", "precursor_lengths", "precursors", "prediction", "save"]
 __all__ += ["side_by_side", "slip_profiles", "slips", "sound", "spacetime", "sweep_picture", "unit_text", "velocity"]
 __all__ += ["velocity_step", "waves"]

@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from typing import Literal
 
+import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -187,7 +188,7 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         raise InputError(f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run it for longer")
     ax = new_axes() if ax is None else ax
     slips = _gone(moved, found).assign_attrs(moved.attrs | {"long_name": "slip in an event"})
-    for slip, colour in zip(slips, style.dark_to_bright(found.sizes["event"]), strict=True):
+    for slip, colour in zip(slips, mpl.colormaps["cividis"](np.linspace(0.0, 0.9, found.sizes["event"])), strict=True):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
     panel(ax, "", "block", slips, xlim=(0, run.sizes["block"] - 1), ylim=(0, None))
     return ax

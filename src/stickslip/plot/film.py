@@ -33,22 +33,10 @@ _PITCH, _HIGH, _REACH = 0.64, 2.1, 9.0  # in x_s: from contact to contact, their
 def contacts(run: xr.Dataset) -> FuncAnimation:
     """Film the slider on some of its contacts that stretch, break and re-attach, in step with the force, as it ends.
 
-    The run is made again by its provenance, and each contact that is shown was computed. Frames lie closer together
-    where the slider is fast, so that it slows down through the slips. Write it with `save`, as GIF.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run of one rigid slider. Of a solver that follows no contacts one by one, contacts of the same rig are shown.
-
-    Returns
-    -------
-    FuncAnimation
-
-    Raises
-    ------
-    InputError
-        If it is no such run, or its drive has pieces that end on a condition.
+    The run, of one rigid slider, is made again by its provenance, and each contact that is shown was computed; of a
+    solver that follows no contacts one by one, contacts of the same rig are shown. Frames lie closer together where the
+    slider is fast, so that it slows down through the slips. Write it with `save`, as GIF. Raises `InputError` if it is
+    no such run, or its drive has pieces that end on a condition.
     """
     rig = rig_of(run)
     if not isinstance(rig.slider, Slider):
@@ -107,25 +95,11 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
 
 
 def sound(run: xr.Dataset) -> tuple[int, Array]:
-    """Return a run or a measured trace as it sounds: the spring force about its mean, at its own pace.
+    """Return a run or a measured trace as it sounds: samples a second, and samples (int16) of the spring force.
 
-    Write it with `save`, as WAV; in a notebook, ``IPython.display.Audio(samples, rate=rate)``.
-
-    Parameters
-    ----------
-    run : Dataset
-        A force along time, in units of SI, with an oscillation that can be heard: from 20 Hz to 20 kHz.
-
-    Returns
-    -------
-    rate : int
-        Samples a second, 44,100.
-    samples : ndarray of int16
-
-    Raises
-    ------
-    InputError
-        If there is nothing to hear, or the times are in no unit of seconds.
+    It is the force about its mean, at its own pace, in units of SI, with an oscillation that can be heard: from 20 Hz
+    to 20 kHz. Write it with `save`, as WAV; in a notebook, ``IPython.display.Audio(samples, rate=rate)``. Raises
+    `InputError` if there is nothing to hear, or the times are in no unit of seconds.
 
     Examples
     --------

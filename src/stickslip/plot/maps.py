@@ -48,13 +48,9 @@ EDGE: Any = {"edgecolor": style.GREY, "linewidth": 0.5}
 def sweep_picture(data: xr.Dataset) -> Figure:
     """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force along one; starts side by side.
 
-    Parameters
-    ----------
-    data : Dataset
-        A sweep with its ``regime``, or a refinement with the regime of its runs; with ``edge_<axis>`` and
-        ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.theory.with_theory`. Axes are in the
-        order of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of
-        them. A picture holds one axis or two, beside seed and start.
+    It holds its ``regime``, or is a refinement with the regime of its runs; with ``edge_<axis>`` and ``band_<axis>...``
+    what theory says goes on top, see `stickslip.sweep.theory.with_theory`. The first axis goes to the right. Where
+    there are several seeds, a cell has the regime of all. A picture holds one axis or two, beside seed and start.
     """
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")

@@ -118,7 +118,8 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
 
     Of a chain, the force with its events, and the velocity of every block. Of a measured trace that stick-slips, six of
-    its slips besides, how large drops are, troughs over peaks, and drops over the time before them.
+    its slips besides, how large drops are, troughs over peaks, and drops over the time before them. Raises `InputError`
+    if the Dataset has no spring force, or too little of it to look for slips.
 
     Parameters
     ----------
@@ -128,11 +129,6 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
         Slips to mark; by default those that `stickslip.drops` finds, where the regime is stick-slip.
     seen : Regime, optional
         The regime, if it has been judged.
-
-    Raises
-    ------
-    InputError
-        If the Dataset has no spring force, or too little of it to look for slips.
     """
     variable(run, "spring_force", "time")
     if events is None and is_of_a_chain(run):
@@ -190,19 +186,13 @@ def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float
 
 def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
     """How large drops are, troughs over peaks, and drops over the time before them."""
-    names = {
-        "drop": "drop",
-        "force_before": "peak",
-        "force_after": "trough",
-        "recurrence": "recurrence",
-    }
-    of = {name: events[name].assign_attrs(long_name=title) for name, title in names.items()}
+    titles = {"drop": "drop", "force_before": "peak", "force_after": "trough", "recurrence": "recurrence"}
+    of = {name: events[name].assign_attrs(long_name=title) for name, title in titles.items()}
+    size = 6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
     axes[0].hist(events["drop"], bins="auto", color=style.BLUE)
     panel(axes[0], "", of["drop"], f"number of {events.attrs.get('drops_are', 'slips')}")
     for ax, across, up in zip(axes[1:], ("force_before", "recurrence"), ("force_after", "drop"), strict=True):
-        ax.plot(
-            of[across], of[up], ".", color=style.BLUE, markersize=6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
-        )
+        ax.plot(of[across], of[up], ".", color=style.BLUE, markersize=size)
         panel(ax, "", of[across], of[up])
 
 

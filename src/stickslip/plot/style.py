@@ -19,7 +19,6 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from scipy.io import wavfile
 
 from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, printable
@@ -125,19 +124,9 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
 
 
-def dark_to_bright(count: int) -> Any:
-    """Colours of so many lines in an order."""
-    return mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count))
-
-
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
     """Put the legend above the axes on the right, where it hides no data."""
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
-
-
-def letter(ax: Axes, text: str) -> None:
-    """Put the letter of a panel, and a short title, above it on the left: ``"(a) no delay"``."""
-    ax.set_title(text, loc="left")
 
 
 def panel(
@@ -148,7 +137,7 @@ def panel(
     legend: Any = None,
     **properties: Any,
 ) -> None:
-    """Name a panel and its axes, by variables or by words; place the legend, or put it "above"; set limits."""
+    """Put letter and title above a panel; name its axes, by variables or words; place the legend; set limits."""
     ax.set(**properties)
     for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
         if isinstance(named, str):
@@ -160,7 +149,7 @@ def panel(
     elif legend is not None:
         ax.legend(loc=legend)
     if title:
-        letter(ax, title)
+        ax.set_title(title, loc="left")
 
 
 def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
@@ -225,6 +214,8 @@ def save(shown: Figure | FuncAnimation | tuple[int, Array], path: str | os.PathL
             film = Path(folder) / "film.gif"
             shown.save(film, PillowWriter(PER_SECOND), dpi=100)
             return files.write(path, film.read_bytes())
+    from scipy.io import wavfile  # slow to load, and seldom needed
+
     format_of(path, "sound")
     heard = io.BytesIO()
     wavfile.write(heard, *shown)

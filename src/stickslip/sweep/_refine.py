@@ -27,19 +27,11 @@ GOLDEN = 0.5 * math.sqrt(5.0) - 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """An axis of the box that is searched.
-
-    Parameters
-    ----------
-    low, high : float
-        Its ends.
-    log : bool
-        Whether equal ratios count as equal distances.
-    """
+    """An axis of the box that is searched, between its ends."""
 
     low: float
     high: float
-    log: bool = False
+    log: bool = False  #: whether equal ratios count as equal distances
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "low", number("Span.low", self.low))
@@ -62,20 +54,6 @@ class Refinement:
     across the boundary. A region that all of the first quarter miss is not found. With hysteresis, search for each
     branch, with cases that start on it: every combination of the values of the other axes gets a search of its own.
 
-    Parameters
-    ----------
-    runs : int
-        Runs to spend on a search at most; at least 16.
-    resolution : float
-        Lines across the boundary are bisected until they are this short, as a fraction of the box.
-    label : str
-        Name under which a case returns its category, a text or a number.
-
-    Raises
-    ------
-    InputError
-        If a value cannot be.
-
     Examples
     --------
     >>> from stickslip.sweep import Refinement, Span, run_cases
@@ -87,9 +65,9 @@ class Refinement:
     True
     """
 
-    runs: int = 160
-    resolution: float = 1 / 40
-    label: str = "regime"
+    runs: int = 160  #: to spend on a search at most; at least 16
+    resolution: float = 1 / 40  #: lines across the boundary are bisected until they are this short; 1 is the whole box
+    label: str = "regime"  #: name under which a case returns its category, a text or a number
 
     def __post_init__(self) -> None:
         whole("refine.runs", self.runs, at_least=16)

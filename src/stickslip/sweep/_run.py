@@ -34,88 +34,47 @@ CYCLES = 30.0  # cycles of loading that a run lasts at least
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a sweep is.
+    """How far a sweep is."""
 
-    Parameters
-    ----------
-    total : int
-        Cases of the whole sweep.
-    finished : int
-        Cases with a result or an error by now, those of earlier starts included.
-    failed : int
-        Those among them that ended with an error.
-    found : int
-        Cases that earlier starts had finished: rate and time left follow from ``finished - found``.
-    """
-
-    total: int
-    finished: int
-    failed: int
-    found: int
+    total: int  #: cases of the whole sweep
+    finished: int  #: cases with a result or an error by now, those of earlier starts included
+    failed: int  #: those among them that ended with an error
+    found: int  #: cases that earlier starts had finished: rate and time left follow from ``finished - found``
 
 
 @dataclass(frozen=True, kw_only=True)
 class Runs:
     """What each case of a sweep is, as the table ``[run]`` of a file says.
 
-    Parameters
-    ----------
-    distance, duration : float or str, optional
-        A run lasts until the drive has gone this far and for this long, in the rig's own units or as texts with a unit.
-    cycles : float
-        And through this many cycles of loading.
-    extensions : int
-        How often a run that cannot be classified is made again, twice as long.
-    measure : sequence of str, optional
-        What is in the results; see `stickslip.sweep.study.MEASURES`.
-    max_cases : int
-        Cases beyond which the sweep is refused.
+    It lasts until the drive has gone a distance, for a duration, and through some cycles of loading.
     """
 
-    distance: float | str | None = None
-    duration: float | str | None = None
+    distance: float | str | None = None  #: in the rig's own units, or a text with a unit
+    duration: float | str | None = None  #: likewise
     cycles: float = CYCLES
-    extensions: int = 1
-    measure: Sequence[str] | None = None
-    max_cases: int = MAX_CASES
+    extensions: int = 1  #: how often a run that cannot be classified is made again, twice as long
+    measure: Sequence[str] | None = None  #: what is in the results; see `stickslip.sweep.study.MEASURES`
+    max_cases: int = MAX_CASES  #: cases beyond which the sweep is refused
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What else a sweep may be told.
+    """What else a sweep may be told."""
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the sweep, at least 0: a function with a parameter ``seed`` that is no axis is handed a seed of its own,
-        an int made from this one and the values of the axes.
-    attributes : mapping
-        Attributes (``units``, ``long_name``) by name of axis or measured variable.
-    categories : mapping of str to list of str
-        The words that a measured text can be: it becomes an integer with CF flags, -1 where there is no result.
-    fingerprint : object, optional
-        Anything else that results depend on: the text of a configuration file, the version of another package, code
-        that the function calls. The function's own code and the version of this package are looked after.
-    notes : mapping of str to str
-        Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
-    retry_failed : bool
-        Whether cases that failed in an earlier start are run again.
-    max_cases : int
-        Cases beyond which a sweep is refused before it starts.
-
-    Raises
-    ------
-    InputError
-        If the seed or the number of cases is no whole number in range.
-    """
-
+    #: Seed of the sweep, at least 0: a function with a parameter ``seed`` that is no axis is handed a seed of its own,
+    #: an int made from this one and the values of the axes.
     seed: int = 0
+    #: Attributes (``units``, ``long_name``) by name of axis or measured variable.
     attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    #: The words that a measured text can be: it becomes an integer with CF flags, -1 where there is no result.
     categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    #: Anything else that results depend on: the text of a configuration file, the version of another package, code that
+    #: the function calls. The function's own code and the version of this package are looked after.
     fingerprint: object = None
+    #: Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
     notes: Mapping[str, str] = field(default_factory=dict)
-    retry_failed: bool = False
-    max_cases: int = MAX_CASES
+    retry_failed: bool = False  #: whether cases that failed in an earlier start are run again
+    max_cases: int = MAX_CASES  #: cases beyond which a sweep is refused before it starts
 
     def __post_init__(self) -> None:
         whole("seed", self.seed, at_least=0)
@@ -123,13 +82,7 @@ class Options:
 
 
 class Threads(ThreadPoolExecutor):
-    """Run cases in threads of this process: best for compiled kernels, which release the GIL.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Number of threads; by default one per core.
-    """
+    """Run cases in threads of this process, by default one per core: best for kernels, which release the GIL."""
 
     def __init__(self, workers: int | None = None) -> None:
         super().__init__(_count("Threads.workers", workers))
@@ -139,12 +92,7 @@ class Processes(ProcessPoolExecutor):
     """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
 
     The function must be importable: defined at the top of a module, not a lambda. A script that starts processes keeps
-    its own start behind ``if __name__ == "__main__":``.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Number of processes; by default one per core.
+    its own start behind ``if __name__ == "__main__":``. By default there is one per core.
     """
 
     def __init__(self, workers: int | None = None) -> None:

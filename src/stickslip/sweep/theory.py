@@ -16,21 +16,12 @@ from stickslip.sweep.plan import plan_of
 def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progress | None = None) -> xr.Dataset:
     """Add the computed boundary of smooth sliding to the results of a sweep over one or two parameters.
 
-    Parameters
-    ----------
-    result : xarray.Dataset
-        From `Plan.run`, `sweep` or `open_plan`; other parameters that were swept are at the value selected.
-    bistable : bool
-        Whether to follow stick-slip from the boundary to where its branch ends as well, which takes seconds for each of
-        a few values of the first parameter (nonlinear; `stickslip.cycles`).
-    progress : callable, optional
-        Called with the fraction of the work that is done.
+    The result is from `Plan.run`, `sweep` or `open_plan`; other parameters that were swept are at the value selected.
+    If `bistable`, stick-slip is followed from the boundary to where its branch ends as well, which takes seconds for
+    each of a few values of the first parameter (nonlinear; `stickslip.cycles`).
 
-    Returns
-    -------
-    xarray.Dataset
-        The same with ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane), ``band_...`` along ``band``;
-        the attribute ``theory`` says what is there, or why nothing is.
+    Added are ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane), ``band_...`` along ``band``; the
+    attribute ``theory`` says what is there, or why nothing is.
     """
     plan = plan_of(result)
     order = plan.parameters if "run" in result.dims else result["regime"].dims
