@@ -29,12 +29,28 @@ def rigid_slide(
 ) -> xr.Dataset:
     """Move a rigid slider over an interface at a constant velocity, as in Fig. 1 of the paper.
 
-    Raises `InputError` if the distance or the velocity is not positive, or the method cannot take the interface.
+    Parameters
+    ----------
+    interface : Interface
+    distance : float
+        Length of the motion, in ``x_s``.
+    velocity : float
+        In ``x_s`` per time; matters only if broken contacts re-attach after a delay.
+    method : Renewal, Contacts or MasterEquation
 
-    On positions ``X``, up to a distance in ``x_s``: ``friction_force`` (force per contact in ``f_s``, Eq. (4)) and
-    ``attached``; with `Renewal` also ``breaking_rate`` (breaks per contact and ``x_s``, Eq. (2)) and ``stiffness``
-    (``dF_c/dX`` in ``k``). The velocity, in ``x_s`` per time, matters only if broken contacts re-attach after a delay.
+    Returns
+    -------
+    xarray.Dataset
+        On positions ``X``: ``friction_force`` (force per contact in ``f_s``, Eq. (4)) and ``attached``; with `Renewal`
+        also ``breaking_rate`` (breaks per contact and ``x_s``, Eq. (2)) and ``stiffness`` (``dF_c/dX`` in ``k``).
 
+    Raises
+    ------
+    InputError
+        If the distance or the velocity is not positive, or the method cannot take the interface.
+
+    Notes
+    -----
     `Renewal` solves Eqs. (1)-(4) to the letter: only contacts stretched forwards are asked for their threshold, so one
     that starts stretched backwards may have any. The other methods, which let the slider turn round, know that it lies
     beyond ``|x_0|``. For initial and threshold standard deviations of .3 the first maxima differ by .001, for narrower
@@ -74,10 +90,22 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
 def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
     """Critical stiffness ``K*`` of the driving spring, Eq. (8), per contact in units of ``k``.
 
-    A softer spring lets the slider jump when the friction force falls; a stiffer one does not. The delay of the
-    interface does not enter: broken contacts are re-attached at once, or without `reattachment` never. It is zero for
-    an interface that starts in the steady state of sliding.
+    A softer spring lets the slider jump when the friction force falls; a stiffer one does not.
 
+    Parameters
+    ----------
+    interface : Interface
+        Its delay does not enter.
+    reattachment : bool
+        Broken contacts are re-attached at once (default), or never.
+
+    Returns
+    -------
+    float
+        Zero for an interface that starts in the steady state of sliding.
+
+    Notes
+    -----
     Good to six digits for distributions without jumps, to four for distributions that jump and a start without standard
     deviation, to two or three for both a standard deviation and jumps.
 

@@ -260,7 +260,6 @@ def fit(
     simulations are made once and kept in the user's cache; that takes a minute, a fit then some seconds.
 
     A trace alone constrains some parameters weakly and others not at all; the fit says which, and guesses nothing.
-    Raises `InputError` if the trace is none of stick-slip, or says too little: the message has the figure that decided.
 
     Parameters
     ----------
@@ -279,8 +278,14 @@ def fit(
         Holds with the static friction after them: they tell ageing.
     draws : int
         Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a cluster, for fits to find.
+    seed : int
     progress : callable or bool, optional
         Is told what part of the table is there; a bar for True.
+
+    Raises
+    ------
+    InputError
+        If the trace is none of stick-slip, or says too little: the message has the figure that decided.
 
     Examples
     --------

@@ -205,7 +205,7 @@ def quick_fit(
     interface, ``K v = R (1 + K/(N k))``, and so the breaking displacement; it is useful only where the driving spring
     is stiff, else give the breaking displacement itself. The speed at which kinetic friction has halved gives the
     delay. Sliding contacts are taken to carry no force: where slips are smaller than those of the rig, they do, and it
-    does not fit the bench; `fit` tells that force. Raises `InputError` if the readings contradict one another.
+    does not fit the bench; `fit` tells that force.
 
     Parameters
     ----------
@@ -219,6 +219,11 @@ def quick_fit(
         In place of the loading rate.
     half_speed : float or str, optional
         Speed at which kinetic friction has fallen to half; without it there is no delay, and the rig says so.
+
+    Raises
+    ------
+    InputError
+        If the readings contradict one another.
 
     Examples
     --------

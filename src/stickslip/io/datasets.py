@@ -110,7 +110,13 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
 
 
 def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Write a Dataset as NetCDF, whole or not at all."""
+    """Write a Dataset as NetCDF, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the place cannot be written.
+    """
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # Only numbers with a dimension can be compressed.
     numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
@@ -131,7 +137,13 @@ def as_csv(catalogue: xr.Dataset) -> str:
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read a Dataset that `save` wrote, into memory."""
+    """Read a Dataset that `save` wrote, into memory.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it is not NetCDF.
+    """
     import h5py
 
     files.size(path, "run", largest=LARGEST_RUN)

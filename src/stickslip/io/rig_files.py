@@ -42,7 +42,10 @@ def example_file(name: str) -> Path:
 def example(name: str) -> Rig:
     """Return a rig that comes with the package, such as ``"brake_pad"``.
 
-    Raises `InputError` if there is none of that name; the message lists them.
+    Raises
+    ------
+    InputError
+        If there is none of that name; the message lists them.
     """
     return read_rig(example_file(name))
 
@@ -51,8 +54,13 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
     """Read a rig from a TOML file, or from a mapping of what a file would hold.
 
     The bare name of an example that comes with the package, such as ``"brake_pad"``, is read too where no file is
-    called so. Raises `InputError` if the file is missing, empty, binary or no TOML, has an unknown key, or a value that
-    cannot be; the message names file, key, value and remedy.
+    called so.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, binary or no TOML, has an unknown key, or a value that cannot be; the message
+        names file, key, value and remedy.
 
     Examples
     --------
@@ -77,7 +85,10 @@ def content_of(path: Path) -> Document:
 def to_toml(rig: Rig) -> str:
     """Return the rig as the text of a file from which `read_rig` makes the same rig.
 
-    Raises `InputError` if the rig has a part that no file can hold.
+    Raises
+    ------
+    InputError
+        If the rig has a part that no file can hold.
     """
     import tomli_w
 

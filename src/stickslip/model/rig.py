@@ -187,13 +187,16 @@ class Rig(Answer):
     def replace(self, **changes: Any) -> "Rig":
         """Return the rig with some of its parts or parameters changed.
 
-        Raises `InputError` if there is no such part or parameter, or the value cannot be.
-
         Parameters
         ----------
         **changes
             A field of this record (`drive` and `output` in the rig's own units), or a parameter by name, in the
             rig's own units: ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
+
+        Raises
+        ------
+        InputError
+            If there is no such part or parameter, or the value cannot be.
 
         Examples
         --------

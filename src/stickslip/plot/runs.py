@@ -118,8 +118,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
 
     Of a chain, the force with its events, and the velocity of every block. Of a measured trace that stick-slips, six of
-    its slips besides, how large drops are, troughs over peaks, and drops over the time before them. Raises `InputError`
-    if the Dataset has no spring force, or too little of it to look for slips.
+    its slips besides, how large drops are, troughs over peaks, and drops over the time before them.
 
     Parameters
     ----------
@@ -129,6 +128,11 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
         Slips to mark; by default those that `stickslip.drops` finds, where the regime is stick-slip.
     seen : Regime, optional
         The regime, if it has been judged.
+
+    Raises
+    ------
+    InputError
+        If the Dataset has no spring force, or too little of it to look for slips.
     """
     variable(run, "spring_force", "time")
     if events is None and is_of_a_chain(run):

@@ -67,8 +67,6 @@ def velocity_step_in(
 ) -> Step:
     """Cut a velocity step out of a run or a measured trace, in bins of displacement.
 
-    Raises `InputError` if there is no such variable, or less than 30 samples after the step.
-
     Parameters
     ----------
     data : Dataset
@@ -83,6 +81,11 @@ def velocity_step_in(
         How much displacement before and after the step; by default all there is after it, and a tenth of that before.
     bins : int
         Into how many bins of equal displacement the data is averaged, at most.
+
+    Raises
+    ------
+    InputError
+        If there is no such variable, or less than 30 samples after the step.
 
     Examples
     --------

@@ -28,17 +28,26 @@ def export_rate_and_state(
 
     Forces become coefficients of friction: those of the contacts, times ``N f_s``, over the normal load. The file
     begins with the protocol of the fit and with what the parameters get wrong: the critical stiffness beside the exact
-    one. Raises `InputError` if the interface is not rate-and-state-like, the program does not know the law, or a
-    quantity is missing.
+    one.
 
     Parameters
     ----------
+    fit : RateAndStateFit
+        From `rate_and_state`.
+    program : {"qdyn", "tandem", "diabayes", "rsfmodel"}
+    scales : Scales
+        What ``N f_s``, ``x_s`` and the unit of time are.
     load : str or float
         Normal load, ``"2 kN"`` or in N.
     area : str or float, optional
         Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and tandem take.
     path : path, optional
         Where to write it; the text is returned as well.
+
+    Raises
+    ------
+    InputError
+        If the interface is not rate-and-state-like, the program does not know the law, or a quantity is missing.
     """
     instance("fit", fit, RateAndStateFit, "what rate_and_state() gives")
     instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")

@@ -47,9 +47,6 @@ class RateAndState(Record):
     def slide(self, time: ArrayLike, velocity: ArrayLike, *, stiffness: float) -> Array:
         """Friction minus that of the start, velocity and state ``theta`` of a massless slider, from steady sliding.
 
-        Raises `UndecidedError` if the slider runs away: with the slip law it may after a large step even on a spring
-        stiffer than critical.
-
         Parameters
         ----------
         time : array_like, shape (n,)
@@ -58,6 +55,11 @@ class RateAndState(Record):
             Of the far end of the spring, from each time to the next; 0 in a hold.
         stiffness : float
             Of the spring that pulls it, friction per displacement.
+
+        Raises
+        ------
+        UndecidedError
+            If the slider runs away: with the slip law it may after a large step even on a spring stiffer than critical.
 
         Examples
         --------

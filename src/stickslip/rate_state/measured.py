@@ -200,9 +200,7 @@ def fit_rate_and_state(
 ) -> StepFit:
     """Fit rate-and-state parameters to a velocity step of a run or of a measured trace, in the units of the data.
 
-    The time of the step is fitted, too, near the one that is given: no farther off than data is kept before it. Raises
-    `InputError` if the data holds no such step. Raises `UndecidedError` if the data does not tell the parameters:
-    nothing fits, an error exceeds its value, a value ends at a limit of its range, or the fit does not converge.
+    The time of the step is fitted, too, near the one that is given: no farther off than data is kept before it.
 
     Parameters
     ----------
@@ -216,6 +214,14 @@ def fit_rate_and_state(
         Between load point and sliding surface, friction per displacement; fitted by default.
     trend : bool
         Whether friction may change linearly with displacement besides.
+
+    Raises
+    ------
+    InputError
+        If the data holds no such step.
+    UndecidedError
+        If the data does not tell the parameters: nothing fits, an error exceeds its value, a value ends at a limit of
+        its range, or the fit does not converge.
 
     Examples
     --------
@@ -286,9 +292,7 @@ def fit_contacts(
 
     The contacts have Bell activation and logarithmic ageing, on a spring of unknown stiffness. A first fit by their
     linear response is the start of one by cohorts, exact for a step of any size. Fits for several distributions of
-    thresholds, side by side, tell their scatter: the one with the smallest residuals. Raises `InputError` if the mean
-    of the thresholds is not 1. Raises `UndecidedError` if the data does not tell the parameters, as in
-    `fit_rate_and_state`.
+    thresholds, side by side, tell their scatter: the one with the smallest residuals.
 
     Parameters
     ----------
@@ -300,6 +304,13 @@ def fit_contacts(
         Whether friction may change linearly with displacement besides.
     linear : bool
         Only fit the linear response, which takes a quarter of the time: for steps by a factor of a few.
+
+    Raises
+    ------
+    InputError
+        If the mean of the thresholds is not 1.
+    UndecidedError
+        If the data does not tell the parameters, as in `fit_rate_and_state`.
     """
     instance("fit_contacts: step", step, Step, "what velocity_step_in() cuts out")
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:

@@ -137,11 +137,10 @@ def rate_and_state(
     """Say whether an interface is rate-and-state-like, with which parameters, and what these get wrong.
 
     Small steps of the velocity, from the exact linear response, are fitted over six breaking displacements at this
-    velocity and at both ends of the decade about it. Rate-and-state-like is what has a direct effect (``a`` above 0), a
-    misfit below 5 %, and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over the decade.
+    velocity and at both ends of the decade about it. Rate-and-state-like is what has a direct effect (``a`` above 0),
+    a misfit below 5 %, and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over the decade.
     Then a step by the factor asked for, up and down, tells the law and gives the numbers. The critical stiffness by
-    rate and state stands beside the exact one. Raises `InputError` if there is no smooth sliding, its response is not
-    known, or friction does not change with the velocity.
+    rate and state stands beside the exact one.
 
     Parameters
     ----------
@@ -151,6 +150,11 @@ def rate_and_state(
         Ratio of the velocities, above 1.
     law : {"best", "ageing", "slip"}
         Which law to fit.
+
+    Raises
+    ------
+    InputError
+        If there is no smooth sliding, its response is not known, or friction does not change with the velocity.
 
     Examples
     --------

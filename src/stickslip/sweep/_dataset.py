@@ -51,9 +51,7 @@ def run_cases(
 ) -> xr.Dataset:
     """Run a function at every combination of the values of some axes.
 
-    The results are the same, bit for bit, for any number of workers and any executor. Raises `InputError` if an
-    argument cannot be used; if the store holds another sweep, is damaged, is of another version, is being written by
-    another process, or cannot be written (what was written is kept); if the workers cannot load the function.
+    The results are the same, bit for bit, for any number of workers and any executor.
 
     Parameters
     ----------
@@ -69,13 +67,14 @@ def run_cases(
         File where results land as they finish, at least each second; a second start with the same function runs what is
         missing, also with other values on the axes. By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
-        Where cases run; by default threads. For Dask: ``client.get_executor()``.
+        Where cases run; by default threads, one per core. For Dask: ``client.get_executor()``.
     refinement : Refinement, optional
         Search in a plane for the boundaries where a category changes, in place of a grid. A second start makes no run
         twice, also with more runs or in another box.
     progress : callable, optional
         Called with a `Progress` at the start and whenever results have been written.
     options : Options
+        Seed, attributes, categories and what else.
 
     Returns
     -------
@@ -84,6 +83,13 @@ def run_cases(
         ``error``, the error of each case that failed, else empty. See `summary` and `failures`. Of a search, along
         ``run``, with the axes; and along ``crossing`` a point of the boundary each, ``<name>_at``, the ``<name>_error``
         to either side, and the categories ``from_<label>`` and ``to_<label>`` there.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used; if the store holds another sweep, is damaged, is of another version, is being
+        written by another process, or cannot be written (what was written is kept); if the workers cannot load the
+        function.
 
     Examples
     --------

@@ -127,9 +127,6 @@ def sweep(
 ) -> xr.Dataset:
     """Run a rig at every combination of the values of some of its parameters; public as ``stickslip.sweep``.
 
-    Results are in the rig's own units, with the axes as dimensions; ``regime`` is an integer with CF flags. Errors are
-    those of `stickslip.sweep.run_cases`.
-
     Parameters
     ----------
     rig : Rig
@@ -150,6 +147,16 @@ def sweep(
         Called with a `stickslip.sweep.Progress`.
     retry_failed : bool
         Whether cases that failed in an earlier start are run again.
+
+    Returns
+    -------
+    xarray.Dataset
+        In the rig's own units, with the axes as dimensions. ``regime`` is an integer with CF flags.
+
+    Raises
+    ------
+    InputError
+        As `stickslip.sweep.run_cases`.
 
     Examples
     --------
