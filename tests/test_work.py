@@ -73,6 +73,31 @@ def test_only_what_happens_in_a_run_is_counted():
         assert most == f"{turns} rad of the slider's oscillation"
 
 
+@pytest.mark.parametrize(
+    ("interface", "velocity", "expected"),
+    [
+        # at rest: each contact waits for heat, exp(10)/1e6, and for the delay
+        (
+            {"temperature": ss.Bell(width=0.1, attempts=1e6), "delay": ss.Delay(0.02)},
+            0.0,
+            1e1 / (math.exp(10) / 1e6 + 0.02),
+        ),
+        # sliding so slowly that heat breaks it where a break is due: a logarithm before the threshold
+        ({"temperature": ss.Bell(width=0.02, attempts=1e4)}, 1.0, 1e1 / (1.0 - 0.02 * math.log(200.0))),
+        # growing more slowly than it is stretched: it holds little longer than a newborn
+        ({"ageing": ss.ExponentialGrowth(rate=0.1, newborn=0.01)}, 1.0, 1e3),
+        ({"delay": ss.OnArrest()}, 1.0, 1e1),
+    ],
+)
+def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
+    """Thresholds alike; within the factor of two that an inequality of renewal theory leaves."""
+    thresholds = ss.Gaussian(mean=1.0, std=1e-3)
+    rig = RIG.replace(interface=ss.Interface(thresholds=thresholds, **interface), drive=ss.constant(velocity, 10.0))
+    (part,) = (part for part in estimate(rig).parts if part.key == "simulation.contacts")
+    breaks = float(part.what.split()[1]) / 100
+    assert expected / 2 < breaks < 2 * expected
+
+
 @pytest.mark.parametrize("name", rig_files.example_names())
 def test_the_estimate_holds_for_the_examples(name):
     """Within a factor 3 of what runs take on a quiet machine; a busy one, or another, may differ by as much again."""

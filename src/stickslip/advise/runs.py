@@ -17,6 +17,7 @@ from stickslip.model.drive import Drive, constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.simulation import Recording, estimate, record
+from stickslip.simulation.engines.beginnings import lifetimes_in
 from stickslip.simulation.work import course_of
 from stickslip.sliding import respond
 from stickslip.sliding.response import Effort
@@ -212,7 +213,7 @@ def _part_broken(run: Recording) -> float:
 
     In stick-slip from a soft spring it is a hundredth: contacts hold once a cycle, not once in the way that they take.
     """
-    if "broken_energy" not in run.track.columns or run.rig.interface.temperature is not None:
+    if "broken_energy" not in run.track.columns or run.rig.interface.mechanisms & {"ageing", "temperature"}:
         return 1.0
-    each = 0.5 * run.rig.interface.threshold_distribution.moment(2)
-    return float(min(run.track["broken_energy"][-1] / each / course_of(run.rig.natural).lifetimes, 1.0))
+    rig, each = run.rig.natural, 0.5 * run.rig.interface.threshold_distribution.moment(2)
+    return float(min(run.track["broken_energy"][-1] / each / lifetimes_in(rig, course_of(rig)), 1.0))

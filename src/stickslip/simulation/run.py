@@ -15,16 +15,14 @@ import xarray as xr
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
 from stickslip.model import ElasticBody, Interface, MasterEquation, Method, OnArrest, Output, Population, Slider, Start
-from stickslip.model.drive import Drive, constant
+from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.engines.base import Array
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of
-from stickslip.simulation.work import Work, course_of
-
-_NUMBERS = 2e6  # samples of an elastic slider, times its blocks, if nothing is said
+from stickslip.simulation.work import Work, course_of, sample_interval, sampling
 
 
 def simulate(
@@ -119,7 +117,7 @@ def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = Fa
     work.announce()
     solver = engine_of(case.interface, case.method, case.slider)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
-    times = _sample_times(case.slider, case.drive, case.output, solver.angle)
+    times = _sample_times(case, solver.angle)
     with reporting(progress, "simulate") as report:
         engine = solver(beginning, case.method)
         origin = beginning.drive_position(engine.contact_force())
@@ -130,7 +128,7 @@ def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = Fa
 def estimate(rig: Rig) -> Work:
     """Return what a run of a rig would take; `InputError` if no solver takes it."""
     engine = engine_of(rig.interface, rig.method, rig.slider)
-    return Work(rig=rig, parts=engine.cost(rig, rig.method, course_of(rig)))
+    return Work(rig=rig, parts=(*engine.cost(rig, rig.method, course_of(rig)), sampling(rig, engine.angle)))
 
 
 def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> Track:
@@ -217,23 +215,11 @@ def _check_arrest(rig: Rig) -> None:
         )
 
 
-def _sample_times(slider: Slider | ElasticBody, drive: Drive, output: Output, angle: float) -> Array:
-    interval = output.interval
-    if interval is None:
-        # An angle (rad) of the fastest oscillation, within bounds on the size of the result.
-        most = 50_000.0
-        if isinstance(slider, Slider):
-            fastest = math.sqrt((slider.stiffness + 1.0) / slider.mass)
-        else:
-            fastest = math.sqrt((float(slider.pulled.mean()) + 1.0 + slider.coupling) / slider.mass)
-            most = min(max(_NUMBERS / slider.size, 200.0), most)
-        count = min(max(drive.duration * fastest / angle, min(2_000.0, most)), most)
-        interval = drive.duration / math.ceil(count)
-    count = drive.duration / interval
+def _sample_times(rig: Rig, angle: float) -> Array:
+    duration, interval = rig.drive.duration, sample_interval(rig, angle)
+    count = duration / interval
     if count > 50_000_000:
-        raise InputError(
-            f"Output.interval = {interval:g}: {count:.3g} samples; choose at least {drive.duration / 5e7:g}"
-        )
+        raise InputError(f"Output.interval = {interval:g}: {count:.3g} samples; choose at least {duration / 5e7:g}")
     # The last sample lies on the end if the interval divides the duration, rounding aside.
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
-    return np.asarray(np.minimum(times, drive.duration))
+    return np.asarray(np.minimum(times, duration))

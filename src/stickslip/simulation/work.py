@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.model import FromSliding, Slider
+from stickslip.model import ElasticBody, FromSliding, Slider
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.progress import in_time
@@ -27,9 +27,9 @@ ANNOUNCED = 60.0  # seconds above which a run is announced
 LARGEST = 4e9  # bytes that it may take
 
 _RADIAN = 6e-7  # seconds a radian of the slider's oscillation takes
-_SAMPLE = 4e-7, 200.0  # seconds and bytes a sample takes
-_SAMPLES_PER_RADIAN, _FEWEST_SAMPLES, _MOST_SAMPLES = 10.0, 2e3, 5e4
-"""Samples of a run whose output does not say."""
+_SAMPLE, _SAMPLE_OF_BLOCK = (4e-7, 200.0), (2e-8, 120.0)  # seconds and bytes a sample takes
+_FEWEST, _MOST = 2e3, 5e4  # samples of a run whose output does not say
+_NUMBERS = 2e6  # such samples of an elastic slider, times its blocks
 
 
 class Part(NamedTuple):
@@ -103,12 +103,11 @@ class Course(NamedTuple):
     """What contacts and slider go through in a run; pieces of the drive that end on a condition are taken as a whole.
 
     `distance` is the way of the drive and `shaken` that of a slider that a perturbation has set ringing, in mean
-    thresholds, and `lifetimes` how often a contact breaks. The slider turns by so many radians, and rings for `ringing`
-    and `rung` of them, before it smooths out and where it sticks.
+    thresholds. The slider turns by so many radians, and rings for `ringing` and `rung` of them, before it smooths out
+    and where it sticks.
     """
 
     distance: float
-    lifetimes: float
     shaken: float = 0.0
     turns: float = 0.0
     ringing: float = 0.0
@@ -118,11 +117,10 @@ class Course(NamedTuple):
 def course_of(rig: Rig) -> Course:
     """Return what a run goes through."""
     slider, duration, pieces = rig.slider, rig.drive.duration, rig.drive.pieces
-    mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
-    distance = sum(_way(piece) for piece in pieces) / mean
-    lifetimes = sum(_lifetimes(piece, mean, delay) for piece in pieces)
+    mean = rig.interface.threshold_distribution.moment(1)
+    distance = sum(way_of(piece) for piece in pieces) / mean
     if not isinstance(slider, Slider) or slider.mass == 0:
-        return Course(distance, lifetimes)
+        return Course(distance)
     frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
     # A slip leaves the slider ringing, the longer, the less it is damped.
     damping_ratio = slider.damping / (2.0 * frequency)
@@ -133,16 +131,10 @@ def course_of(rig: Rig) -> Course:
         largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
         shaken = largest / (mean * frequency) * min(turns, rings)
     slips = 1.0 + distance * min(slider.stiffness, 1.0)
-    return Course(distance, lifetimes + shaken, shaken, turns, ringing, min(turns, 10.0 * rings * slips))
+    return Course(distance, shaken, turns, ringing, min(turns, 10.0 * rings * slips))
 
 
-def _lifetimes(piece: Piece, mean: float, delay: float) -> float:
-    """How often each contact breaks in a piece of the drive: it is stretched, and detached for the delay."""
-    way, speed = _way(piece), 0.5 * (abs(piece.start) + abs(piece.end))
-    return way / (mean + speed * delay) if math.isfinite(delay) else min(way / mean, 1.0)
-
-
-def _way(piece: Piece) -> float:
+def way_of(piece: Piece) -> float:
     """How far the drive goes in a piece, at most; a slider that has gone far enough ends it."""
     way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
     return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
@@ -156,13 +148,28 @@ def oscillation(rig: Rig, radians: float) -> tuple[Part, ...]:
     return (Part("slider.mass", rig.slider.mass, "mass", -0.5, what, _RADIAN * radians),)
 
 
-def sampling(rig: Rig, turns: float) -> Part:
+def sample_interval(rig: Rig, angle: float) -> float:
+    """Time between samples: where nothing is said an angle (rad) of the fastest oscillation, within bounds on all."""
+    slider, duration = rig.slider, rig.drive.duration
+    if rig.output.interval is not None:
+        return rig.output.interval
+    most, turns = _MOST, 0.0
+    if isinstance(slider, ElasticBody):
+        most = min(max(_NUMBERS / slider.size, 200.0), most)
+        turns = duration * math.sqrt((float(slider.pulled.mean()) + 1.0 + slider.coupling) / slider.mass)
+    elif isinstance(slider, Slider) and slider.mass > 0:
+        turns = duration * math.sqrt((slider.stiffness + 1.0) / slider.mass)
+    return duration / math.ceil(min(max(turns / angle, min(_FEWEST, most)), most))
+
+
+def sampling(rig: Rig, angle: float) -> Part:
     """Return the work of taking samples."""
-    duration, interval = rig.drive.duration, rig.output.interval
-    samples = min(max(_SAMPLES_PER_RADIAN * turns, _FEWEST_SAMPLES), _MOST_SAMPLES)
-    samples = samples if interval is None else duration / interval
-    seconds, size = (each * samples for each in _SAMPLE)
-    return Part("simulation.interval", duration / samples, "time", -1.0, f"{samples:.2g} samples", seconds, size)
+    duration, interval = rig.drive.duration, sample_interval(rig, angle)
+    samples, each, what = duration / interval, _SAMPLE, "samples"
+    if isinstance(rig.slider, ElasticBody):
+        samples, each, what = samples * rig.slider.size, _SAMPLE_OF_BLOCK, "samples of blocks"
+    seconds, size = (one * samples for one in each)
+    return Part("simulation.interval", interval, "time", -1.0, f"{samples:.2g} {what}", seconds, size)
 
 
 def breaking(

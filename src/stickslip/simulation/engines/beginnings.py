@@ -5,14 +5,18 @@ from functools import lru_cache
 
 import numpy as np
 
+from stickslip.kernels.boxes import Rule, lifetimes
 from stickslip.kernels.breaking import Breaking
 from stickslip.kernels.survival import Table, tabulate, values_at
-from stickslip.model import Bell, Delay, DelayModel, Interface
+from stickslip.model import Bell, Delay, DelayModel, FixedGrowth, Interface, OnArrest
 from stickslip.model.distributions import Distribution, SteadyState
+from stickslip.model.drive import Piece
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.records import hashable
+from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning
-from stickslip.sliding.lifetimes import blurred_survival, growth_of
+from stickslip.simulation.work import Course, way_of
+from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
 
 _BLURRED = 1e-10  # error of the survival at a temperature
 
@@ -146,3 +150,53 @@ def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
     top = float(distribution.inverse_survival(1e-13))
     knots = np.array([knot for knot in distribution.knots if 0 < knot < top * (1 + 1e-6)])
     return (1.02 * top if knots.size and knots[-1] > top * (1 - 1e-6) else top), knots
+
+
+_DRAWN = 256
+"""Lifetimes drawn to say how many there are: known to a tenth, where a factor of two is what theory tells."""
+_STILL = 1e-9  # way of a slider at rest, in mean thresholds
+
+
+def lifetimes_in(rig: Rig, course: Course) -> float:
+    """How often a contact breaks in a run, about: as in steady sliding at the drive's velocity, or at rest."""
+    return course.shaken + sum(_lifetimes(rig.interface, piece) for piece in rig.drive.pieces)
+
+
+def _lifetimes(interface: Interface, piece: Piece) -> float:
+    """How often each contact breaks in a piece of the drive.
+
+    Whatever the distribution of the time `C` from one attachment to the next, a renewal process attaches contacts
+    between once and twice ``T/<min(C, T)>`` times in the time `T`, the beginning included (Erickson's inequality).
+    """
+    way, duration, delay, rule = way_of(piece), piece.duration, interface.delay, rule_of(interface)
+    arrests = isinstance(delay, OnArrest)  # one ends each slip
+    if rule is None or not (interface.temperature or isinstance(interface.ageing, FixedGrowth) or interface.areas):
+        mean, away = interface.threshold_distribution.moment(1), delay.moment(1) * way / duration
+        away = 0.0 if arrests else away
+        return way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)
+    velocity, rng = max(way, _STILL) / duration, np.random.default_rng(0)
+    start, strength = newborns(interface, _DRAWN, 1.0, rng, rng)
+    reached = lifetimes_of(rule, start, strength, velocity, rng, 64 * _DRAWN)
+    life = (reached - start if start.size else reached) / velocity
+    cycle = life if arrests else life + delay.sample(rng, _DRAWN)
+    held = cycle[cycle > 0.0]
+    attached = duration / np.minimum(held, duration).mean() if held.size else 1.0
+    return float(max(attached - 1.0, np.mean(life < duration)))
+
+
+def rule_of(interface: Interface) -> Rule | None:
+    """Return how contacts break, if not at thresholds of their own that stay as they are."""
+    if interface.temperature is None and interface.ageing is None and interface.areas is None:
+        return None
+    return Rule(hazard_of(interface.temperature), growth_of(interface.ageing), interface.areas is not None)
+
+
+def lifetimes_of(
+    rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator, drawn: int = 2**20
+) -> Array:
+    """Draw the stretchings at which newborn contacts break in steady sliding."""
+    reached, done = np.empty(strength.size), 0
+    start = start if start.size else np.zeros(strength.size)
+    while done < strength.size:
+        done += lifetimes(rule, start[done:], strength[done:], velocity, rng.random(drawn), reached[done:])
+    return reached

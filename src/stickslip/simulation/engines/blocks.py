@@ -29,7 +29,7 @@ from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import first_contacts, survival_of
+from stickslip.simulation.engines.beginnings import first_contacts, lifetimes_in, survival_of
 from stickslip.simulation.work import Course, Part, breaking
 
 ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
@@ -42,7 +42,6 @@ _STEP, _STEP_OF_COHORT, _BREAK, _BALANCE = 1.5e-8, 3e-9, 2.4e-7, 4e-8
 in balance."""
 _CONTACT = 64.0  # bytes of a contact
 _COHORTS = 400  # cohorts of a block, about
-_SAMPLE = 2e-8, 120.0  # seconds and bytes a sample of a block takes
 _BUDGET = 2_000_000  # events, or eight steps of a block each, in an advance: some 50 to 200 ms
 
 
@@ -176,7 +175,7 @@ class ElasticEngine(Engine):
 
     @staticmethod
     def cost(rig: Rig, method: Contacts | MasterEquation | QuasiStatic, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run, by part: of steps, unless in balance all the time, of breaks and of samples."""
+        """Return the work of a run, by part: of steps, unless in balance all the time, and of breaks."""
         body, balanced = rig.slider, isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
         count, steps, stiff = getattr(method, "count", _COHORTS), 0.0, False
@@ -190,13 +189,8 @@ class ElasticEngine(Engine):
         words, power = f"{steps:.2g} steps of blocks", 1.0 if stiff else -0.5
         moving = Part(f"slider.{name}", value, name, power, words, each * steps)
         each = _BALANCE * body.size if balanced else _BREAK
-        whole = breaking(body.size * count, max(course.lifetimes, 1.0), each, _CONTACT, of=what)
-        parts = moving, whole._replace(value=count)
-        if (interval := rig.output.interval) is None:
-            return parts
-        samples = rig.drive.duration / interval * body.size
-        what, (seconds, size) = f"{samples:.2g} samples of blocks", (each * samples for each in _SAMPLE)
-        return *parts, Part("simulation.interval", interval, "time", -1.0, what, seconds, size)
+        whole = breaking(body.size * count, max(lifetimes_in(rig, course), 1.0), each, _CONTACT, of=what)
+        return moving, whole._replace(value=count)
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -9,7 +9,6 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
-from stickslip.kernels.boxes import Rule, lifetimes
 from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
 from stickslip.kernels.events import force_of, re_attach_all, short_of
 from stickslip.kernels.motion import make_motion
@@ -38,9 +37,16 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
-from stickslip.simulation.engines.beginnings import first_contacts, generators, lives_met, newborns
-from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
-from stickslip.sliding.lifetimes import growth_of, hazard_of
+from stickslip.simulation.engines.beginnings import (
+    first_contacts,
+    generators,
+    lifetimes_in,
+    lifetimes_of,
+    lives_met,
+    newborns,
+    rule_of,
+)
+from stickslip.simulation.work import Course, Part, breaking, oscillation
 
 _BLOCK = 16_384
 """Random numbers drawn at once. The same seed gives another run with another length."""
@@ -121,14 +127,13 @@ class EventByEvent(Engine):
         if interface.temperature is not None:
             how = " by thermal activation"
         if isinstance(interface.temperature, Bell) and interface.ageing is None:
-            mean = interface.threshold_distribution.moment(1)
-            each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * course.lifetimes * mean / interface.temperature.width
+            way = interface.threshold_distribution.moment(1) * (course.distance + course.shaken)
+            each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * way / interface.temperature.width
         elif interface.temperature is not None or interface.ageing is not None:
             each = _BOXED_BREAK if interface.temperature is not None else _GROWING_BREAK
         # Once a slider that sticks rings no more, its turns cost nothing; unless the rounding of time hides them.
         radians = course.turns if course.turns * _FINEST_TURN > 1.0 else course.rung
-        breaks = breaking(count, course.lifetimes, each, _CONTACT, how, more)
-        return *oscillation(rig, radians), breaks, sampling(rig, course.turns)
+        return *oscillation(rig, radians), breaking(count, lifetimes_in(rig, course), each, _CONTACT, how, more)
 
     def _first(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array, Array]:
         """Draw stretchings and strengths of all contacts (detached last), when these re-attach, and when those did.
@@ -248,19 +253,3 @@ class EventByEvent(Engine):
         while looks[len(seen)] <= m.time:  # at the very end
             seen.append(self.stretchings())
         return Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)
-
-
-def rule_of(interface: Interface) -> Rule | None:
-    """Return how contacts break, if not at thresholds of their own that stay as they are."""
-    if interface.temperature is None and interface.ageing is None and interface.areas is None:
-        return None
-    return Rule(hazard_of(interface.temperature), growth_of(interface.ageing), interface.areas is not None)
-
-
-def lifetimes_of(rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator) -> Array:
-    """Draw the stretchings at which newborn contacts break in steady sliding."""
-    reached, done = np.empty(strength.size), 0
-    start = start if start.size else np.zeros(strength.size)
-    while done < strength.size:
-        done += lifetimes(rule, start[done:], strength[done:], velocity, rng.random(2**20), reached[done:])
-    return reached

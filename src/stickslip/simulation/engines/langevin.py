@@ -27,8 +27,8 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
-from stickslip.simulation.engines.beginnings import first_contacts, generators
-from stickslip.simulation.work import Course, Part, breaking, oscillation, sampling
+from stickslip.simulation.engines.beginnings import first_contacts, generators, lifetimes_in
+from stickslip.simulation.work import Course, Part, breaking, oscillation
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
@@ -103,7 +103,7 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     rate = rig.interface.ageing.rate
     ages = rig.drive.duration * rate**2
     ageing = Part("interface.ageing.time", rate**-2, "time", -1.0, f"{ages:.2g} times of ageing", aged * ages)
-    return *oscillation(rig, course.turns), part, ageing, sampling(rig, course.turns)
+    return *oscillation(rig, course.turns), part, ageing
 
 
 @solves(Contacts, Langevin)
@@ -139,7 +139,7 @@ class LangevinContacts(Steps):
         """Return the work of a run, by part."""
         hot, count = rig.interface.temperature is not None, method.count
         how, each = (" by thermal activation", _HOT_BREAK) if hot else ("", _BREAK)
-        return _cost(rig, course, _AGE * count, breaking(count, course.lifetimes, each, _CONTACT, how))
+        return _cost(rig, course, _AGE * count, breaking(count, lifetimes_in(rig, course), each, _CONTACT, how))
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""

@@ -36,7 +36,7 @@ from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
-from stickslip.simulation.work import Course, Part, oscillation, sampling
+from stickslip.simulation.work import Course, Part, oscillation
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
@@ -122,7 +122,7 @@ class Panels(Cohorts):
         path = course.distance + course.shaken + 0.01 * course.ringing
         what, seconds = f"a path of {path:.2g} mean thresholds", harder * finer ** (1 / 6) * steps
         part = Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds)
-        return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
+        return *oscillation(rig, course.turns), part
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""

@@ -13,7 +13,7 @@ from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import breaking_of
-from stickslip.simulation.work import Course, Part, oscillation, sampling
+from stickslip.simulation.work import Course, Part, oscillation
 from stickslip.sliding.lifetimes import hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
@@ -66,7 +66,7 @@ class ThermalPopulation(Cohorts):
         seconds, room = _COHORT[not one_number] * steps * cohorts, 16.0 * cohorts * (1 if one_number else _NODES)
         what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
         part = Part("interface.temperature", width, None, -2.0, what, seconds, room, instead="use Contacts(...), or ")
-        return *oscillation(rig, course.turns), part, sampling(rig, course.turns)
+        return *oscillation(rig, course.turns), part
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts now."""
