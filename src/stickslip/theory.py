@@ -28,10 +28,9 @@ def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array
     """Return the force in smooth sliding by the paper's closure, Eqs. (1)-(3) with (18): an approximation.
 
     One distribution of thresholds for all contacts, whatever their stretching; with `Langevin` ageing, without delay.
-    Against `kinetic_friction` it is 23 % too large at ``v = .01 rate**2`` (there it has a closed form, lifetimes being
-    exponential), 9 % too small at .5 and 28 % too small at 1 (standard deviation .1). At 1 most thresholds are next to
-    0, and the result depends on what is done with those that noise would carry below: here they stay above. Counted as
-    broken at once they would make it 67 % too small.
+    Against `kinetic_friction` it is 23 % too large at ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1
+    (standard deviation .1), where most thresholds are next to 0: those that noise would carry below stay above here;
+    counted as broken at once they would make it 67 % too small.
     """
     constants = ageing_constants(interface)
     if interface.delay.moment(1) > 0:

@@ -86,10 +86,7 @@ def span(data: xr.Dataset, times: Plain) -> list[float]:
 
 def name_of(variable: xr.DataArray) -> Plain:
     """Name and unit of a variable."""
-    return {
-        "title": str(variable.attrs.get("long_name", variable.name)),
-        "unit": str(variable.attrs.get("units", "")),
-    }
+    return {"title": str(variable.attrs.get("long_name", variable.name)), "unit": str(variable.attrs.get("units", ""))}
 
 
 def floats(values: Array) -> list[float | None]:

@@ -1,7 +1,6 @@
-"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar.
+"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar, and units with exact sizes.
 
-The units stand here, with exact sizes. A library of units would take a third of a second to load, and reads more than
-is meant: ``mPas`` as millipascals.
+A library of units would take a third of a second to load, and reads more than is meant: ``mPas`` as millipascals.
 """
 
 import re
