@@ -43,6 +43,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         answer = force_trace(made, width_of(request))
         undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
         longer = documents.extended(rig, seconds) if undecided else None
+        period = answer["regime"]["kind"] != "smooth sliding" and answer["regime"]["period"]
         yield {
             **answer,
             "phase": _phase(made),
@@ -51,7 +52,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
             "notes": notes,
             "going_on": longer is not None,
             "parameters": documents.values_of(rig),
-            "period": _in_hertz(answer["regime"], rig),
+            "period": f"{1.0 / period:.3g} {advise.say.frequency_unit(rig)}" if period else "",
         }
         if longer is None:
             break
@@ -67,14 +68,6 @@ def _cut_note(asked: Rig, rig: Rig, seconds: float) -> str:
         f"The run shows the first {part:.2g} % of the drive, {rig.in_units(rig.drive.duration, 'time')}: the whole of "
         f"it would take more than about {seconds:g} s to simulate. For that use stickslip simulate."
     )
-
-
-def _in_hertz(regime: Plain, rig: Rig) -> str:
-    """How often slips or oscillations come, in words."""
-    period = regime["period"]
-    if period is None or regime["kind"] == "smooth sliding":
-        return ""
-    return f"{1.0 / period:.3g} {advise.say.frequency_unit(rig)}"
 
 
 def law(request: Plain, watch: Watch) -> Iterator[Plain]:

@@ -155,11 +155,6 @@ class Observation(NamedTuple):
         forces = (events.loading_rate * events.step, events.noise, events.resolution, events.smallest, rise)
         return cls(len(events), Sampling(*(force / events.mean_peak for force in forces)))
 
-    @property
-    def slips_needed(self) -> int:
-        """How many slips to simulate, as some are too small to be seen."""
-        return 2 * self.slips + 10
-
     def see(self, table: Table, *, seed: int = 0) -> tuple[Array, Array]:
         """Sample and pick many series, on all cores: statistics (draws, 20) and mean peaks of what is seen.
 
@@ -178,9 +173,10 @@ class Observation(NamedTuple):
     def see_at(self, prior: Prior, parts: Array, *, seed: int = 0) -> tuple[Array, Array]:
         """Simulate at given parts of the ranges of a prior, on all cores, and see."""
         blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
+        slips = 2 * self.slips + 10  # some are too small to be seen
 
         def one(block: int) -> Table:
-            return _simulated(prior, blocks[block], self.slips_needed, np.random.default_rng([seed, 3, block]))
+            return _simulated(prior, blocks[block], slips, np.random.default_rng([seed, 3, block]))
 
         return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
 

@@ -205,7 +205,7 @@ def _events(run: xr.Dataset) -> xr.Dataset:
     found = found.isel(event=np.flatnonzero(found["blocks"].values >= _FEWEST))
     broken = on_blocks(run, "broken", "plot")
     reach = ((_gone(broken, found) >= 0.5) * (np.arange(run.sizes["block"]) + 1)).max("block")
-    before = np.interp(found["start"], run["time"], variable(run, "spring_force", "time"))
+    before = np.interp(found["start"], run["time"], variable(run, "spring_force"))
     return found.assign(reach=reach, force_before=("event", before))
 
 

@@ -108,7 +108,7 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
     >>> rate, len(samples)  # of 0.2 s
     (44100, 8819)
     """
-    force, seen = variable(run, "spring_force", "time"), regime(run)
+    force, seen = variable(run, "spring_force"), regime(run)
     if not (seconds := ratio(seen.time_unit, "s")):
         raise InputError(f"sound: times are in {seen.time_unit or 'no unit'}: give the rig in SI units, or the unit")
     if seen.kind == "smooth sliding" or not math.isfinite(seen.period):  # through speeds, it is undecided as a whole

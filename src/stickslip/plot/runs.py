@@ -78,7 +78,7 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
     Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
     """
-    speed, force = (variable(run, name, "time") for name in ("velocity", "spring_force"))
+    speed, force = (variable(run, name) for name in ("velocity", "spring_force"))
     ax = new_axes() if ax is None else ax
     ax.plot(speed, force, color=style.BLUE, linewidth=0.8, rasterized=speed.size > 10 * style.MOST_POINTS)
     panel(ax, "", speed, force)
@@ -99,8 +99,8 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
     # An envelope would not stack; one of each group of samples will do.
     thin = run.isel(time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS)))
-    parts = [variable(thin, name, "time") for name in _ENERGIES]
-    work = variable(thin, "work", "time")
+    parts = [variable(thin, name) for name in _ENERGIES]
+    work = variable(thin, "work")
     ax = new_axes(style.PAGE, 2.6) if ax is None else ax
     names, colours = zip(*_ENERGIES.values(), strict=True)
     ax.stackplot(thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0)
@@ -134,7 +134,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     InputError
         If the Dataset has no spring force, or too little of it to look for slips.
     """
-    variable(run, "spring_force", "time")
+    variable(run, "spring_force")
     if events is None and is_of_a_chain(run):
         return elastic_overview(run)
     if seen is None:

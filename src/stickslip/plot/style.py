@@ -152,19 +152,19 @@ def panel(
         ax.set_title(title, loc="left")
 
 
-def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
-    """Take a variable along one dimension, or complain."""
+def variable(data: xr.Dataset, name: str) -> xr.DataArray:
+    """Take a variable along time, or complain."""
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
-    if data[name].dims == (along, "block"):  # of an elastic slider, what its blocks do on average
+    if data[name].dims == ("time", "block"):  # of an elastic slider, what its blocks do on average
         return data[name].mean("block", keep_attrs=True)
-    if data[name].dims != (along,):
-        raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along {along} alone; select one")
-    if data.sizes[along] == 0:
+    if data[name].dims != ("time",):
+        raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along time alone; select one")
+    if data.sizes["time"] == 0:
         raise InputError(f"plot: {name} is empty")
     check_numbers("plot", data[name])
-    check_numbers("plot", data[along])
+    check_numbers("plot", data["time"])
     return data[name]
 
 
@@ -172,7 +172,7 @@ def along_time(
     run: xr.Dataset, name: str, ax: Axes | None, height: float = 2.2, **style: Any
 ) -> tuple[Axes, xr.DataArray]:
     """Draw a variable against time, thinned to its envelope, on new axes unless given; also return the variable."""
-    drawn = variable(run, name, "time")
+    drawn = variable(run, name)
     ax = new_axes(PAGE, height) if ax is None else ax
     ax.plot(*envelope(run["time"].to_numpy(), drawn.to_numpy()), **style)
     panel(ax, "", run["time"], drawn)

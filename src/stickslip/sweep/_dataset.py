@@ -165,12 +165,8 @@ class Summary:
     missing: int
 
     def __str__(self) -> str:
-        line = f"{self.done} of {self.total} cases done"
-        if self.failed:
-            line += f", {self.failed} failed"
-        if self.missing:
-            line += f", {self.missing} not run yet"
-        return line
+        others = {"failed": self.failed, "not run yet": self.missing}
+        return f"{self.done} of {self.total} cases done" + "".join(f", {n} {what}" for what, n in others.items() if n)
 
 
 @dataclass(frozen=True, kw_only=True)
