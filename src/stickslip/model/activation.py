@@ -31,8 +31,13 @@ class ActivationModel(Record):
 class Bell(ActivationModel):
     """Thermal activation after Bell and Eyring: the barrier falls linearly, ``(x_c - x)/width`` in units of ``kT``.
 
-    The width ``A``, in ``x_s``, is ``kT`` over the activation length times the contact's stiffness times ``x_s``: it
-    goes with the temperature. Attempts on the top of the barrier come at a rate in 1/time.
+    Parameters
+    ----------
+    width : float
+        Activation width ``A``, in ``x_s``: ``kT`` over the activation length times the contact's stiffness times
+        ``x_s``. It goes with the temperature.
+    attempts : float
+        Rate of attempts on the top of the barrier, in 1/time.
     """
 
     width: Annotated[float, Number("x_s", above=0, hint="the activation width A")]
@@ -44,7 +49,12 @@ class Bell(ActivationModel):
 class Parabolic(ActivationModel):
     """Thermal activation over the elastic energy itself: barrier ``(x_c**2 - x**2)/(2 temperature)``.
 
-    The temperature is ``kT/(k x_s**2)``; attempts on the top of the barrier come at a rate in 1/time.
+    Parameters
+    ----------
+    temperature : float
+        ``kT/(k x_s**2)``.
+    attempts : float
+        Rate of attempts on the top of the barrier, in 1/time.
     """
 
     temperature: Annotated[float, Number(above=0, hint="kT/(k x_s^2)")]
@@ -56,8 +66,16 @@ class Parabolic(ActivationModel):
 class Barrier(ActivationModel):
     """Thermal activation over a barrier of given height: ``height * (1 - x/x_c)**power`` in units of ``kT``.
 
-    The power is 1, 3/2 (a smooth potential near its limit) or 2; attempts on the top of the barrier come at a rate in
-    1/time, which with `kramers` carries Kramers' prefactor ``(1 - x/x_c)**(power - 1)``.
+    Parameters
+    ----------
+    height : float
+        Height of the barrier of an unstretched contact over ``kT``.
+    power : float
+        1, 3/2 (a smooth potential near its limit) or 2.
+    attempts : float
+        Rate of attempts on the top of the barrier, in 1/time.
+    kramers : bool
+        Whether the rate carries Kramers' prefactor ``(1 - x/x_c)**(power - 1)``.
     """
 
     height: Annotated[float, Number(above=0, hint="barrier over kT")]

@@ -40,8 +40,14 @@ class Langevin(AgeingModel):
     """Thresholds that age towards the interface's Gaussian as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
 
     ``df = beta^2 (f_0 - f) dt + beta delta f_0 sqrt(2) dW``, with ``f_0`` and ``delta`` the mean and the relative
-    standard deviation of ``Interface.thresholds``; `rate` is ``beta``, in 1/sqrt(time): thresholds, at first of a force
-    `newborn`, in ``f_s``, reach their stationary distribution within a time ``beta**-2``.
+    standard deviation of ``Interface.thresholds``.
+
+    Parameters
+    ----------
+    rate : float
+        ``beta``, in 1/sqrt(time): thresholds reach their stationary distribution within a time ``beta**-2``.
+    newborn : float
+        Threshold force of a newborn contact, in units of ``f_s``.
     """
 
     rate: Annotated[float, Number("1/time^(1/2)", above=0, hint="beta")]

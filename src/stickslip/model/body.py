@@ -28,10 +28,12 @@ class Slider(Record):
 
     Parameters
     ----------
-    stiffness, damping : float
-        ``K/N`` of the driving spring in units of ``k``, and ``eta`` in 1/time.
+    stiffness : float
+        Stiffness of the driving spring ``K/N`` in units of ``k``.
     mass : float
         ``M/N`` in units of ``f_s * time**2 / x_s``. Zero is the massless limit: theory of stability only.
+    damping : float
+        ``eta`` in 1/time.
     """
 
     stiffness: Annotated[float, Number("k", above=0, hint="K/N")]
@@ -128,12 +130,18 @@ class Chain(ElasticBody):
     ----------
     blocks : int
         Number of blocks.
-    coupling, viscosity : float
-        Spring ``k_b`` and dashpot ``c_b`` between neighbouring blocks, in units of ``k`` and of ``k`` times time.
-    mass, damping : float
-        ``M/N`` of a block, in units of ``f_s * time**2 / x_s``, and its ``eta`` against the ground, in 1/time.
-    leaf, side : float
-        Stiffness of springs from every block, and from block 0, to the drive, in units of ``k``.
+    coupling : float
+        Stiffness ``k_b`` of the bar between neighbouring blocks, in units of ``k``.
+    mass : float
+        ``M/N`` of a block, in units of ``f_s * time**2 / x_s``.
+    damping : float
+        ``eta`` of a block against the ground, in 1/time.
+    viscosity : float
+        Dashpot ``c_b`` between neighbouring blocks, in units of ``k`` times time.
+    leaf : float
+        Stiffness of a spring from every block to the drive, in units of ``k``.
+    side : float
+        Stiffness of a spring from block 0 to the drive, in units of ``k``.
     ends : {"free", "periodic"}
         Whether the last block is coupled to the first.
     spacing : float, optional
@@ -166,8 +174,10 @@ class Sheet(ElasticBody):
 
     Parameters
     ----------
-    along, across : int
-        Number of blocks along the drive, and of rows beside each other.
+    along : int
+        Number of blocks along the drive.
+    across : int
+        Number of rows beside each other.
     shear : float
         Stiffness between neighbouring rows, in units of ``k``.
 

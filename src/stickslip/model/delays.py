@@ -131,10 +131,15 @@ class OnArrest(DelayModel):
 @register("random")
 @dataclass(frozen=True, kw_only=True)
 class RandomDelay(DelayModel):
-    """Delay times drawn from a Gaussian of a mean and a standard deviation, with the fate of negative draws stated.
+    """Delay times drawn from a Gaussian, with the fate of negative draws stated.
 
-    A negative draw becomes 0 ("clip"), is drawn again ("redraw"), or changes sign ("fold"). The paper does not say
-    which it used, and its Fig. 7b depends on it.
+    Parameters
+    ----------
+    mean, std : float
+        Mean and standard deviation of the Gaussian, before negative draws are dealt with.
+    negative : {"clip", "redraw", "fold"}
+        A negative draw becomes 0, is drawn again, or changes sign. The paper does not say which it used, and its
+        Fig. 7b depends on it.
     """
 
     mean: Annotated[float, Number("time", at_least=0)]

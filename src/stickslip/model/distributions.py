@@ -38,8 +38,13 @@ Above0 = Annotated[float, Number(above=0, at_most=LARGEST_STRETCHING, hint="in x
 class Gaussian(Distribution):
     """Gaussian distribution, optionally cut off from below; with a standard deviation of 0 all values are the mean.
 
-    `mean` and `std`, the paper's ``Delta f_s/f_s`` or ``Delta f_0/f_s``, are those before the cut, in units of ``x_s``;
-    values at or below `lower` are drawn again.
+    Parameters
+    ----------
+    mean, std : float
+        Centre and standard deviation before the cut, in units of ``x_s``. The paper's ``Delta f_s/f_s`` and
+        ``Delta f_0/f_s`` are standard deviations.
+    lower : float
+        Values at or below it are drawn again.
     """
 
     mean: Stretching
@@ -348,7 +353,12 @@ class Weibull(_PowerOfGamma):
 class Empirical(_Histogram):
     """A measured distribution: a histogram, its density constant within each bin.
 
-    There is one more of the rising `edges` than of the `weights`, which are stored normalised to a sum of one.
+    Parameters
+    ----------
+    edges : sequence of float, shape (n + 1,)
+        Rising edges of the bins.
+    weights : sequence of float, shape (n,)
+        Non-negative weights of the bins; stored normalised to a sum of one.
     """
 
     edges: tuple[Annotated[float, Number(**_BOUNDS, hint="edges of bins, in x_s")], ...]

@@ -12,10 +12,15 @@ METHODS, register = registry("method")
 @register("contacts")
 @dataclass(frozen=True)
 class Contacts(Record):
-    """Method: `count` contacts, of an elastic slider on each block, event by event, exact for their number.
+    """Method: `count` contacts, event by event, exact for their number.
 
-    The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times of
-    recording may be other steps, and give another run of the same distribution.)
+    Parameters
+    ----------
+    count : int
+        Number of contacts ``N``; of an elastic slider, those of each block.
+    seed : int
+        The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times
+        of recording may be other steps, and give another run of the same distribution.)
     """
 
     # 1e8 contacts take some 15 GB.
@@ -88,8 +93,14 @@ class QuasiStatic(Record):
     """Method: `count` contacts on each block of an elastic slider, event by event, in balance all the time.
 
     Without inertia and damping: between events the body stands still but for the drive, and a slip is a cascade of
-    breaks in no time. Right where the drive is slow against everything else; hundreds of times faster there. The same
-    seed gives the same run, bit for bit, and the same contacts as `Contacts`.
+    breaks in no time. Right where the drive is slow against everything else; hundreds of times faster there.
+
+    Parameters
+    ----------
+    count : int
+        Number of contacts of each block.
+    seed : int
+        The same seed gives the same run, bit for bit, and the same contacts as `Contacts`.
     """
 
     count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block")] = 100
@@ -115,8 +126,14 @@ Method = Contacts | MasterEquation | Population | QuasiStatic
 class Output(Record):
     """Samples and snapshots that a run records.
 
-    The time between samples is by default some fine fraction of the run that resolves the oscillation of the slider.
-    Snapshots are times at which to record the distribution of stretchings ``Q(x)``, in so many bins.
+    Parameters
+    ----------
+    interval : float, optional
+        Time between samples; by default some fine fraction of the run that resolves the oscillation of the slider.
+    snapshots : tuple of float
+        Times at which to record the distribution of stretchings ``Q(x)``.
+    bins : int
+        Bins of a snapshot.
     """
 
     interval: Annotated[float | None, Number("time", above=0)] = None
@@ -165,8 +182,10 @@ class Prestressed(Record):
     ----------
     stretching : float or tuple of float
         Of the contacts, in ``x_s``: one for all blocks, or one for each.
-    push, pushed_blocks : float, int
-        Constant force on each of the first blocks besides, in ``f_s`` per contact, and how many (of a `Sheet`, a row).
+    push : float
+        Constant force on each of the first blocks besides, in ``f_s`` per contact.
+    pushed_blocks : int
+        How many are pushed; of a `Sheet`, in each row.
 
     Examples
     --------

@@ -109,11 +109,14 @@ class Rig(Answer):
         The rig's force, length and time in SI units; none for a rig in natural units.
     operation : Operation
         The speeds it works at, and what of it could be built otherwise, in natural units; for `predict`.
-    assumed, fitted : mapping of str to Assumption, Fitted
-        Keys of the rig's file that were not measured, and the defaults that were taken; keys that were fitted to a
-        trace, with intervals and draws.
-    name, source : str
-        What to call it, and where the numbers come from.
+    name : str
+        What to call it.
+    assumed : mapping of str to Assumption
+        Keys of the rig's file that were not measured, and the defaults that were taken.
+    fitted : mapping of str to Fitted
+        Keys of the rig's file that were fitted to a trace, with intervals and draws.
+    source : str
+        Where the numbers come from.
 
     Examples
     --------

@@ -17,9 +17,16 @@ LAWS: tuple[Law, ...] = ("ageing", "slip")
 
 @dataclass(frozen=True, kw_only=True)
 class RateAndState(Record):
-    """Friction by rate and state: ``F = F0 + a ln(V/V0) + b ln(V0 theta/D)``, in the units of the data.
+    """Friction by rate and state: ``F = F0 + a ln(V/V0) + b ln(V0 theta/D)``.
 
-    By the ageing law (Dieterich) ``theta' = 1 - V theta/D``, by the slip law (Ruina) ``-(V theta/D) ln(V theta/D)``.
+    Parameters
+    ----------
+    law : {"ageing", "slip"}
+        How the state evolves: ``theta' = 1 - V theta/D`` (Dieterich), or ``-(V theta/D) ln(V theta/D)`` (Ruina).
+    a, b : float
+        Direct and evolution effect, in the unit of the friction.
+    distance : float
+        ``D``, in the unit of displacement.
     """
 
     law: Law
