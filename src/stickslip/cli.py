@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
@@ -219,16 +220,14 @@ def predict(
         with console.working("predicting") as progress:
             found = complete(found, thorough=thorough, pairs=smooth is not None, progress=progress)
     _draw(plot, found.plot)
-    uncertain = None
+    on_page = sys.stdout.isatty()  # in a pipe nobody knows its width
+    text = found.text(get_terminal_size().columns, "\033[1m{}\033[0m") if on_page else found.text(80)
+    content = found.to_dict()
     if described.fitted:
         with console.working("over the draws") as progress:
             uncertain = over_draws(described, progress=progress)
-    if json:
-        console.print_json(found.to_dict() | ({"over_draws": uncertain.to_dict()} if uncertain else {}))
-        return
-    console.print_prediction(found, plot)
-    if uncertain:
-        print(f"\n{uncertain}")
+        text, content = f"{text}\n\n{uncertain}", content | {"over_draws": uncertain.to_dict()}
+    _answer(text, content, json, picture=plot)
 
 
 @app.command

@@ -9,14 +9,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError, printable
+from stickslip.errors import InputError
 from stickslip.progress import bar
 
 if TYPE_CHECKING:
-    from stickslip.advise import ElasticPrediction, Prediction
     from stickslip.sweep import Progress
 
 
@@ -96,39 +94,3 @@ def stoppable() -> Iterator[None]:
 def print_json(value: Any) -> None:
     """Print a result for a machine to read."""
     print(jsonlib.dumps(value, indent=2))
-
-
-def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None) -> None:
-    """Print an answer: the sentence, what is said beneath it, and what of the rig was assumed or fitted."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. Texts of
-    # users are not markup.
-    width = None if sys.stdout.isatty() else 80
-    console, tables = (
-        Console(highlight=False, markup=False, emoji=False, width=width and times * width) for times in (1, 2)
-    )
-
-    def say(line: str, bold: str = "", indent: str = "") -> None:
-        whole = Text.assemble((printable(bold), "bold"), printable(line))
-        for k, text in enumerate(whole.wrap(console, console.width - len(indent))):
-            text.rstrip()
-            console.print(Text(indent if k else "") + text, soft_wrap=True)
-
-    say(f": {found.headline}", found.rig.name)
-    for title, rest, rows in found.told:
-        if rows:
-            console.print()
-            say(rest, title) if title else None
-        table = Table(box=None, pad_edge=False, show_header=False)
-        for row in rows:
-            if isinstance(row, str):
-                say(f"- {row}" if title else row, indent="  " if title else "")
-            else:
-                table.add_row(*(Text(printable(cell)) for cell in row))
-        if table.rows:
-            tables.print(table)
-    if picture is not None:
-        console.print(f"\npicture: {picture}", soft_wrap=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import xarray as xr
@@ -17,6 +18,7 @@ from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.runs import OSCILLATES
 from stickslip.answers import Answer, card, escaped, plain, strip, table
+from stickslip.errors import printable
 from stickslip.measure import Regime
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
 from stickslip.model.rig import Rig
@@ -41,10 +43,22 @@ class Foretold(Answer):
     rig: Rig
 
     def __str__(self) -> str:
-        lines = [f"{self.rig.name}: {self.headline}"]
-        for title, rest, rows in self.sections:
-            told = [f"- {row if isinstance(row, str) else ', '.join(row)}" for row in rows if title]
-            lines += [f"{title}{rest}:", *told] if told else []
+        return self.text()
+
+    def text(self, width: int = 10_000, bold: str = "{}") -> str:
+        """Return all that is told: sentences wrapped, the lines of a table kept whole, titles in a format."""
+        wrapped = partial(wrap, width=width, break_on_hyphens=False)
+        lines = wrapped(f"{bold.format(printable(self.rig.name))}: {self.headline}")
+        for title, rest, rows in self.told:
+            lines += ["", *wrapped(bold.format(title) + rest if title else "")] if rows else []
+            wide = [
+                max(map(len, cells)) for cells in zip(*(row for row in rows if not isinstance(row, str)), strict=True)
+            ]
+            for row in rows:
+                if isinstance(row, str):
+                    lines += wrapped("- " * bool(title) + printable(row), subsequent_indent="  " * bool(title))
+                else:
+                    lines.append("  ".join(map(str.ljust, map(printable, row), wide)).rstrip())
         return "\n".join(lines)
 
     @property

@@ -4,7 +4,7 @@ All along here are factors on what the rig has, so that no unit matters.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -26,6 +26,7 @@ CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
 MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
 _PER_DECADE, _DEAR_PER_DECADE = 16, 6  # points at which growing modes are counted; the latter where `is_dear` says so
 _NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
+Turn = tuple[Parameter, int]  # a parameter that a factor makes larger, or on side -1 smaller
 _APART = 3.0  # speeds at which runs are made first lie within this factor of each other
 
 
@@ -104,13 +105,15 @@ def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
 
 
 @cache
-def factor_of(parameter: Parameter, side: int = 1) -> Parameter:
-    """The factor on a parameter, or on side -1 its inverse, as a parameter."""
+def factor_on(*turns: Turn) -> Parameter:
+    """One factor on some parameters, as a parameter."""
 
     def varied(rig: Rig, factor: float) -> Rig:
-        return parameter.set(rig, parameter.get(rig) * factor**side)
+        for parameter, side in turns:
+            rig = parameter.set(rig, parameter.get(rig) * factor**side)
+        return rig
 
-    return Parameter(name=parameter.name, unit="1", get=lambda _rig: 1.0, set=varied)
+    return Parameter(name=turns[0][0].name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
 def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
@@ -118,7 +121,7 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> 
 
     Stable ranges narrower than a sixteenth of a decade may be missed.
     """
-    factor = factor_of(parameter)
+    factor = factor_on((parameter, 1))
     try:
         found = search(factor, rig.natural, low, high, density=_per_decade(rig), edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
@@ -135,16 +138,12 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> 
 
 def told_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
     """`stability_along`, where it can be paid for; raises `Spent` elsewhere."""
-    here, seconds = rig.natural, list[float]()
-    for factor in (low, high):
-        there = factor_of(parameter).set(here, factor)
-        cost = effort(VELOCITY.set(here, there.velocity))
-        known = (here.interface, here.velocity) == (there.interface, there.velocity)
-        seconds.append(cost.again if known else cost.look)
-        if here.interface.threshold_distribution != there.interface.threshold_distribution:
-            seconds[-1] = max(cost.look, cost.root)
-    looks = 1.0 + _per_decade(rig) * math.log10(high / low)
-    return trials.told(stability_along, rig, parameter, low, high, looks=looks * sum(seconds) / len(seconds))
+    one, two = (factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high))
+    known = (one.interface, one.velocity) == (two.interface, two.velocity)
+    costs = [effort(VELOCITY.set(rig.natural, there.velocity)) for there in (one, two)]
+    each = sum(cost.again if known else cost.look for cost in costs) / len(costs)
+    looks = each * (1.0 + _per_decade(rig) * math.log10(high / low))
+    return trials.told(stability_along, rig, parameter, low, high, looks=looks)
 
 
 # By runs
@@ -165,31 +164,34 @@ class Survey:
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
         self._setting, self._linear = trial(rig), linear
         grid = [v for band in linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
-        self._places = [*works_at(rig), *sorted(grid, key=lambda speed: abs(math.log(speed)))]
-        self.known = dict.fromkeys(self._places, "") | {1.0: here}  # by speed; "" is not known yet
-
-    @property
-    def most(self) -> int:
-        """Runs that it makes where each linear range holds one change of motion."""
-        return len(self._places) + len(self._linear) * halvings(_APART)
+        places = [*works_at(rig), *sorted(grid, key=lambda speed: abs(math.log(speed)))]
+        self.known = dict.fromkeys(places, "") | {1.0: here}  # by speed; "" is not known yet
 
     def look(self, trials: Trials) -> None:
         """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
-        for speed in self._places:
+        for speed in [speed for speed, kind in self.known.items() if not kind]:
             with suppress(Spent):  # slower speeds, farther on, may cost more than what is left, and faster ones less
                 self._try(speed, trials)
         with suppress(Spent):
-            while (change := self._widest_change()) is not None:
-                self._try(change, trials)
+            while wide := [
+                (right / left, math.sqrt(left * right))
+                for band in self._linear
+                for (left, one), (right, two) in self._changes(band)
+                if band.kind not in (one, two) and math.log(right / left) > 2.0 * math.log1p(PRECISION)
+            ]:
+                self._try(max(wide)[1], trials)
 
     def _try(self, speed: float, trials: Trials) -> None:
-        """Simulate at a speed, if that has not been done."""
-        if not self.known.get(speed):
-            case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
-            try:
-                self.known[speed] = trials.judge(case).kind
-            except InputError:
-                self.known[speed] = "undecided"
+        """Simulate at a speed."""
+        case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
+        try:
+            self.known[speed] = trials.judge(case).kind
+        except InputError:
+            self.known[speed] = "undecided"
+
+    def _changes(self, band: Band) -> list[tuple[tuple[float, str], tuple[float, str]]]:
+        """Neighbours with different motion."""
+        return [(one, two) for one, two in pairwise(self._seen(band)) if one[1] != two[1]]
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
         """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.
@@ -205,22 +207,6 @@ class Survey:
         sides = zip([(0.0, ""), *seen], seen, [*seen[1:], (0.0, "?")], strict=False)
         return [each for one, each, two in sides if not (each[1] == band.kind and one[1] == two[1] != band.kind)]
 
-    def _changes(self, band: Band) -> Iterator[tuple[float, str, float, str]]:
-        """Neighbours with different motion."""
-        for (left, one), (right, two) in pairwise(self._seen(band)):
-            if one != two:
-                yield left, one, right, two
-
-    def _widest_change(self) -> float | None:
-        """Middle of the neighbours with different motion that are furthest apart; None where all changes are found."""
-        changes = [
-            (right / left, math.sqrt(left * right))
-            for band in self._linear
-            for left, one, right, two in self._changes(band)
-            if band.kind not in (one, two) and math.log(right / left) > 2.0 * math.log1p(PRECISION)
-        ]
-        return max(changes)[1] if changes else None
-
     def bands(self) -> tuple[Band, ...]:
         """Ranges of linear stability, cut where the motion changes.
 
@@ -229,13 +215,13 @@ class Survey:
         parts: list[Band] = []
         for band in self._linear:
             begin, found = band.low, True
-            for left, one, right, _ in self._changes(band):
+            for (left, one), (right, _) in self._changes(band):
                 first, last = left * (1.0 + PRECISION), right / (1.0 + PRECISION)
                 if near := first >= last:
                     first = last = math.sqrt(left * right)
                 parts += [_part(band, one, begin, first, found, near), replace(band, low=first, high=last)]
                 begin, found = last, near
-            last_kind = ([(0.0, band.kind), *self._seen(band)])[-1][1]
+            _, last_kind = [(0.0, band.kind), *self._seen(band)][-1]
             parts.append(_part(band, last_kind, begin, band.high, found, True))
         return joined(parts)
 
@@ -249,9 +235,8 @@ def _grid(band: Band) -> list[float]:
 
 
 def _part(band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool) -> Band:
-    """A part of a linear range; what was seen at the rig's own speed only is no range."""
-    alone = low < 1.0 < high < (1.0 + 3.0 * PRECISION) * low and not (low_found or high_found)
-    if kind == band.kind or alone:
+    """A part of a linear range in which a motion was seen."""
+    if kind == band.kind:
         return replace(band, low=low, high=high)
     bistable = band.kind == "stable" and kind in OSCILLATES
     return Band(kind=kind, bistable=bistable, low=low, high=high, low_found=low_found, high_found=high_found)

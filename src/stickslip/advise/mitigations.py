@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stickslip.advise.bands import PRECISION, factor_of, fastest_mode, halvings, is_dear, told_along
+from stickslip.advise.bands import PRECISION, Band, Turn, factor_on, fastest_mode, halvings, is_dear, told_along
 from stickslip.advise.runs import SEEDS, Spent, Trials, trial
 from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
@@ -53,40 +53,44 @@ class Mitigation:
 def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False) -> Prediction:
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
     rig, search = found.rig, _Search(found, trials)
-    choices = [each for each in (*TURNABLE, *_OTHERS) if search.can_vary(each)]
-    changes, tried, pair = dict[Parameter, Mitigation](), dict[str, tuple[float, float]](), tuple[Mitigation, ...]()
+    choices = left = [each for each in (*TURNABLE, *_OTHERS) if search.can_vary(each)]
+    changes, tried, pair = (
+        dict[Parameter, Mitigation](),
+        dict[Parameter, tuple[float, float]](),
+        tuple[Mitigation, ...](),
+    )
     # What is most easily set first, each with a fair share of what is left; then those not through, with all of it.
-    left = [*choices]
     for lap in range(2):
-        for i, parameter in enumerate(waiting := [*left]):
+        waiting, left = left, []
+        for i, parameter in enumerate(waiting):
             report(0.5 * (lap + i / len(waiting)))
-            value = rig.value(parameter)
             with trials.within(1.0 if lap else 1.0 / (len(waiting) - i)):
-                sides = [
-                    (side, *search.along(factor_of(parameter, side), end)) for side, end in search.sides(parameter)
-                ]
-            stops = [value * factor**side for side, factor, _, _ in sides if factor is not None]
-            low, high = sorted(value * reached**side for side, _, reached, _ in sides)
-            if stops:
-                changes[parameter] = min(
-                    (Mitigation(parameter=parameter.name, value=value, stops=stop) for stop in stops),
-                    key=lambda each: each.size,
-                )
-            elif low < high:
-                tried[parameter.name] = low, high
-            if all(wholly for *_, wholly in sides):
-                left.remove(parameter)
+                up = search.along((parameter, 1))
+                down = search.along((parameter, -1), most=up.factor or math.inf)
+            if factor := down.factor or up.factor:
+                (changes[parameter],) = _changes(rig, factor, (parameter, -1 if down.factor else 1))
+            elif down.reached * up.reached > 1.0:
+                tried[parameter] = rig.value(parameter) / down.reached, rig.value(parameter) * up.reached
+            if not (up.wholly and down.wholly):
+                left.append(parameter)
         if pairs and not lap:
             with trials.within(0.5):
-                pair = search.pair([each for each in choices if each in TURNABLE], [*changes.values()])
+                most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
+                pair = search.pair([each for each in choices if each in TURNABLE], most / (1.0 + PRECISION))
     mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
     return replace(
         found,
         mitigations=tuple(changes[each] for each in mitigations),
         pair=pair,
-        attempts={name: ends for name, ends in tried.items() if name not in [each.name for each in changes]},
+        attempts={each.name: ends for each, ends in tried.items() if each not in changes},
         not_searched=tuple(each.title for each in left if each not in changes),
     )
+
+
+def _changes(rig: Rig, factor: float, *turns: Turn) -> tuple[Mitigation, ...]:
+    """A factor on each of some parameters, up or down, as changes."""
+    values = [(each.name, rig.value(each), side) for each, side in turns]
+    return tuple(Mitigation(parameter=name, value=v, stops=v * factor**side) for name, v, side in values)
 
 
 def has(rig: Rig, parameter: Parameter) -> bool:
@@ -122,6 +126,14 @@ def speeds_of(found: Prediction) -> list[float]:
     return speeds
 
 
+class _Outcome(NamedTuple):
+    """The smallest factor that stops it, if any; up to which there is none, and whether that is all there is to try."""
+
+    factor: float | None
+    reached: float
+    wholly: bool
+
+
 class _Search:
     """The rig at each speed at which it is to slide smoothly, in natural units, and the runs that are allowed."""
 
@@ -137,31 +149,30 @@ class _Search:
         arrest = parameter is parameters.DAMPING and isinstance(self._own.interface.delay, OnArrest)
         return has(self._own, parameter) and not arrest and (parameter is not VELOCITY or len(self._rigs) == 1)
 
-    def sides(self, parameter: Parameter) -> tuple[tuple[int, float], tuple[int, float]]:
-        """Both ways to vary a parameter, and the factors up to which that is done, as far as they could be built."""
+    def _furthest(self, parameter: Parameter, side: int) -> float:
+        """The factor up to which a parameter is varied, as far as that could be built."""
         value, (low, high) = parameter.get(self._rigs[0]), reach(self._rigs[0], parameter)
         least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
-        return (1, min(high, most / value)), (-1, 1.0 / max(low, least / value))
+        return min(high, most / value) if side > 0 else 1.0 / max(low, least / value)
 
-    def along(self, change: Parameter, furthest: float) -> tuple[float | None, float, bool]:
-        """The smallest factor from which on stick-slip decays from rest, within `PRECISION`, if any.
+    def along(self, *turns: Turn, most: float = math.inf) -> _Outcome:
+        """The smallest factor on some parameters, up to `most`, from which on stick-slip decays from rest.
 
-        Also up to which factor there is none, and whether that is all that was to be searched. Steps double from just
-        past where smooth sliding may be stable up to the end of that.
+        Within `PRECISION`. Steps double from just past where smooth sliding may be stable up to the end of that.
         """
-        self._reached = 1.0
+        self._reached, change, furthest = 1.0, factor_on(*turns), min(most, *(self._furthest(*each) for each in turns))
         try:
-            for low, high in self._may_be_stable(change, furthest) if furthest > 1.0 else ():
+            for low, high in self._may_be_stable(furthest, *turns):
                 value = self._first(change, low, high, 1)
                 if value is not None and not self._smooth(change, value, SEEDS):
                     value = self._first(change, value, high, SEEDS)
                 if value is not None and value <= high / (1.0 + PRECISION):
-                    return value * (1.0 + PRECISION), self._reached, True
+                    return _Outcome(value * (1.0 + PRECISION), self._reached, True)
                 if value is not None and high == furthest:  # too near to the end to stand with room beyond it
-                    return None, self._reached, True
+                    return _Outcome(None, self._reached, True)
         except Spent:
-            return None, self._reached, False
-        return None, max(furthest, 1.0), True
+            return _Outcome(None, self._reached, False)
+        return _Outcome(None, max(furthest, 1.0), True)
 
     def _first(self, change: Parameter, low: float, high: float, seeds: int) -> float | None:
         """The smallest factor in a range, to `PRECISION`, with so many smooth runs, if its steps meet any."""
@@ -181,62 +192,45 @@ class _Search:
         bands = told_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
         return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, seeds)
 
-    def _may_be_stable(self, change: Parameter, furthest: float) -> list[tuple[float, float]]:
+    def _may_be_stable(self, furthest: float, *turns: Turn) -> list[tuple[float, float]]:
         """Ranges of the factor in which linear theory does not call smooth sliding unstable at any of the speeds.
 
         Where it is stable already, at the one speed there is, a range that ends at a limit leads the wrong way.
         """
-        found = [(1.0, furthest)]
-        for rig in self._rigs:
-            bands = [band for band in told_along(self._trials, rig, change, 1.0, furthest) if band.kind != "unstable"]
-            if len(self._rigs) == 1 and bands and bands[0].kind == "stable" and bands[0].low == 1.0:
-                bands = [band for band in bands if band.low > 1.0 or band.high == furthest]
+        found = [(1.0, furthest)] if furthest > 1.0 else []
+        for rig in self._rigs if found else ():
+            bands = [b for b in self._linear(rig, furthest, *turns) if b.kind != "unstable" and b.high > 1.0]
+            if len(self._rigs) == 1 and bands and bands[0].kind == "stable" and bands[0].low <= 1.0:
+                bands = [band for band in bands if band.low > 1.0 or band.high >= furthest]
             both = [(max(low, band.low), min(high, band.high)) for low, high in found for band in bands]
             found = [(low, high) for low, high in both if low < high]
         return found
 
-    def pair(self, choices: Sequence[Parameter], singles: Sequence[Mitigation]) -> tuple[Mitigation, ...]:
-        """Two parameters that stop it by one factor on both, each the way that helps, smaller than any alone needs."""
-        ways = {each: self._way(each) for each in choices}
-        furthest = min((math.exp(each.size) for each in singles), default=math.inf) / (1.0 + PRECISION)
-        rows = list[tuple[float, int, tuple[Parameter, Parameter], Parameter, float]]()
-        for two in combinations([each for each, side in ways.items() if side], 2):
-            most = min([furthest, *(dict(self.sides(each))[ways[each]] for each in two)])
-            change = _together([factor_of(each, ways[each]) for each in two])
-            if most > 1.0 and (ranges := self._may_be_stable(change, most)):
-                rows.append((ranges[0][0], len(rows), two, change, most))
-        for _, _, two, change, most in sorted(rows):
-            factor, _, _ = self.along(change, min(most, furthest))
-            if factor is not None:
-                here = {each: self._own.value(each) for each in two}
-                return tuple(
-                    Mitigation(parameter=each.name, value=value, stops=value * factor ** ways[each])
-                    for each, value in here.items()
-                )
+    def _linear(self, rig: Rig, furthest: float, *turns: Turn) -> tuple[Band, ...]:
+        """What linear theory says along a factor; of one parameter, as of its margins."""
+        (parameter, side), *more = turns
+        if more:
+            return told_along(self._trials, rig, factor_on(*turns), 1.0, furthest)
+        bands = told_along(self._trials, rig, parameter, *reach(rig, parameter))
+        return bands if side > 0 else tuple(replace(b, low=1.0 / b.high, high=1.0 / b.low) for b in reversed(bands))
+
+    def pair(self, choices: Sequence[Parameter], most: float) -> tuple[Mitigation, ...]:
+        """Two parameters that stop it by one factor below `most`, each turned so that the fastest mode grows less."""
+        turns = [(each, side) for each in choices for side in (1, -1)]
+        two = combinations([each for each in turns if self._growth(each, 1.0 + PRECISION) < self._growth(each, 1.0)], 2)
+        ranges = {
+            both: self._may_be_stable(min(most, *(self._furthest(*each) for each in both)), *both) for both in two
+        }
+        for both in sorted(filter(ranges.get, ranges), key=lambda both: ranges[both][0][0]):
+            if factor := self.along(*both, most=most).factor:
+                return _changes(self._own, factor, *both)
         return ()
 
-    def _way(self, parameter: Parameter) -> int:
-        """The way to vary a parameter in which the fastest mode at any of the speeds grows less; 0 if none does."""
-        grows = [
-            max(self._growth(factor_of(parameter, side).set(rig, 1.0 + PRECISION)) for rig in self._rigs)
-            for side in (1, -1)
+    def _growth(self, turn: Turn, factor: float) -> float:
+        """Growth of the fastest mode at any of the speeds, over the distance that the drive goes."""
+        rates = [
+            (fastest_mode(there)[0], there.velocity)
+            for rig in self._rigs
+            for there in [factor_on(turn).set(rig, factor)]
         ]
-        if not all(map(math.isfinite, grows)):
-            return 0
-        return 1 if grows[0] < grows[1] else -1
-
-    @staticmethod
-    def _growth(rig: Rig) -> float:
-        rate, _ = fastest_mode(rig)
-        return math.inf if rate is None else rate / rig.velocity
-
-
-def _together(changes: Sequence[Parameter]) -> Parameter:
-    """Some changes by one factor, as one parameter."""
-
-    def varied(rig: Rig, factor: float) -> Rig:
-        for change in changes:
-            rig = change.set(rig, factor)
-        return rig
-
-    return replace(changes[0], name="both", set=varied)
+        return max(math.inf if rate is None else rate / velocity for rate, velocity in rates)

@@ -132,9 +132,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
 
 def _shown(rig: Rig, modes: int | None, trials: Trials, run: Recording) -> dict[str, Any]:
     """What a run shows, made longer until that can be told, as fields of the answer."""
-    with suppress(Spent):
-        for run, seen in trials.watch(run):  # noqa: B007, B020 - the last one tells
-            pass
+    run, seen, _ = trials.watch(run)
     late = run.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
     return {
         "recording": run,
@@ -180,12 +178,11 @@ def complete(
 
 
 def in_full(found: Prediction) -> float:
-    """Seconds, by estimate, of the runs that `complete` may make: at speeds, and of each parameter one way."""
+    """Seconds, by estimate, of the runs that `complete` may make: over speeds, and of each parameter one way."""
     trials, rig = Trials(math.inf), found.rig
     trials.judge(trial(rig))
-    at_speeds = Survey(rig, scaled(found.bands, 1.0 / rig.velocity), "").most
     of_each = SEEDS + 2 * by_theory.halvings(max(reach(rig, VELOCITY)))  # steps double, are halved, and all must slide
-    return trials.spent * (at_speeds + (of_each * len(speeds_of(found)) * len(PARAMETERS) if found.ill else 0))
+    return trials.spent * of_each * (1 + (len(speeds_of(found)) * len(PARAMETERS) if found.ill else 0))
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:
@@ -209,14 +206,6 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
         part_of = min(max(_FIRST / estimate(run).seconds, fewest), 1.0)
         run = replace(run, drive=constant(velocity, part_of * drive.duration))
     return record(run, progress=progress)
-
-
-def _is_seen(rig: Rig) -> bool:
-    """Whether the force of smooth sliding fluctuates by the noise of the contacts so that it is seen."""
-    try:
-        return contact_noise(rig).relative_force > say.SEEN
-    except UndecidedError:  # at a limit of stability
-        return True
 
 
 def _stays(rig: Rig) -> bool:
@@ -278,15 +267,20 @@ def _noisy(rig: Rig, margins: Sequence[Margin], trials: Trials) -> tuple[str, fl
     if not limits or not isinstance(rig.method, DRAWN):
         return None
     _, end, nearest = min(limits, key=lambda each: each[0])
-    change = by_theory.factor_of(parameter_named(nearest.parameter))
-    try:
-        quiet, _ = halved(
-            lambda factor: trials.told(_is_seen, change.set(rig.natural, factor), roots=1),
-            *(1.0, end / nearest.value, by_theory.PRECISION / 10.0),
-        )
-    except (InputError, Spent):  # no theory of their noise
-        return None
-    return nearest.parameter, quiet * nearest.value
+    change = by_theory.factor_on((parameter_named(nearest.parameter), 1))
+
+    def seen(there: Rig) -> bool:
+        with suppress(UndecidedError):
+            return contact_noise(there).relative_force > say.SEEN
+        return True  # at a limit of stability
+
+    def probe(factor: float) -> bool:
+        return trials.told(seen, change.set(rig.natural, factor), roots=1)
+
+    with suppress(InputError, Spent):  # no theory of their noise
+        quiet, _ = halved(probe, 1.0, end / nearest.value, by_theory.PRECISION / 10.0)
+        return nearest.parameter, quiet * nearest.value
+    return None
 
 
 def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
@@ -298,12 +292,10 @@ def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, _MODES)
     if respond(rig.interface).inert:
         return replace(found, theory_note=by_theory.CANNOT_GROW)
-    # Modes come in pairs of one stiffness.
-    first = {slider: i for i, slider in reversed([*enumerate(sliders)])}
     sliding = {slider: replace(rig, slider=slider, drive=constant(rig.natural.velocity)) for slider in sliders}
 
-    def wave(slider: Slider) -> WaveAnswer:
-        i, (growth, frequency) = first[slider], by_theory.fastest_mode(sliding[slider])
+    def wave(slider: Slider) -> WaveAnswer:  # modes come in pairs of one stiffness
+        i, (growth, frequency) = sliders.index(slider), by_theory.fastest_mode(sliding[slider])
         report((i + 1) / (i + 2))
         bands = stability_along(sliding[slider], VELOCITY, low, high)
         return WaveAnswer(

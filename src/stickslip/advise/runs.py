@@ -150,7 +150,10 @@ class Trials:
     def judge(self, case: Rig) -> Regime:
         """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told."""
         if case not in self.seen:
-            *_, (_, self.seen[case]) = self.watch(self.record(case), _LONGEST)
+            _, seen, paid = self.watch(self.record(case), _LONGEST)
+            if not paid:
+                raise Spent
+            self.seen[case] = seen
         return self.seen[case]
 
     def slide_smoothly(self, rigs: Sequence[Rig], seeds: int) -> bool:
@@ -173,11 +176,11 @@ class Trials:
             return False
         return True
 
-    def watch(self, run: Recording, longest: float = math.inf) -> Iterator[tuple[Recording, Regime]]:
-        """What a run that ends at a constant speed shows, and longer ones until that can be told; the last one tells.
+    def watch(self, run: Recording, longest: float = math.inf) -> tuple[Recording, Regime, bool]:
+        """What a run that ends at a constant speed shows, or a longer one that tells; False if that was too dear.
 
         None is longer than so many times the length that judges a rig. An oscillation of a linearly stable rig must
-        outlast its slowest mode. Raises `Spent` if the work that is allowed ends before.
+        outlast its slowest mode.
         """
         case, lasts, speed = run.rig, 0.0, run.rig.natural.velocity
         while True:
@@ -190,15 +193,14 @@ class Trials:
                     if not repeats and (noise := replace(seen, kind="smooth sliding")).is_noise:
                         seen = replace(noise, reason="irregular slips, no more than the noise of the contacts makes")
                     lasts = lasts or self.told(until_decayed, case, roots=1) / speed
+                if seen.kind != "undecided" and case.drive.duration >= lasts:
+                    return run, seen, True
+                if case.drive.duration * speed > 0.9 * longest * length_of(case):
+                    return run, doubtful, True
+                case = _longer(case, lasts)
+                run = self.record(case)
             except Spent:
-                yield run, doubtful
-                raise
-            told = seen.kind != "undecided" and case.drive.duration >= lasts
-            yield run, seen if told else doubtful
-            if told or case.drive.duration * speed > 0.9 * longest * length_of(case):
-                return
-            case = _longer(case, lasts)
-            run = self.record(case)
+                return run, doubtful, False
 
 
 def _longer(case: Rig, lasts: float) -> Rig:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from stickslip.advise.bands import MOTIONS, Band
+from stickslip.advise.bands import MOTIONS
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
@@ -68,7 +68,7 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
 
 def verdict(found: Prediction) -> str:
     """The whole answer in one sentence."""
-    return "; ".join(filter(None, [headline(found), *here(found), ", ".join(_bands(found)), *_rest(found)]))
+    return "; ".join([headline(found), *here(found), *speeds(found)])
 
 
 def headline(found: Prediction) -> str:
@@ -113,43 +113,24 @@ def _contacts(found: Prediction) -> str:
     return f"{getattr(found.recording.rig.method, 'count', 'its')} contacts"
 
 
-def speeds(found: Prediction) -> list[str]:
+def speeds(found: Prediction) -> Iterator[str]:
     """The motion at each speed: its ranges, other speeds at which the rig works, and its range of speeds."""
-    return [*_bands(found), *_rest(found)]
-
-
-def _over(found: Prediction, band: Band) -> str:
-    return _span(found, *band.ends, band.low_found, band.high_found)
-
-
-def _ranges(found: Prediction, kind: str) -> str:
-    return " and ".join(_over(found, band) for band in found.bands if band.kind == kind)
-
-
-def _bands(found: Prediction) -> list[str]:
-    """Ranges of speed with oscillation, and those that only starts at rest reach."""
-    if not found.judged:
-        return []
-    told = [
-        f"{MOTIONS.get(band.kind, band.kind)} {_over(found, band)}" + " if started from rest" * band.bistable
-        for band in found.bands
-        if band.kind not in ("smooth sliding", "stable", "unknown")
-    ]
-    known = [band for band in found.bands if band.kind != "unknown"]
-    if not told and known and not found.theory_note:
-        kind = "smooth sliding" if found.complete and not _ranges(found, "stable") else "linearly stable"
-        told.append(f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}")
-    return told + ([found.theory_note] if found.theory_note else [])
-
-
-def _rest(found: Prediction) -> Iterator[str]:
-    """Ranges of speed of which less is known; other speeds at which the rig works, and its range."""
     if not found.judged:
         return
-    if found.complete and (stable := _ranges(found, "stable")):
-        yield f"linearly stable {stable} (starts from rest not judged)"
-    if (unknown := _ranges(found, "unknown")) and not found.theory_note:
-        yield f"{unknown} linear theory cannot tell, or not in the time that is allowed"
+    where, known = dict[str, list[str]](), [band for band in found.bands if band.kind != "unknown"]
+    for band in found.bands:
+        where.setdefault(band.kind, []).append(span := _span(found, *band.ends, band.low_found, band.high_found))
+        if band.kind not in ("smooth sliding", "stable", "unknown"):
+            yield f"{MOTIONS.get(band.kind, band.kind)} {span}" + " if started from rest" * band.bistable
+    if found.theory_note:
+        yield found.theory_note
+    elif known and {*where} <= {"smooth sliding", "stable", "unknown"}:
+        kind = "smooth sliding" if found.complete and "stable" not in where else "linearly stable"
+        yield f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}"
+    if found.complete and "stable" in where:
+        yield f"linearly stable {' and '.join(where['stable'])} (starts from rest not judged)"
+    if "unknown" in where and not found.theory_note:
+        yield f"{' and '.join(where['unknown'])} linear theory cannot tell, or not in the time that is allowed"
     for speed, kind in found.at_speeds:
         if speed != found.rig.velocity:
             yield f"at {_speed(found.rig, speed)}: {kind}"
@@ -175,7 +156,7 @@ def _over_its_range(found: Prediction, low: float, high: float) -> str:
 def sections(found: Prediction) -> Iterator[Section]:
     """What is said beneath the verdict."""
     yield "At this speed", "", here(found)
-    yield "Speeds", "", speeds(found)
+    yield "Speeds", "", list(speeds(found))
     yield "", "", str(found.regime).splitlines() if found.judged else []
     yield "", "", list(numbers(found))
     if found.margins:
