@@ -284,8 +284,8 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
     try:
         modes = count_unstable(there)
         linear = modes == 0 if band.bistable or band.kind in ("smooth sliding", "stable") else modes > 0
-        linear = linear and band.kind != "unknown"
-        yield "band, linear", "" if linear else f"{band} at {middle:.4g}: growing modes {modes}"
+        if band.kind != "unknown":  # of which nothing is said
+            yield "band, linear", "" if linear else f"{band} at {middle:.4g}: growing modes {modes}"
     except (ss.InputError, ss.UndecidedError) as reason:
         yield "band, theory cannot tell", f"{band}: {reason}" if band.kind in ("stable", "unstable") else ""
     if band.kind in ("stable", "unstable", "unknown"):

@@ -17,17 +17,5 @@ from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.prediction import complete, in_full, predict
 
-__all__ = [
-    "Band",
-    "Doubt",
-    "ElasticPrediction",
-    "Margin",
-    "Mitigation",
-    "Prediction",
-    "WaveAnswer",
-    "chart",
-    "complete",
-    "in_full",
-    "predict",
-    "say",
-]
+__all__ = ["Band", "Doubt", "ElasticPrediction", "Margin", "Mitigation", "Prediction", "WaveAnswer", "chart"]
+__all__ += ["complete", "in_full", "predict", "say"]

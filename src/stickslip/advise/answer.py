@@ -37,7 +37,6 @@ class Foretold(Answer):
     _derived: ClassVar[tuple[str, ...]]  # what is told besides the fields
     _picture: ClassVar[str]
     headline: ClassVar[Any]
-    verdict: ClassVar[Any]
     sections: ClassVar[Any]
 
     rig: Rig
@@ -60,6 +59,12 @@ class Foretold(Answer):
                 else:
                     lines.append("  ".join(map(str.ljust, map(printable, row), wide)).rstrip())
         return "\n".join(lines)
+
+    @property
+    def verdict(self) -> str:
+        """The whole answer in one sentence."""
+        rows = (row for title, _, rows in self.sections if title in ("At this speed", "Speeds") for row in rows)
+        return "; ".join([self.headline, *rows])
 
     @property
     def told(self) -> list[say.Section]:
@@ -120,19 +125,11 @@ class Margin:
 class Prediction(Foretold):
     """What `predict` found; every number in the rig's own units. It prints as its short text."""
 
-    headline, verdict, sections = property(say.headline), property(say.verdict), property(say.sections)
+    headline, sections = property(say.headline), property(say.sections)
     changed = say.changed
     _picture = "prediction"
-    _derived = (
-        "at_speeds",
-        "in_time",
-        "stiffness_margin",
-        "smooth",
-        "bistable",
-        "frequency",
-        "amplitude",
-        "relative_amplitude",
-    )
+    _derived: ClassVar[tuple[str, ...]] = ("at_speeds", "in_time", "stiffness_margin", "smooth", "bistable")
+    _derived += ("frequency", "amplitude", "relative_amplitude")
 
     recording: Recording  #: the simulated run that `regime` is of; `run` is its Dataset
     regime: Regime  #: of the run, with its evidence
@@ -305,8 +302,7 @@ class WaveAnswer:
 class ElasticPrediction(Foretold):
     """What `predict` found of an elastic slider, by linear theory; every number in the rig's own units."""
 
-    headline, verdict = property(say.headline_on_waves), property(say.verdict_on_waves)
-    sections = property(say.sections_on_waves)
+    headline, sections = property(say.headline_on_waves), property(say.sections_on_waves)
     _picture, _derived = "waves", ("speeds",)
 
     growing: int = 0  #: modes that grow at the rig's speed, among the 64 softest

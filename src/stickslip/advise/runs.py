@@ -139,7 +139,8 @@ class Trials:
 
     def record(self, case: Rig) -> Recording:
         """Make a run; raise `Spent` if it would cost more than there is left."""
-        self.told(noise_of, case, roots=1)  # as its regime will ask
+        if self.told(linearly_unstable, case) is False:
+            self.told(noise_of, case, roots=1)  # as its regime will ask
         work = estimate(case).seconds
         self.pay(work * self._part)
         run, foreseen = record(case, long=True), self._part

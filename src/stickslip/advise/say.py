@@ -1,4 +1,4 @@
-"""Every sentence that a prediction says: its verdict, the numbers behind it, margins, and what was tried."""
+"""Every sentence that a prediction says: its headline, the numbers behind it, margins, and what was tried."""
 
 from __future__ import annotations
 
@@ -64,11 +64,6 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
 
 
 # The verdict
-
-
-def verdict(found: Prediction) -> str:
-    """The whole answer in one sentence."""
-    return "; ".join([headline(found), *here(found), *speeds(found)])
 
 
 def headline(found: Prediction) -> str:
@@ -278,20 +273,11 @@ def headline_on_waves(found: ElasticPrediction) -> str:
     return f"at {_speed(found.rig, found.rig.velocity)}: {words}"
 
 
-def verdict_on_waves(found: ElasticPrediction) -> str:
-    """The answer of linear theory in one sentence."""
-    return "; ".join([*_speeds_of_waves(found), headline_on_waves(found)])
-
-
-def _speeds_of_waves(found: ElasticPrediction) -> list[str]:
-    where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
-    return [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"]
-
-
 def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig, told = found.rig, list[str]()
-    yield "Speeds", "", _speeds_of_waves(found)
+    where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
+    yield "Speeds", "", [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"]
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:

@@ -23,16 +23,5 @@ from stickslip.cycles.persistence import Sustained, sustained
 from stickslip.cycles.ride import METHOD
 from stickslip.cycles.verdict import Verdict, is_sustained
 
-__all__ = [
-    "METHOD",
-    "BistableRange",
-    "Edge",
-    "Interval",
-    "Sustained",
-    "Verdict",
-    "bistable_range",
-    "bistable_region",
-    "cycle_branch",
-    "is_sustained",
-    "sustained",
-]
+__all__ = ["METHOD", "BistableRange", "Edge", "Interval", "Sustained", "Verdict", "bistable_range", "bistable_region"]
+__all__ += ["cycle_branch", "is_sustained", "sustained"]

@@ -95,9 +95,7 @@ def bistable_range(
         except UndecidedError as reason:
             found = [str(reason)]
     return BistableRange(
-        parameter=span.parameter.name,
-        unit=span.unit,
-        searched=(span.low, span.high),
+        **span.about,
         bands=tuple(each for each in found if isinstance(each, Interval)),
         crossings=crossings,
         notes=tuple(each for each in found if isinstance(each, str)),

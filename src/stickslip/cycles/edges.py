@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -106,6 +106,11 @@ class Span:
         self.low, self.high = (end * self.size for end in rig.span(self.parameter, between))
         self.tolerance = number("tolerance", tolerance, above=0, below=1)
         self.step = number("step", step, above=0, below=1)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The parameter, its unit and the range, as answers have them."""
+        return {"parameter": self.parameter.name, "unit": self.unit, "searched": (self.low, self.high)}
 
     def grid(self, count: int) -> list[float]:
         """So many values over the range."""

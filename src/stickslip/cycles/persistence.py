@@ -95,9 +95,7 @@ def sustained(
             edges.append(Edge.of("decay", *halved(persists, fails_at, holds_at, span.tolerance)))
     edges += [edge for edge in ends[-1:] if edge]
     return Sustained(
-        parameter=span.parameter.name,
-        unit=span.unit,
-        searched=(span.low, span.high),
+        **span.about,
         start=start,
         windows=tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True)),
         grid=tuple((value, known[value]) for value in values),

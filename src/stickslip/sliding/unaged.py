@@ -79,9 +79,10 @@ class UnagedResponse(Response):
 
     def effort(self, velocity: float) -> Effort:
         if isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform):  # transforms in closed form
-            return Effort(look=1e-3, again=1e-3, root=5e-3)
+            return Effort(look=1e-3, again=1e-3, root=1e-2)
         points = 8.0 / STEP * velocity * self.scales(velocity).memory / self.distribution.standard_deviation()
-        return Effort(look := 1e-5 * points, again=0.5 * look, root=0.1 + 5.0 * look)  # neighbours share a table
+        look = 2e-3 + 1e-6 * points  # neighbours share a table
+        return Effort(look, again=look, root=0.03 + 4e-5 * points)
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         if self.inert:
