@@ -326,6 +326,22 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
     assert np.ptp(simulated) > 3.0
 
 
+@pytest.mark.takes(5)
+def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
+    """Its slips are fast: friction in them says less than that of slow sliding, by which the delay is read."""
+    bench = documents.rig_of(documents.first())
+    run = simulated(bench)
+    rows = [f"{t:.7g},{F:.7g}" for t, F in zip(run["time"].values, run["spring_force"].values, strict=True)]
+    content = "\n".join(["time [s],force [N]", *rows]).encode()
+    known = {"stiffness": "300 N/m", "speed": "5 mm/s", "mass": "200 g", "damping": "0.025"}
+    for kinetic, error, marked in (({}, 0.3, True), ({"kinetic": "0.624 N"}, 0.2, False)):  # F_k of its interface
+        first, answer, _ = traces.fit({"content": content, "options": known | kinetic}, silent)
+        assert first["slips"][0].startswith("13 slips")  # not the ringing that each sets off
+        made = documents.rig_of(answer["quick"]["document"])
+        assert made.value("delay") == pytest.approx(bench.value("delay"), rel=error)
+        assert any("slide slowly" in line for line in answer["quick"]["assumed"]) is marked
+
+
 PULLED = "Pulled at one end: precursors"
 COLUMNS = b"".join(b"%d %d %d\n" % (i % 20, i * i % 7, i % 5) for i in range(60))
 COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))

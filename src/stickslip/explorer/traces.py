@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import fitting, measure
+from stickslip import fitting, measure, sliding
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
 from stickslip.fitting.bench import newtons
 from stickslip.fitting.bench import seconds as seconds_in
 from stickslip.fitting.model import sampled
-from stickslip.fitting.rigs import compared
+from stickslip.fitting.rigs import INITIAL, compared
 from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import listed
@@ -34,6 +34,7 @@ from stickslip.model.rig import Assumption, Rig
 from stickslip.model.units import engineering
 from stickslip.plot.style import envelope
 from stickslip.simulation import simulate
+from stickslip.sliding.rigid_motion import friction_ratios
 
 _COARSE = 2_000  # draws of a table that is quick to make
 _SHOWN = 8  # slips in the overlay
@@ -101,23 +102,28 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     events, given = fitting.pick_events(_read(request)), _options(request)
     zeta = read_value("damping ratio", given.get("damping", _DAMPING), "1", "0.15", bare=True)
     number("damping ratio", zeta, at_most=0.95)
-    overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
-    # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
-    kinetic = (float(events.troughs.mean()) + overshoot * events.mean_peak) / (1.0 + overshoot)
-    force = newtons(events, {})
+    overshoot, force = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)), newtons(events, {})
+    # A slider on a spring oscillates about the friction in the slip, and falls as far below it as damping leaves.
+    in_slips = force * (float(events.troughs.mean()) + overshoot * events.mean_peak) / (1.0 + overshoot)
+    static, (least, most) = events.mean_peak * force, friction_ratios(INITIAL)
+    fast = in_slips < static / most
     readings = {
-        "static": events.mean_peak * force,
-        "kinetic": kinetic * force,
+        "static": static,
+        "kinetic": static / math.sqrt(least * most) if fast else in_slips,
         "rate": events.loading_rate * force / seconds_in(events),
     }
     yield {"slips": str(events).splitlines(), "readings": {key: f"{value:.4g}" for key, value in readings.items()}}
     if missing := [title for key, title in _NEEDED.items() if key not in given]:
         yield {"missing": f"For a rig, give {listed(missing)}: a force trace alone gives no length, time or mass."}
     else:
-        yield {"quick": _quick(events, readings | given | {"damping": zeta}, documents.seconds_of(request), watch)}
+        known = readings | ({"in slips": in_slips} if fast else {}) | given | {"damping": zeta}
+        yield {"quick": _quick(events, known, documents.seconds_of(request), watch)}
     yield {"table": _plan(events)}
 
 
+_FAST = (
+    "slips are too fast to show kinetic friction; it is taken amid what contacts can make: slide slowly, and give it"
+)
 _NEEDED = {"stiffness": "the stiffness of the driving spring", "speed": "its speed", "mass": "the mass of the slider"}
 
 
@@ -130,11 +136,20 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
         damping_ratio=given["damping"],
         **{key: given[key] for key in _NEEDED},
     )
+    assumed = dict(rig.assumed)
+    if "in slips" in given and isinstance(given["kinetic"], float):
+        assumed["interface.thresholds"] = Assumption("", _FAST)
     if "half" not in given:  # as long as a slip: shorter, and contacts hold again within it; longer, and they are late
-        delay = float(f"{events.slip_samples * events.step * seconds_in(events):.3g}")
-        how = "as long as a slip was recorded to last; the speed at which friction has halved gives it"
-        assumed = {**rig.assumed, "interface.delay": Assumption(engineering(delay, "s", 3), how)}
-        rig = replace(rig.replace(delay=delay), assumed=assumed)
+        lasts, how = events.slip_samples * events.step * seconds_in(events), "as long as a slip was recorded to last"
+        if given.get("in slips", 0.0) > 0:  # detached for the delay, contacts carry less the faster they slide
+            slow = rig.unit("f_s") * float(sliding.kinetic_friction(rig.natural.interface, 1.0))
+            slip = float(events.drops.mean()) * newtons(events, {}) / rig.value("stiffness")
+            lasts *= (slow / given["in slips"] - 1.0) * rig.unit("x_s") / slip
+            how = "by the friction in slips beside that of slow sliding"
+        delay, how = float(f"{lasts:.3g}"), f"{how}; the speed at which friction has halved gives it"
+        assumed["interface.delay"] = Assumption(engineering(delay, "s", 3), how)
+        rig = rig.replace(delay=delay)
+    rig = replace(rig, assumed=assumed)
     standard_deviation = rig.interface.thresholds.standard_deviation()
     overlay, words, fits = _overlay(rig, events, seconds, watch)
     return {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from stickslip.fitting.model import FLOOR
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import about_the_sensor
-from stickslip.measure.slips import pick, resolution, turning_points, weighted_median, white_noise
+from stickslip.measure.slips import pick, resolution, weighted_median, white_noise
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -150,9 +151,9 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     is the smallest drop that counts, `after` a time before which slips are left out.
 
     By default a drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of
-    the peak on, or from where on the count of slips hardly changes while that is doubled. The first slip, before which
-    the force rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading
-    belongs to the slip before: the slider rings.
+    the peak on, or from where the widest range begins in which the count of slips hardly changes while that is doubled.
+    The first slip, before which the force rises from rest, is left out, and so is one that the end cuts off. A rise
+    much faster than the loading belongs to the slip before: the slider rings.
 
     Examples
     --------
@@ -185,10 +186,10 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
         return len(picked(PLATEAU * drop)[0]) >= (1.0 - LOST) * len(picked(drop)[0]) > 0
 
     if smallest is None:
-        drop = least = max(_NOISES * noise, _STEPS * step, FLOOR * height)
-        while drop <= LARGEST_DROP * height and not on_a_plateau(drop):
-            drop *= _FINER
-        smallest = drop if drop <= LARGEST_DROP * height else least
+        least = max(_NOISES * noise, _STEPS * step, FLOOR * height)
+        finer = range(1 + math.floor(math.log(LARGEST_DROP * height / least, _FINER)))
+        plateaus = [list(drops) for flat, drops in groupby((least * _FINER**k for k in finer), on_a_plateau) if flat]
+        smallest = max(plateaus, key=len, default=[least])[0]
     else:
         smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
     peaks, troughs = picked(smallest)
@@ -244,6 +245,11 @@ def check(events: Events) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def _beside(value: float, limit: float, digits: int = 3) -> str:
+    """A value in as many digits as show on which side of a limit it is."""
+    return next(text for more in range(digits, 18) if float(text := f"{value:.{more}g}") != limit)
+
+
 def _faults(events: Events) -> Iterator[str]:
     """What makes a fit mislead, the plainest first."""
     least, count = with_unit(events.smallest, events.force_unit), len(events)
@@ -254,15 +260,17 @@ def _faults(events: Events) -> Iterator[str]:
     if events.load_change > _LOAD_CHANGE:
         yield f"the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
     if noise > _LARGEST_NOISE:
-        yield f"the noise is {100 * noise:.2g} % of the peak force: at most {100 * _LARGEST_NOISE:g} %; smooth it"
+        found, most = _beside(100 * noise, 100 * _LARGEST_NOISE, 2), f"at most {100 * _LARGEST_NOISE:g} %"
+        yield f"the noise is {found} % of the peak force: {most}; smooth it"
     if smallest > LARGEST_DROP:
         most = f"at most {100 * LARGEST_DROP:g} %; record with less noise"
-        yield f"drops below {least}, {100 * smallest:.2g} % of the peak force, cannot be told from noise: {most}"
+        found = _beside(100 * smallest, 100 * LARGEST_DROP, 2)
+        yield f"drops below {least}, {found} % of the peak force, cannot be told from noise: {most}"
     if events.sawtooth < _LEAST_SAWTOOTH:
-        seen = f"the force rises for {events.sawtooth:.2g} times as long as it drops"
+        seen = f"the force rises for {_beside(events.sawtooth, _LEAST_SAWTOOTH, 2)} times as long as it drops"
         yield f"{seen}: an oscillation or noise, not stick-slip, where it is at least {_LEAST_SAWTOOTH:g}"
     if events.samples_per_period < _FEWEST_SAMPLES:
-        seen = f"{events.samples_per_period:.3g} samples from slip to slip"
+        seen = f"{_beside(events.samples_per_period, _FEWEST_SAMPLES)} samples from slip to slip"
         yield f"{seen}: at least {_FEWEST_SAMPLES:g} are needed; record faster, or pull slower"
     if count < FEWEST:
         yield f"{count} slips: at least {FEWEST} are needed; record for longer"
@@ -277,7 +285,8 @@ def _faults(events: Events) -> Iterator[str]:
         yield f"the loading rate changes {change:.2g} times at t = {at}, with the speed or the load; fit one part"
     name, z = _halves(events)
     if z > _DIFFERENT:
-        yield f"the halves of the trace differ: {name} by {z:.2g} standard errors, at most {_DIFFERENT:g}; fit one part"
+        apart = f"{name} by {_beside(z, _DIFFERENT, 2)} standard errors, at most {_DIFFERENT:g}"
+        yield f"the halves of the trace differ: {apart}; fit one part"
 
 
 def _halves(events: Events) -> tuple[str, float]:
@@ -294,16 +303,14 @@ def _halves(events: Events) -> tuple[str, float]:
 def _largest_step(events: Events) -> tuple[float, float]:
     """Largest ratio of the median loading rates on both sides of a drop, and its time.
 
-    By the time that rises take, ringing weighs little; of joined slips a sudden change of the speed would be ringing.
+    Each rise counts by the time that it takes.
     """
-    peaks, troughs = turning_points(events.force, events.smallest, least_rise(events.smallest, events.noise))
-    took = events.time[peaks[1:]] - events.time[troughs[:-1]]
-    slopes = (events.force[peaks[1:]] - events.force[troughs[:-1]]) / took
+    took, slopes = events.time[events.peak_at[1:]] - events.time[events.trough_at[:-1]], events.slopes
     many = max(8, slopes.size // 8)
     best, when = 1.0, 0.0
     for i in range(many, slopes.size - many + 1):
         sides = slice(i - many, i), slice(i, i + many)
         before, behind = (weighted_median(slopes[side], took[side]) for side in sides)
         if (ratio := max(before / behind, behind / before)) > best:
-            best, when = ratio, float(events.time[peaks[i]])
+            best, when = ratio, float(events.time[events.peak_at[i]])
     return best, when

@@ -46,7 +46,7 @@ _NO_DELAY = (
     "(--speeds) gives it"
 )
 _HALVED = "slide it at several speeds: the speed at which kinetic friction has halved gives the delay"
-_INITIAL = Gaussian(mean=0.0, std=0.01)
+INITIAL = Gaussian(mean=0.0, std=0.01)
 _LEAST_RATIO = 0.01
 """How much faster the spring is wound up than the force rises, at least, for the difference to say anything."""
 
@@ -239,7 +239,7 @@ def quick_fit(
     v = read_value("speed", speed, "m/s", "1 mm/s")
     m = read_value("mass", mass, "kg", "0.4 kg")
     try:
-        thresholds, strength = thresholds_of(static, kinetic, _INITIAL)
+        thresholds, strength = thresholds_of(static, kinetic, INITIAL)
     except InputError as error:
         words = str(error).replace("mu_s/mu_k", "static_friction/kinetic_friction")
         raise InputError(words, "static_friction") from None
@@ -266,7 +266,7 @@ def quick_fit(
         "source": f"readings: static friction {engineering(static, 'N')}, kinetic friction {engineering(kinetic, 'N')}",
         "interface": {
             "thresholds": {"distribution": "gaussian"},
-            "initial": {"distribution": "gaussian", "mean": _INITIAL.mean, "std": _INITIAL.std},
+            "initial": {"distribution": "gaussian", "mean": INITIAL.mean, "std": INITIAL.std},
         },
         "simulation": {"method": "master equation"},
         "assumed": assumed,

@@ -103,6 +103,17 @@ def slow_friction(thresholds: Distribution, initial: Distribution) -> tuple[floa
     return float(force.max()), kinetic_friction(contacts)
 
 
+def _friction_ratio(std: float, initial: Distribution) -> float:
+    most, least = slow_friction(Gaussian(1.0, std), initial)
+    return most / least
+
+
+@lru_cache(maxsize=64)
+def friction_ratios(initial: Distribution) -> tuple[float, float]:
+    """Return the least and the largest ratio of static to kinetic friction that Gaussian thresholds can have."""
+    return _friction_ratio(WIDEST, initial), _friction_ratio(NARROWEST, initial)
+
+
 @lru_cache(maxsize=64)
 def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple[Gaussian, float]:
     """Return Gaussian thresholds of mean 1 whose slow friction has this ratio, and the sum of all threshold forces.
@@ -110,17 +121,13 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
     Static and kinetic friction are forces or coefficients, and the sum is in the same unit. Raises `InputError` if no
     standard deviation gives their ratio; the message has the range that can be had.
     """
-
-    def ratio(std: float) -> float:
-        most, least = slow_friction(Gaussian(1.0, std), initial)
-        return most / least
-
-    wanted, least, most = static / kinetic, ratio(WIDEST), ratio(NARROWEST)
+    wanted, (least, most) = static / kinetic, friction_ratios(initial)
     if not least <= wanted <= most:
         more = "; more needs contacts that strengthen at rest: give contact_strength, thresholds and ageing"
         raise InputError(
             f"mu_s/mu_k = {wanted:.4g}: must be between {least:.3f} and {most:.3f} with Gaussian thresholds"
             + (more if wanted > most else "")
         )
-    found = Gaussian(1.0, float(optimize.brentq(lambda std: ratio(std) - wanted, NARROWEST, WIDEST, xtol=1e-10)))
+    std = optimize.brentq(lambda std: _friction_ratio(std, initial) - wanted, NARROWEST, WIDEST, xtol=1e-10)
+    found = Gaussian(1.0, float(std))
     return found, kinetic / slow_friction(found, initial)[1]
