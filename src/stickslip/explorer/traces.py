@@ -21,9 +21,9 @@ from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
 from stickslip.fitting.bench import newtons
 from stickslip.fitting.bench import seconds as seconds_in
-from stickslip.fitting.model import sampled
+from stickslip.fitting.model import SLIPS, sampled
 from stickslip.fitting.rigs import INITIAL, compared
-from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
+from stickslip.fitting.tables import DRAWS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import listed
 from stickslip.measure.headings import simple

@@ -13,7 +13,7 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number
-from stickslip.fitting.model import FLOOR
+from stickslip.fitting.model import FLOOR, SLIPS
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import about_the_sensor
@@ -26,6 +26,7 @@ _NOISES, _STEPS = 6.0, 3.0
 """The smallest drop is so many standard deviations of the noise, and so many steps of the recording."""
 FEWEST, LARGEST_DROP = 30, 0.10
 """Slips that a fit needs, and the largest smallest drop, over the peak, that it takes."""
+MOST_SLIPS = int(SLIPS / 1.25)  # of a stretch: a fifth of those in a series may be too small to be seen
 PLATEAU, LOST = 2.0, 0.1
 """The count of slips may change by a tenth while the smallest drop is doubled."""
 _FINER = 2.0**0.25
@@ -95,9 +96,16 @@ class Events(Answer):
         return len(self.peak_at)
 
     @property
+    def stretches(self) -> int:
+        """How many stretches the slips make of which each has as many as a simulated series can show."""
+        return -(-len(self) // MOST_SLIPS)
+
+    @property
     def statistics(self) -> Array:
-        """The numbers that summarise the slips, in the order of `stickslip.fitting.summary.NAMES`."""
-        return statistics(self.peaks, self.troughs)
+        """The numbers that summarise the slips, on average over their stretches, as in `fitting.summary.NAMES`."""
+        each = len(self) // self.stretches
+        series = (x[: each * self.stretches].reshape(-1, each) for x in (self.peaks, self.troughs))
+        return np.asarray(statistics(*series).mean(axis=0))
 
     def part(self, begin: int, end: int) -> Events:
         """Some of the slips, by number."""

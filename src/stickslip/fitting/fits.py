@@ -18,7 +18,7 @@ from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.inference import EDGE, Sample, infer
 from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, sampled, simulate
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
-from stickslip.fitting.tables import DRAWS, SLIPS, Observation, table
+from stickslip.fitting.tables import DRAWS, Observation, table
 from stickslip.measure.arrays import Array
 from stickslip.model.rig import Rig
 from stickslip.progress import reporting
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POSTERIOR = 300
-MOST_SLIPS = int(SLIPS / 1.25)  # slips fitted, at most: a fifth of those in the table may be too small to be seen
 _TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {key: row[:2] for key, row in bench.QUANTITIES.items()}
 _IDENTIFIED, _WEAK = 0.5, 0.7
 _WIDE = 10.0  # an interval whose ends differ by more than this, a factor of three either way, identifies no size
@@ -299,16 +298,18 @@ def fit(
     events = trace if isinstance(trace, Events) else pick_events(trace, smallest=smallest, after=after)
     given = bench.read_known(known)
     notes = list(check(events))
-    if len(events) > MOST_SLIPS:
-        notes.append(f"only the first {MOST_SLIPS} of {len(events)} slips are fitted")
-        events = events.part(0, MOST_SLIPS)
+    if (stretches := events.stretches) > 1:
+        notes.append(
+            f"{len(events)} slips are fitted in {stretches} stretches; intervals are as wide as of one of them"
+        )
     likelihood, observation = bench.likelihood_of(events, given), Observation.of(events)
     with reporting(progress, "simulating") as report:
         made = table(prior=prior, draws=draws, progress=report)
     sample = infer(made, observation, events.statistics, likelihood=likelihood, seed=seed)
     even = np.random.default_rng([seed, 4]).choice(len(sample.parts), size=POSTERIOR, p=sample.weights)
     parts = sample.parts[even]
-    predicted, mean_peak = observation.see_at(prior, parts, seed=seed + 1000)
+    seen = [observation.see_at(prior, parts, seed=seed + 1000 + stretch) for stretch in range(stretches)]
+    predicted, mean_peak = (np.mean(each, axis=0) for each in zip(*seen, strict=True))
     valid = np.isfinite(mean_peak)
     if valid.sum() < POSTERIOR // 10:
         raise InputError(

@@ -19,6 +19,8 @@ VERSION = 2  # of what `simulate` makes of parameters and a seed: a table made b
 
 FLOOR = 0.01  # drops below this part of the peak are no slips of their own, in traces and in simulations
 
+SLIPS = 384  # of each simulated series in the table
+
 _PER_SLIP = 3  # contacts broken per slip wanted, over the number of contacts, after which a simulation is given up
 
 _SAMPLES_OF_A_SLIP = 0.4  # that a made-up slip takes

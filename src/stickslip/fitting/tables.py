@@ -22,15 +22,13 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, whole
 from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
-from stickslip.fitting.model import FLOOR, KEYS, VERSION, Prior, simulate
+from stickslip.fitting.model import FLOOR, KEYS, SLIPS, VERSION, Prior, simulate
 from stickslip.fitting.summary import statistics
 from stickslip.io import files
 from stickslip.kernels.turning_points import Sampling, observe, pick
 from stickslip.measure.arrays import Array
 
-DRAWS, SLIPS = 6_000, 384
-"""Usual size: draws from the prior, and slips of each."""
-
+DRAWS = 6_000  # from the prior, in a table of usual size
 _BLOCK, _SHARES, _AT_A_TIME = 250, 8, 500
 """Draws of a block of the table; parts in which others are drawn, each by its own numbers; series seen at a time."""
 _LARGEST = 1 << 30
@@ -143,7 +141,7 @@ def _read(path: Path, prior: Prior, slips: int) -> Table | None:
 
 
 class Observation(NamedTuple):
-    """How many slips of a trace were seen, and how it was sampled and picked, in units of its mean peak."""
+    """How many slips a stretch of a trace has, and how it was sampled and picked, in units of its mean peak."""
 
     slips: int
     sampling: Sampling
@@ -153,7 +151,7 @@ class Observation(NamedTuple):
         """Take it from a trace."""
         rise = least_rise(events.smallest, events.noise)
         forces = (events.loading_rate * events.step, events.noise, events.resolution, events.smallest, rise)
-        return cls(len(events), Sampling(*(force / events.mean_peak for force in forces)))
+        return cls(len(events) // events.stretches, Sampling(*(force / events.mean_peak for force in forces)))
 
     def see(self, table: Table, *, seed: int = 0) -> tuple[Array, Array]:
         """Sample and pick many series, on all cores: statistics (draws, 20) and mean peaks of what is seen.
