@@ -24,6 +24,9 @@ FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
 CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chance
+RESTS = 0.25
+"""Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
+the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
 _VARIABLES = {
     "t": "time",
@@ -136,6 +139,11 @@ class Trace:
         return self.velocity / drive if self.velocity is not None and drive else None
 
     @property
+    def stuck(self) -> float | None:
+        """Part of the time in which the slider is slower than a quarter of the drive; None where it is not known."""
+        return None if self.pace is None else float(np.mean(self.pace < RESTS))
+
+    @property
     def gaps(self) -> NDArray[np.intp]:
         """Samples before a gap: a step of more than 16 of those beside it, as many readings as a verdict needs."""
         step = np.diff(self.t)
@@ -157,11 +165,6 @@ class Trace:
 def in_words(value: float, unit: str, digits: int = 4) -> str:
     """A value with its unit, of time too."""
     return engineering(value, "time units" if unit == "time" else unit, digits)
-
-
-def without_line(values: Array, at: Array) -> Array:
-    """Values less the straight line through them."""
-    return np.asarray(values - values.mean() - slope(values, at) * (at - at.mean()))
 
 
 def without_drift(values: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
-from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace
+from stickslip.measure.arrays import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
 from stickslip.measure.periods import rises
 from stickslip.measure.slips import Slips, find_slips, resolution, turning_points
 
@@ -17,7 +17,6 @@ IN_BETWEEN = 0.08  # largest part of the time that a force between its two plate
 MIRRORED = 0.25  # largest part of the time that the jumps of a mirrored force take
 SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
-RESOLVED = 2  # samples of a jump: with fewer, which of two samples came first is chance
 FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
 
 
@@ -29,15 +28,12 @@ def find_strokes(trace: Trace) -> list[Trace]:
     strokes = []
     for begin, end in itertools.pairwise(edges):
         part = trace.part(trace.t[begin], trace.t[end] if end < trace.t.size else np.inf)
-        if part.t.size < FEWEST_READINGS:
-            continue
         way = 1.0 if float(np.median(part.force)) >= 0 else -1.0
-        part = replace(part, force=way * part.force, sign=way * trace.sign)
-        usual = float(np.median(part.force))
-        there = part.t[part.force >= usual]
+        there = part.t[way * part.force >= way * np.median(part.force)]
         loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
-            strokes.append(replace(loaded, largest=float(loaded.force.max())))
+            force = way * loaded.force
+            strokes.append(replace(loaded, force=force, sign=way * trace.sign, largest=float(force.max())))
     return strokes if len(strokes) > 1 else []
 
 
@@ -49,11 +45,9 @@ def _reversals(trace: Trace) -> list[int]:
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         return [0, *sorted({*peaks, *troughs} - {0, size - 1}), size]
     low, high = (float(edge) for edge in np.quantile(trace.force, (0.05, 0.95)))
-    half = 0.5 * (high - low)
-    if not low < 0 < high or abs(high + low) > half:
-        return []
-    level = LEAST_WAY * half
-    if float(np.mean(np.abs(trace.force - 0.5 * (high + low)) < level)) > IN_BETWEEN:
+    middle, level = 0.5 * (high + low), LEAST_WAY * 0.5 * (high - low)
+    between = float(np.mean(np.abs(trace.force - middle) < level))
+    if not low < 0 < high or abs(middle) > level or between > IN_BETWEEN:
         return []
     crossed = (rises(trace.t, force, -level, level)[0].tolist() for force in (trace.force, -trace.force))
     return [0, *sorted(itertools.chain(*crossed)), size]
@@ -105,15 +99,11 @@ def _is_flat(force: Array) -> bool:
     """Whether a force stays at its largest value again and again, much longer than at values just below."""
     top = float(force.max())
     at = force == top
-    many = int(np.count_nonzero(at))
-    if many < FEWEST_FLAT or many > 0.9 * force.size:
-        return False
     runs = np.diff(np.flatnonzero(np.diff(at, prepend=False, append=False)))[::2]
-    if np.count_nonzero(runs >= FLAT_RUN) < FLAT_PEAKS:
-        return False
     near = force[~at & (force > top - 0.2 * (top - float(force.min())))]
-    usual = float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 0.0
-    return many >= FEWEST_FLAT * max(usual, 1.0)
+    usual = float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 1.0
+    often = FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size
+    return bool(often and np.count_nonzero(runs >= FLAT_RUN) >= FLAT_PEAKS)
 
 
 def is_mirrored(trace: Trace, found: Slips) -> bool:
@@ -122,6 +112,4 @@ def is_mirrored(trace: Trace, found: Slips) -> bool:
         return False
     other = replace(trace, force=-trace.force)
     turned = find_slips(other)
-    if turned.size and float(np.median(turned.trough - turned.peak)) < RESOLVED:
-        return False
-    return turned.size > 3 and turned.slip_phase(other) <= MIRRORED
+    return turned.size >= FEWEST_CYCLES and turned.slip_phase(other) <= MIRRORED

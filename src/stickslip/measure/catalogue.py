@@ -23,21 +23,20 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     In a sustained oscillation in which the slider never sticks there are no slips; each drop belongs to a cycle then,
     and the attribute ``drops_are`` says so.
 
-    Peaks and troughs alternate such that every drop and every rise between them is at least `minimum_drop`.
-    Drops that belong to the ringing after a slip are joined to it. In stick-slip, where the velocity is known, drops
-    slower than 3.5 times the drive are left out. A drop cut off by the start or the end of the data is left out and
-    counted in the attribute ``cut``. The strokes of a reciprocating test are read apart. Raises what `regime` does.
+    Every drop, and every rise between two, is at least `minimum_drop`. Drops of the ringing after a slip are joined to
+    it. What the start or the end of the data cuts off is left out and counted in the attribute ``cut``; left out are,
+    in stick-slip, drops slower than 3.5 times the drive, where the velocity is known. The strokes of a reciprocating
+    test are read apart. Raises what `regime` does.
 
     Parameters
     ----------
     data : Dataset, DataArray or Series
         As for `regime`.
     minimum_drop : float, optional
-        Smallest drop that counts, in the unit of `spring_force`. By default the larger of (a) the drop that the noise
-        from sample to sample could show by chance in so many samples, and (b) a tenth of the typical drop
-        (the median, weighted by the squares of the drops). By default, too, noise of the contacts has no slips.
-        Where the motion ends in smooth sliding, drops from before it count if they exceed its peak to peak. The
-        attribute ``criterion`` says so.
+        Smallest drop that counts, in the unit of `spring_force`. By default what noise from sample to sample could show
+        by chance, or a tenth of the typical drop (the median, weighted by the squares of the drops) if that is larger;
+        noise of the contacts then has no slips, and drops before smooth sliding count if they exceed its peak to peak.
+        The attribute ``criterion`` says so.
     after : float, optional
         Ignore data before this time, in the unit of `t`.
 
@@ -45,11 +44,10 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     -------
     Dataset
         Along ``event``: `start` and `end` (the force leaves its peak and reaches its trough, to 5 % of the drop),
-        `force_before`, `force_after`, `drop`, `duration`, `recurrence`, `loading_rate`, and, where the data hold them,
-        `slip`, `peak_velocity`, with a normal load `mu_before`, `mu_after` and `mu_drop`, and with strokes `stroke`. In
-        a noisy trace, the forces before and after a slip come from lines through the loading beside it, as the extremes
-        of noise would overstate the drop. Attributes of each: ``mean`` and ``std`` (of a sample); of the table:
-        ``count``, ``drops_are`` (slips, cycles or drops), ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
+        `force_before`, `force_after` (in a noisy trace by lines through the loading beside a slip: extremes of noise
+        overstate its drop), `drop`, `duration`, `recurrence`, `loading_rate`, and, where the data hold them, `slip`,
+        `peak_velocity`, `mu_before`, `mu_after`, `mu_drop` and `stroke`. Attributes of each: ``mean`` and ``std`` (of a
+        sample); of the table: ``count``, ``drops_are``, ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
 
     Examples
     --------
@@ -91,10 +89,8 @@ def regime_and_drops(
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
     """Drops of a trace; where it ends in smooth sliding, those outside that window, larger than anything in it."""
     found = find_slips(trace, minimum_drop)
-    if seen.kind == "stick-slip" and minimum_drop is None:
-        return fast_ones(trace, found)
     if seen.kind != "smooth sliding" or minimum_drop is not None:
-        return found
+        return fast_ones(trace, found) if seen.kind == "stick-slip" and minimum_drop is None else found
     begin, end = seen.window
     kept = ((found.times < begin) | (found.times > end)) & (found.drops > seen.peak_to_peak)
     if not kept.any():
@@ -147,9 +143,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
 def counted(catalogue: xr.Dataset) -> str:
     """Say how many slips a table of drops holds, or cycles, or drops, if they are none."""
     name, count = str(catalogue.attrs.get("drops_are", "slips")), catalogue.sizes.get("event", 0)
-    if count == 0:
-        return "no slips"
-    return f"1 {name[:-1]}" if count == 1 else f"{count} {name}"
+    return f"{count} {name if count > 1 else name[:-1]}" if count else "no slips"
 
 
 def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
@@ -161,7 +155,7 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
             unit = printable(str(column.attrs.get("units", "")))
             divisor, unit = prefixed(mean, "" if unit == "1" else unit)
             std = 0.0 if std < _DUST * abs(mean) else std
-            scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
+            scatter = f" ± {words.number(std / divisor, 2)}" * math.isfinite(std)
             cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
             lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))
     return lines

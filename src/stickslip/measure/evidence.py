@@ -10,10 +10,10 @@ from scipy.special import stdtrit
 
 from stickslip import words
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.arrays import CHANCE, ERRORS, FEWEST_CYCLES, Trace, mean_and_std, without_drift
-from stickslip.measure.kinematics import HALF, RESTS, loading, strays_by
+from stickslip.measure.arrays import CHANCE, ERRORS, FEWEST_CYCLES, RESTS, Trace, mean_and_std, without_drift
+from stickslip.measure.kinematics import HALF, loading, strays_by
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
-from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
+from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, speeds, weighted_median
 from stickslip.model import Interface
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
@@ -80,7 +80,7 @@ class Window:
         """The cycles of a periodic force; drops that are even are cycles, too, on a level that wanders."""
         found, known = self.found, self.found.cycles
         period, _, variation = mean_and_std(np.diff(found.times))
-        even = found.size >= FEWEST_CYCLES and variation < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER
+        even = found.size > FEWEST_CYCLES and variation < JITTER and mean_and_std(found.drops)[2] < 2.0 * JITTER
         if even and not (known.periodic and found.size <= known.count + FEWEST_CYCLES):
             return Cycles(period=period, variation=variation, correlation=regularity(variation), times=found.times)
         if not known.periodic and self.trace.measured:
@@ -90,8 +90,7 @@ class Window:
     @cached_property
     def count(self) -> int:
         """Number of cycles, or of drops, if there is no period."""
-        found = fast_ones(self.trace, self.found)
-        return self.cycles.count if self.cycles and found.size else found.size
+        return self.cycles.count if self.cycles else self.found.size
 
     @cached_property
     def trend(self) -> tuple[float, float]:

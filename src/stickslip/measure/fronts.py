@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from stickslip.errors import InputError, instance
@@ -43,9 +42,9 @@ Row = tuple[float, ...]
 def fronts(run: xr.Dataset) -> xr.Dataset:
     """Return where and how fast contacts first broke along an elastic slider.
 
-    The front starts on the block that breaks first and runs to either side. It stops where the next block breaks only
-    after ten times what each of the twenty blocks before took (their median); what goes on from there is a front of its
-    own, slower or faster. The `run` is one of a `Chain`, or one row of that of a `Sheet`; else `InputError`.
+    A front runs from the block that breaks first to either side. It stops where the next block breaks only after ten
+    times what each of the twenty before took (their median); what goes on from there is a front of its own. The `run`
+    is one of a `Chain`, or one row of that of a `Sheet`; else `InputError`.
 
     Returns
     -------
@@ -110,8 +109,7 @@ def events(run: xr.Dataset) -> xr.Dataset:
     A block slips while it moves ten times as fast as the drive at its fastest, or, if that stands still, faster than a
     hundredth of the fastest block, and its contacts break, or most of them are detached. It takes part if it then
     breaks at least half of its contacts, or had been detached before; an event has at least one block that breaks.
-    Times are those of the samples of the run, which is one of a `Chain` or a `Sheet` (else `InputError`): record it
-    often enough to see an event grow.
+    Times are those of samples: record the run, of a `Chain` or a `Sheet` (else `InputError`), often enough.
 
     Returns
     -------
@@ -158,14 +156,13 @@ def events(run: xr.Dataset) -> xr.Dataset:
         if not (gone >= 0.5).any():
             continue
         part = np.flatnonzero(mine.any(axis=0) & ((gone >= 0.5) | (attached[first] < 0.5)))
-        arrival = _half_times(time[first : last + 1], X[first : last + 1, part])
+        during = slice(first, last + 1)
+        arrival = _half_times(time[during], X[during, part])
         origin = int(np.argmin(arrival))
         side = max((arrival[origin:], arrival[origin::-1]), key=len)  # on which more blocks follow
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
-        moment = (X[last] - X[first])[part].sum()
-        fastest = np.abs(V[first : last + 1][:, part]).max()
-        front = _speed(side) if runs else np.nan
-        drop = force[first] - force[last]
+        moment, drop = (X[last] - X[first])[part].sum(), force[first] - force[last]
+        fastest, front = np.abs(V[during, part]).max(), _speed(side) if runs else np.nan
         rows.append((time[first], time[last], part[origin], part.size, moment, drop, fastest, front))
     found = _table("event", "start end first_block blocks moment drop peak_velocity front_speed", rows, units)
     return xr.Dataset(found, {"event": np.arange(len(rows))}, {"count": len(rows), "velocity": velocity})
@@ -197,14 +194,11 @@ def _half_times(time: Array, X: Array) -> Array:
 
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
     """Means, of a velocity largest sizes, over at most so many times and places of blocks; and the edges of these."""
-    values, edges = np.asarray(field.values, dtype=float), list[NDArray[np.intp]]()
-    for axis, pieces in enumerate(most):
-        edges.append(np.unique(np.linspace(0, values.shape[axis], pieces + 1).astype(int)))
-        if field.name == "velocity":
-            values = np.maximum.reduceat(np.abs(values), edges[axis][:-1], axis=axis)
-        else:
-            count = np.expand_dims(np.diff(edges[axis]), 1 - axis)
-            values = np.add.reduceat(values, edges[axis][:-1], axis=axis) / count
+    values, fast = np.asarray(field.values, dtype=float), field.name == "velocity"
+    edges = [np.unique(np.linspace(0, *each).astype(int)) for each in zip(values.shape, np.add(most, 1), strict=True)]
+    for axis, edge in enumerate(edges):
+        parts = (np.maximum if fast else np.add).reduceat(np.abs(values) if fast else values, edge[:-1], axis=axis)
+        values = parts if fast else parts / np.expand_dims(np.diff(edge), 1 - axis)
     time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
     return values, np.append(time, time[-1])[edges[0]], np.append(block, block[-1] + 1)[edges[1]] - 0.5
 

@@ -84,9 +84,9 @@ class Heading(NamedTuple):
         if bracket := _BRACKET.fullmatch(cell):
             return cls(**bracket.groupdict())
         tail = _TAIL.fullmatch(cell)
-        if tail and _quantity(cell) != "load":  # F_N is the normal force, and no force in N
+        if tail and _NAMED.get(simple(cell)) != "load":  # F_N is the normal force, and no force in N
             unit = unit_named(tail["unit"])
-            if unit and unit[0] in _UNITS_OF.get(_quantity(tail["name"]), ()):
+            if unit and unit[0] in _UNITS_OF.get(_NAMED.get(simple(tail["name"]), ""), ()):
                 return cls(**tail.groupdict())
         return cls(cell)
 
@@ -94,7 +94,7 @@ class Heading(NamedTuple):
     def quantity(self) -> Quantity:
         """What the column holds, by its name and, where that says nothing, by its unit; empty if neither tells."""
         kind = (unit_named(self.unit) or ("",))[0]
-        named = _quantity(self.name)
+        named = _NAMED.get(simple(self.name), "")
         if kind in ("temperature", "frequency", "angle", "velocity"):
             return "other"
         if named in ("force", "coefficient"):
@@ -103,10 +103,6 @@ class Heading(NamedTuple):
 
     def __str__(self) -> str:
         return self.name + (f" ({self.unit})" if self.unit else "")
-
-
-def _quantity(name: str) -> Quantity:
-    return _NAMED.get(simple(name), "")
 
 
 def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:

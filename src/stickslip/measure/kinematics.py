@@ -9,7 +9,7 @@ from scipy.signal import oaconvolve, savgol_coeffs
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
-from stickslip.measure.arrays import Array, Trace, mean_and_std
+from stickslip.measure.arrays import RESTS, Array, Trace, mean_and_std
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import find_cycles, spectral_line
 from stickslip.measure.slips import EDGE, find_slips, weighted_median, white_noise
@@ -18,9 +18,6 @@ from stickslip.simulation import labelled
 from stickslip.words import engineering
 
 SLOPE_ERROR = 0.1  # error of a slope, over that of the loading: its window is as long as that takes, and no longer
-RESTS = 0.25
-"""Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
-the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
 HALF = 0.5  # of the time, and times the drive: a slider that sticks and slips is stuck, and off the drive, by more
 _STEADY = 1e-3  # relative change of a rate that is none
 _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi  # part of half a cycle between the edges of a drop
@@ -56,13 +53,11 @@ def motion(
 ) -> xr.Dataset:
     """Return a measured trace with the motion of its slider, which the force of a known spring tells.
 
-    It has `displacement` in m, `velocity` and `drive_velocity` in m/s. Raises `InputError` if the data know the motion
-    already, or the force is no force, or its noise hides the motion.
-
-    A drive at velocity ``V`` and a spring of stiffness ``K`` have the slider at ``X = V t - F/K``, so that its velocity
-    is ``V - (dF/dt)/K``. Slopes are read by least squares over as many samples as tell the velocity to a tenth of the
-    drive's, so that faster motion than that window is smoothed. `regime`, `drops` and pictures then know how fast the
-    slider moves, as they do of a run.
+    With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at ``X = V t - F/K`` (`displacement`,
+    in m), its velocity ``V - (dF/dt)/K`` (`velocity`, beside `drive_velocity`, in m/s). Slopes are read by least
+    squares over as many samples as tell the velocity to a tenth of the drive's, so that faster motion is smoothed.
+    `regime`, `drops` and pictures then know how fast the slider moves, as they do of a run. Raises `InputError` if the
+    data know the motion already, or the force is no force, or its noise hides the motion.
 
     Parameters
     ----------
@@ -101,13 +96,12 @@ def motion(
         raise InputError(f"motion: {told} for a twelfth of the record; record longer, or with less noise")
     v = trace.sign * V * (1.0 - np.interp(trace.t, even, slope) / rate)
     X = trace.sign * (V * second * (trace.t - trace.t[0]) - (trace.force - trace.force[0]) * newton / K)
-    found = data.assign(
+    known = {} if contacts is None else {"contacts": whole("contacts", contacts, at_least=1)}
+    return data.assign_attrs(stiffness=K, **known).assign(
         displacement=labelled("displacement of the slider", "time", X, "m"),
         velocity=labelled("velocity of the slider", "time", v, "m/s"),
         drive_velocity=labelled("velocity of the drive", "time", np.full_like(v, trace.sign * V), "m/s"),
     )
-    known = {} if contacts is None else {"contacts": whole("contacts", contacts, at_least=1)}
-    return found.assign_attrs(stiffness=K, **known)
 
 
 def strays_by(trace: Trace) -> float:
@@ -124,10 +118,7 @@ class Kinematics(Answer):
     mass: float  #: what is given, in kg; NaN if nothing is
     motion: str  #: in words
     stuck: float  #: fraction of the time in which the slider is slower than a quarter of the drive
-
-    #: Root mean square of the slider's velocity less the drive's, over the drive's, less the error of the slopes.
-    swing: float
-
+    swing: float  #: velocity of the slider less the drive's (rms), over the drive's, less the error of the slopes
     correlation: float  #: height of the autocorrelation of the velocity at one period; 0 without one
     period: float  #: in s; NaN without one
     slips: int  #: number of force drops
@@ -135,24 +126,17 @@ class Kinematics(Answer):
     recurrence_variation: float  #: its coefficient of variation
     drop: float  #: mean drop in m (over the stiffness)
     drop_variation: float  #: its coefficient of variation
-
-    #: Rate at which the force rises where it rises at its full rate, over stiffness times velocity: 1 where the slider
-    #: sticks, .2 where it never does.
-    loading: float
-
-    #: Mass in kg that a spring of this stiffness moves as quickly as the slips go, or as the oscillation does; NaN
-    #: where they are not resolved.
-    effective_mass: float
-
+    loading: float  #: full rate of the force over stiffness times velocity: 1 of a slider that sticks, .2 if never
+    effective_mass: float  #: in kg: what this spring moves as quickly as slips or oscillation go; NaN if unresolved
     noise: float  #: of the sensor, in m of the spring
     spikes: int  #: samples that were left out as faults of the sensor, in all of the record
 
     def __str__(self) -> str:
         lines = [f"the slider {self.motion}"]
         if self.slips > 1:
-            drop, wait = engineering(self.drop, "m", 3), engineering(self.recurrence, "s", 3)
-            of_drops, of_waits = (f"(CV {each:.2g})" for each in (self.drop_variation, self.recurrence_variation))
-            lines.append(f"{self.slips} drops, slow ones too, of {drop} on average {of_drops}, every {wait} {of_waits}")
+            drop = f"{engineering(self.drop, 'm', 3)} on average (CV {self.drop_variation:.2g})"
+            wait = f"{engineering(self.recurrence, 's', 3)} (CV {self.recurrence_variation:.2g})"
+            lines.append(f"{self.slips} drops, slow ones too, of {drop}, every {wait}")
         rate = f"{self.loading:.2g} of stiffness times velocity (1 where it sticks)"
         lines.append(f"at its full rate the force rises at {rate}")
         if math.isfinite(self.effective_mass):
@@ -177,14 +161,13 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     ('sticks and slips', 0.99, 1.0)
     """
     trace = Trace.of(data)
-    pace, swing = trace.pace, strays_by(trace)
-    if pace is None or trace.drive is None or math.isnan(swing):
+    pace, stuck, swing = trace.pace, trace.stuck, strays_by(trace)
+    if pace is None or stuck is None or trace.drive is None or math.isnan(swing):
         raise InputError("kinematics: needs a trace with the motion of its slider, as motion() returns it")
-    K, V, stuck = float(data.attrs["stiffness"]), float(np.median(trace.drive)), float(np.mean(pace < RESTS))
+    K, V = float(data.attrs["stiffness"]), float(np.median(trace.drive))
     newton, second = ratio(trace.force_unit or "N", "N") or 1.0, ratio(trace.time_unit or "s", "s") or 1.0
     found, step = find_slips(trace), (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    wait, _, of_waits = mean_and_std(np.diff(found.times))
-    drop, _, of_drops = mean_and_std(found.drops)
+    (wait, _, of_waits), (drop, _, of_drops) = map(mean_and_std, (np.diff(found.times), found.drops))
     half = weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2) / _EDGES  # of a free oscillation
     cycles = find_cycles(trace.t, pace)
     words = {

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stickslip.measure.arrays import CHANCE, FEWEST_CYCLES, Array, mean_and_std, without_line
+from stickslip.measure.arrays import CHANCE, FEWEST_CYCLES, Array, mean_and_std, without_drift
 
 PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
 JITTER = math.sqrt(-2.0 * math.log(PERIODIC)) / (2.0 * math.pi)
@@ -50,8 +50,8 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     several; each cycle is then timed by itself, from one rise through the upper third of the range of the force
     in a typical cycle to the next.
     """
-    lag, correlation = _autocorrelation_peak(t, force)
-    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag)) if correlation else np.zeros(0, dtype=int)
+    (lag, correlation), half = _autocorrelation_peak(t, force), 0.5 * (t[-1] - t[0]) / (t.size - 1)
+    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag) - half) if correlation else np.zeros(0, dtype=int)
     if starts.size < FEWEST_CYCLES or not np.diff(starts).all():
         starts = np.zeros(1, dtype=int)
     # Of each cycle: one that is larger than the others says nothing.
@@ -94,11 +94,11 @@ def spectral_line(t: Array, force: Array, chance: float = CHANCE) -> tuple[float
 
 
 def _evenly(t: Array, force: Array) -> Array:
-    """A force at even steps, less the straight line through it."""
+    """A force at even steps, without its drift."""
     size, step = t.size, (t[-1] - t[0]) / (t.size - 1)
     if float(np.ptp(np.diff(t))) > 0.01 * step:
         force = np.interp(t[0] + step * np.arange(size), t, force)
-    return without_line(force, np.arange(size, dtype=float))
+    return without_drift(force)
 
 
 def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:

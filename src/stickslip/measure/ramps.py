@@ -19,37 +19,34 @@ _LONGEST_TRANSIENT = 25  # windows: 50 cycles
 _WAYS = (("up", "speeding up", "v1", "v2"), ("down", "slowing down", "v2_down", "v1_down"))
 """Each way: the velocities at which stick-slip sets in, and at which it ends."""
 _LEVEL, _WINDOW = 0.4, 4.0  # f_s, and x_s where a cycle is not known
+_TIMES = {"begin": "start", "middle": "middle", "end": "end"}
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
 
-    Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a window of two
-    cycles; it starts at the end of the first such window and ends at the start of the last one. A state
-    shorter than half a window is passed over. An oscillation that is there from the very start may be the
-    transient from the state the run was started in: its end counts if it has grown by `level`, or has lasted for
-    25 windows. A cycle is the time in which the drive loads spring and contacts by the largest change of the force in
-    the run, and one free oscillation of the slider; where the run does not say what rig it was made of, or the slider
-    is elastic, a window is 4 ``x_s`` of travel.
+    Stick-slip is where the spring force oscillates by more than `level` (in its unit, by default .4 ``f_s``), peak to
+    peak, over a window of two cycles; it starts at the end of the first such window and ends at the start of the last
+    one. A state shorter than half a window is passed over. An oscillation that is there from the very start may be a
+    transient: its end counts if it has grown by `level`, or has lasted for 25 windows. A cycle is the time in which the
+    drive loads spring and contacts by the largest change of the force in the run, and one free oscillation of the
+    slider; of a rig that is not known, or is elastic, a window is 4 ``x_s`` of travel.
 
     A ramp passes the boundary before the oscillation has grown (delayed bifurcation) and noise may set it off
     early, so the answers depend on the rate of the ramp; they are not the velocities of linear stability.
 
-    Raises `InputError` if the run has no drive velocity, or the drive turns back, or the run is in SI units and does
-    not say what rig it was made of; `UndecidedError` if the drive does not change, goes up and down more than once, or
-    travels less than two windows, or there are too few samples in a window.
-
-    The drive of the `run` speeds up, or slows down, or first speeds up and then slows down; it may also keep its
-    velocity for a while. The `level` is in the unit of `spring_force`; by default .4 ``f_s``.
+    The drive speeds up, or slows down, or first speeds up and then slows down; it may keep its velocity for a while.
+    Raises `InputError` if it turns back or is not known, or the run is in SI units and does not say what rig it was
+    made of; `UndecidedError` if the drive does not change, goes up and down more than once, or travels less than two
+    windows, or there are too few samples in a window.
 
     Returns
     -------
     Dataset
-        `v1`, `v2`: on the way up, the first velocity at which stick-slip sets in, and the last at which it ends
-        after that; `v2_down`, `v1_down` (the paper's ``v2'``, ``v1'``): on the way down, the first at which it
-        sets in again, and the last at which it ends. Each is NaN where it was not seen; the attribute ``notes``
-        says why. Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity`
-        there, and the times `begin`, `middle` and `end` of the window. Along ``velocity``, where the drive
+        `v1`, `v2`: on the way up, the first velocity at which stick-slip sets in, and the last at which it ends after
+        that; `v2_down`, `v1_down` (the paper's ``v2'``, ``v1'``): the same on the way down. Each is NaN where it was
+        not seen; the attribute ``notes`` says why. Along ``travel`` of the drive, at the middle of each window:
+        `peak_to_peak`, `drive_velocity`, and its times `begin`, `middle` and `end`. Along ``velocity``, where the drive
         goes up and then down: `up` and `down`, the peak to peak on either way. Attributes: ``level``, ``window``.
     """
     trace = Trace.of(run)
@@ -61,7 +58,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     level = usual if level is None else number("level", level, above=0, hint="in the unit of spring_force")
     top = _turning_time(trace.t, trace.drive)
     seen = _oscillation(run, trace, level)
-    height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", "begin", "middle", "end"))
+    height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", *_TIMES))
     on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
     starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
@@ -72,13 +69,11 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     notes = ["the force oscillates above the level from the start"] if on[0] else []
     for (way, _, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
         here, there = (times[(times > first) & (times <= last)] for times in (starts, stops))
-        unseen = []
         for name, what, at in ((onset, "sets in", here[:1]), (ending, "ends", there[-1:])):
             velocity = trace.sign * np.interp(at, trace.t, trace.drive).sum() if at.size else np.nan
             unit = seen["drive_velocity"].attrs["units"]
             seen[name] = labelled(f"stick-slip {what} on the way {way}", (), velocity, unit)
-            unseen += [] if at.size else [name.replace("_down", "'")]
-        if unseen:
+        if unseen := [name.replace("_down", "'") for name in (onset, ending) if np.isnan(seen[name])]:
             inside = on[(middle > first) & (middle <= last)]
             count = f"{np.count_nonzero(inside)} of {inside.size} windows"
             notes.append(f"{' and '.join(unseen)} not seen: stick-slip in {count} on the way {way}")
@@ -113,18 +108,13 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     begin = begin[: high.size]
     place, times = ([np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)] for of in (travel, trace.t))
     units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
-    columns = {
-        "peak_to_peak": ("peak to peak of the spring force", high - low, "spring_force"),
-        "drive_velocity": ("velocity of the drive", trace.sign * np.interp(times[1], trace.t, trace.drive), None),
-        "begin": ("time at which the window begins", times[0], "time"),
-        "middle": ("time at the middle of the window", times[1], "time"),
-        "end": ("time at which the window ends", times[2], "time"),
-        "travel": ("travel of the drive", place[1], "displacement"),
-    }
-    found = {
-        name: labelled(text, "travel", values, units.get(of or name, ""))
-        for name, (text, values, of) in columns.items()
-    }
+    columns = (
+        ("peak_to_peak", "peak to peak of the spring force", high - low, "spring_force"),
+        ("drive_velocity", "velocity of the drive", trace.sign * np.interp(times[1], trace.t, trace.drive), "velocity"),
+        *((name, f"{_TIMES[name]} of the window", at, "time") for name, at in zip(_TIMES, times, strict=True)),
+        ("travel", "travel of the drive", place[1], "displacement"),
+    )
+    found = {name: labelled(text, "travel", values, units.get(of, "")) for name, text, values, of in columns}
     return xr.Dataset(found, attrs={"window": float(np.max(place[2] - place[0]))})
 
 
@@ -166,11 +156,9 @@ def in_words(run: xr.Dataset) -> str:
         return f"{begin}; {error}"
     said = []
     for _, how, *names in _WAYS:
-        sets_in, ends = (
-            engineering(value, found[name].attrs["units"], 3) if np.isfinite(value := float(found[name])) else ""
-            for name in names
-        )
-        if sets_in or ends:
-            onset = f"sets in at {sets_in}" if sets_in else "is there from the start"
-            said.append(f"{how}, it {onset} and {f'ends at {ends}' if ends else 'persists to the end'}")
+        sets_in, ends = (engineering(float(found[name]), found[name].attrs["units"], 3) for name in names)
+        seen = [bool(np.isfinite(found[name])) for name in names]
+        onset = f"sets in at {sets_in}" if seen[0] else "is there from the start"
+        ending = f"ends at {ends}" if seen[1] else "persists to the end"
+        said += [f"{how}, it {onset} and {ending}"] * any(seen)
     return f"{begin}; stick-slip: {'; '.join(said)}" if said else f"{begin}; {found.attrs['notes']}"

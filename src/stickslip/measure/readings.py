@@ -39,11 +39,10 @@ def read_trace(
 ) -> xr.Dataset:
     r"""Read a measured force trace from a table: text, .xlsx (with openpyxl) or .tdms (with npTDMS).
 
-    Columns of a text may be separated by tabs, semicolons, commas or blanks. There may be text before the table, a
-    line of names with units in brackets or a line of units below it, comments (``#``, ``%``, ``//``, ``!``), and
-    one unit in the cells (``0.04 N``). Rows that cannot be read are reported, and the force
-    there is interpolated linearly in time, so that the gap stays a gap in time; more than 3 of them, and more
-    than 1 % of the rows, are an error. Spikes of a single sample, six standard deviations off, are interpolated, too.
+    Columns of a text may be separated by tabs, semicolons, commas or blanks. There may be text before the table, names
+    with units in brackets or in a line below, comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells
+    (``0.04 N``). Where rows cannot be read, and at spikes of a single sample, six standard deviations off, the force is
+    interpolated linearly in time, and that is reported; more than 3 unreadable rows, and more than 1 %, are an error.
 
     Raises `InputError` if there is no such file, or it is no table of numbers, or no such column; if the choice of the
     columns or a unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are left.
@@ -53,9 +52,8 @@ def read_trace(
     path : path
         The file; at most 100 MB.
     force, time, displacement, load : str or int, optional
-        Columns by name or by number, from 1. By default the columns whose names or units say so; the only
-        column of numbers besides is the force. A column of the coefficient of friction will do for a force. The
-        normal load may be a quantity, too: ``"20 N"``.
+        Columns by name or by number, from 1. By default those whose names or units say so; the only column of numbers
+        besides, or the coefficient of friction, is the force. The normal load may be a quantity, too: ``"20 N"``.
     step : float or str, optional
         Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
@@ -68,10 +66,10 @@ def read_trace(
     Returns
     -------
     Dataset
-        `spring_force` along `time`, and `filled`, true where the force was interpolated; `measured_displacement`,
-        `load` and, with a load, `mu`, the force over the load, where the file has them. Units are those of the file; N
-        and s where it says nothing. A coefficient of friction read as `spring_force` has the unit 1. Attributes
-        ``source``, ``rows``, ``flipped``, ``spikes`` and ``note``: what was filled in and what was assumed, in words.
+        Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`, true where it was interpolated,
+        and, where known, `measured_displacement`, `load` and `mu`, the force over the load. Units are those of the
+        file; N and s where it says nothing. Attributes ``source``, ``rows``, ``flipped``, ``spikes`` and ``note``: what
+        was filled in and what was assumed, in words.
 
     Examples
     --------
@@ -92,17 +90,14 @@ def read_trace(
         constant = read_value("load", load, "N", "20 N") if isinstance(load, str) and read_cell(load)[1] else None
         asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
         chosen = _choose(table, asked, seconds or table.step)
-        if seconds:
-            chosen.pop("time", None)
+        chosen = {name: i for name, i in chosen.items() if not (seconds and name == "time")}
         units = {"time": "s", "load": "N"} | {name: table.headings[i].unit for name, i in chosen.items()}
-        if table.headings[chosen["force"]].quantity == "coefficient":
-            units["force"] = "1"
+        units |= {"force": "1"} if table.headings[chosen["force"]].quantity == "coefficient" else {}
         values, notes = _rows(table, chosen, seconds or table.step or 0.0)
         del table
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    if constant:
-        values["load"] = np.full_like(values["force"], constant)
+    values |= {"load": np.full_like(values["force"], constant)} if constant else {}
     return _dataset(units, values, notes, flip).assign_attrs(source=Path(path).name)
 
 
@@ -129,9 +124,9 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
             f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before; times must "
             "rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
         )
-    told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
+    told += [f"and {len(bad) - 5} more"] * (len(bad) > 5)
     text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
-    return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
+    return values, [f"{len(bad)} of {lines.size} {text}"] * bool(bad)
 
 
 def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
@@ -139,17 +134,16 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
     rows = pd.DataFrame(values)
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     spiky = spikes(values["force"])
+    count = int(np.count_nonzero(spiky))
+    notes += [f"{count} spikes of a single sample; the force there is interpolated"] * bool(count)
     rows.loc[spiky, "force"] = np.nan
-    if count := int(np.count_nonzero(spiky)):
-        notes.append(f"{count} spikes of a single sample; the force there is interpolated")
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
     missing = rows["force"].isna()
     rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
     for name, usual in (("force", "N"), ("time", "s")):
-        if not units[name]:
-            units[name] = usual
-            notes.append(f"the file names no unit of the {name}: {usual} assumed")
+        notes += [f"the file names no unit of the {name}: {usual} assumed"] * (not units[name])
+        units[name] = units[name] or usual
     coefficient = units["force"] == "1"
     texts = {
         "force": ("spring_force", "coefficient of friction" if coefficient else "force"),

@@ -36,8 +36,8 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
             for before, after in ((begin, end), (edge - 2, edge + 2))
         )
         if np.any((np.abs(change) >= 1.0) & (near * change >= AT_ONCE * change**2)):
-            first, last = firsts[edge - 2], firsts[edge + 2]
-            times.append(float(trace.t[first + _step(trace.force[first:last])]))
+            about = slice(firsts[edge - 2], firsts[edge + 2])
+            times.append(float(trace.t[about][_step(trace.force[about])]))
     return [trace.part(*pair) for pair in pairwise([*times, math.inf])] if times[1:] else []
 
 
@@ -65,9 +65,9 @@ def _edges(series: Array) -> list[int]:
 
 def _step(force: Array) -> int:
     """Sample at which mean and scatter of a force change, by the likelihood of two normal distributions."""
-    count, rest = np.arange(2, force.size - 2), force - force.mean()
-    sums, squares = rest.cumsum()[1:-3], (rest**2).cumsum()[1:-3]
-    after, floor = force.size - count, 1e-12 * float(rest @ rest) + 1e-300
-    variances = squares / count - (sums / count) ** 2, (float(rest @ rest) - squares) / after - (sums / after) ** 2
-    before, behind = (np.log(np.maximum(each, floor)) for each in variances)
-    return int(count[np.argmin(count * before + after * behind)])
+    count, rest = np.arange(2, force.size - 1), force - force.mean()
+    likely, floor = np.zeros(count.size), 1e-12 * float(rest @ rest) + 1e-300
+    for way in (slice(None), slice(None, None, -1)):
+        sums, squares, many = rest[way].cumsum()[1:-2], (rest[way] ** 2).cumsum()[1:-2], count
+        likely += (many * np.log(np.maximum(squares / many - (sums / many) ** 2, floor)))[way]
+    return int(count[np.argmin(likely)])

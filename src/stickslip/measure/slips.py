@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
 from stickslip.kernels.turning_points import pick as zigzag
-from stickslip.measure.arrays import FEWEST_CYCLES, Array, Trace, slope, without_line
+from stickslip.measure.arrays import FEWEST_CYCLES, Array, Trace, slope, without_drift
 from stickslip.measure.periods import Cycles, find_cycles
 
 Peaks = NDArray[np.intp]
@@ -29,9 +29,9 @@ WHITE = 5.0  # over the root of the samples: what a force that is noise may exce
 _FOR_NOISE, _FOR_RESOLUTION = 500_000, 50_000  # samples from which noise, and the step of a recording, are read
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Slips:
-    """Samples of the peak and the trough of each slip, of its start and its end, and how they were found."""
+    """The drops of a force: samples, forces, and how they were found."""
 
     peak: Peaks
     trough: Peaks
@@ -60,8 +60,7 @@ class Slips:
         """Time in slips over the time from the first peak to the last."""
         if self.size < 2:
             return math.nan
-        slipping = trace.t[self.trough[:-1]] - self.times[:-1]
-        return float(slipping.sum() / np.ptp(self.times))
+        return float((trace.t[self.trough] - self.times)[:-1].sum() / np.ptp(self.times))
 
     def only(self, keep: NDArray[np.bool_], **change: Any) -> Self:
         """Return some of the slips."""
@@ -93,14 +92,8 @@ def white_noise(force: Array) -> float:
 
 def resolution(force: Array) -> float:
     """Step in which a trace was recorded, interpolated samples left aside; 0 if its values lie on no coarse grid."""
-    force = force[:: max(1, force.size // _FOR_RESOLUTION)]
-    values = np.unique(force)
-    if values.size < 2 or values.size > force.size // 2:
-        return 0.0
-    steps = np.diff(values)
-    step = float(np.median(steps[steps <= 1.5 * np.median(steps)]))  # most differences are multiples of it
-    near = np.abs((force - values[0]) / step % 1.0 - 0.5) > 0.4
-    return step if float(np.mean(near)) > 0.99 else 0.0
+    values = np.unique(force := force[:: max(1, force.size // _FOR_RESOLUTION)])
+    return float(np.median(np.diff(values))) if 1 < values.size <= force.size // 2 else 0.0
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
@@ -128,19 +121,16 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     smallest = least = minimum_drop or 0.0
     criterion = "drops of at least the minimum_drop given"
     if minimum_drop is None:
-        by_chance = _chance_drop(t.size, t.size, noise)
-        if trace.measured:
-            force, by_chance = _smoothed(force, noise)
-        by_chance = max(by_chance, 2.5 * resolution(trace.force), 1e-7 * float(np.max(np.abs(force))), 1e-300)
+        force, by_chance = _smoothed(force, noise) if trace.measured else (force, _chance_drop(t.size, t.size, noise))
+        by_chance = max(by_chance, 1e-7 * float(np.max(np.abs(force))), 1e-300)
         peaks, troughs = turning_points(force, by_chance)
         drops, more = force[peaks] - force[troughs], WHITE / math.sqrt(t.size)
-        white = without_line(trace.force, t).std() <= (1.0 + more) * noise and cycles.correlation <= 2.0 * more
+        white = without_drift(trace.force).std() <= (1.0 + more) * noise and cycles.correlation <= 2.0 * more
         smallest, least = math.inf, by_chance
         if drops.size and not white:
             smallest = least = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
-        criterion = (
-            f"drops of at least {smallest:.3g}: a tenth of the typical one, {by_chance:.2g} by noise ({noise:.2g})"
-        )
+        typical = f"a tenth of the typical one, {by_chance:.2g} by noise ({noise:.2g})"
+        criterion = f"drops of at least {smallest:.3g}: {typical}"
     back = None  # the way of the slider against the drive's direction, less that of the drive
     if trace.X is not None and trace.drive is not None and not trace.measured:
         back = -trace.X - cumulative_trapezoid(np.abs(trace.drive), t, initial=0)
@@ -156,28 +146,15 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         most, beside = 3.0 * noise, (np.append(0, end)[:-1] + 1, np.append(start, t.size - 1)[1:])
         before = np.clip(_levels(trace, start, beside[0]), before - most, before + most)
         after = np.clip(_levels(trace, end, beside[1]), after - most, after + most)
-    found = Slips(
-        peak=peak,
-        trough=trough,
-        start=start,
-        end=end,
-        times=t[peak],
-        before=before,
-        after=after,
-        smallest=least,
-        noise=noise,
-        criterion=criterion,
-        cycles=cycles,
-        cut=int(np.count_nonzero(~whole)),
-    )
+    cut = int(np.count_nonzero(~whole))
+    found = Slips(peak, trough, start, end, t[peak], before, after, least, noise, criterion, cycles, cut)
     return found if minimum_drop is None else found.only(found.drops >= minimum_drop)
 
 
 def fastest(trace: Trace, found: Slips) -> Array:
     """Largest velocity of the slider in each slip; not a number where it is not known."""
-    if trace.velocity is None:
-        return np.full(found.size, math.nan)
-    return np.maximum.reduceat(trace.velocity, np.column_stack([found.peak, found.trough + 1]).ravel())[::2]
+    velocity = np.full(trace.t.size, math.nan) if trace.velocity is None else trace.velocity
+    return np.maximum.reduceat(velocity, np.column_stack([found.peak, found.trough + 1]).ravel())[::2]
 
 
 def speeds(trace: Trace, found: Slips) -> Array:
@@ -208,33 +185,28 @@ def turning_points(values: Array, drop: float, rise: float | None = None) -> tup
 
 
 def pick(
-    t: Array, force: Array, drop: float, rise: float | None = None, *, back: Array | None = None
+    t: Array, force: Array, drop: float, least: float | None = None, *, back: Array | None = None
 ) -> tuple[Peaks, Peaks]:
     """Peaks and troughs of the slips of a force: drops that stand out, each joined with the ringing that it sets off.
 
     A rise is ringing where it is smaller than the drop before, and the slider's swing back, by `back`, makes more of it
-    than the way of the drive; else where it is twice as fast as the force usually rises, and takes at most twice
-    the samples of the drop before it, as far as that is resolved: a swing back takes as long as a swing, however the
-    loading quickens.
+    than the way of the drive; else where it is twice as fast as the force usually rises, and takes at most twice the
+    samples of the drop before it, as far as that is resolved: a swing back takes as long as a swing.
     """
-    peaks, troughs = turning_points(force, drop, rise)
+    peaks, troughs = turning_points(force, drop, least)
     if peaks.size < 2:
         return peaks, troughs
     rises, took = force[peaks[1:]] - force[troughs[:-1]], t[peaks[1:]] - t[troughs[:-1]]
-    if back is None:
-        swings = rises > RINGING * weighted_median(rises / took, took) * took
-        swings &= peaks[1:] - troughs[:-1] <= RINGING * np.maximum(troughs[:-1] - peaks[:-1], FEWEST_IN_A_DROP)
-    else:
-        swings = back[peaks[1:]] >= back[troughs[:-1]]
+    swings = rises > RINGING * weighted_median(rises / took, took) * took
+    swings &= peaks[1:] - troughs[:-1] <= RINGING * np.maximum(troughs[:-1] - peaks[:-1], FEWEST_IN_A_DROP)
+    swings = swings if back is None else back[peaks[1:]] >= back[troughs[:-1]]
     joined = [[int(peaks[0]), int(troughs[0])]]
-    last = joined[0][1]
-    for peak, trough, swing in zip(peaks[1:].tolist(), troughs[1:].tolist(), swings.tolist(), strict=True):
+    for peak, trough, rise, swing in zip(peaks[1:].tolist(), troughs[1:].tolist(), rises, swings, strict=True):
         first, lowest = joined[-1]
-        if swing and force[peak] - force[last] < force[first] - force[lowest]:  # ringing decays
+        if swing and rise < force[first] - force[lowest]:  # ringing decays
             joined[-1][1] = min(lowest, trough, key=force.__getitem__)
         else:
             joined.append([peak, trough])
-        last = trough
     whole = np.array(joined, dtype=np.intp)
     return whole[:, 0], whole[:, 1]
 
@@ -242,8 +214,8 @@ def pick(
 def _edges(force: Array, peaks: Peaks, troughs: Peaks, noise: float) -> tuple[Peaks, Peaks]:
     """Last sample near each peak and first sample near its trough, to a part of the drop, or within the noise."""
     start, end = peaks.copy(), troughs.copy()
-    for i, (peak, trough) in enumerate(zip(peaks, troughs, strict=True)):
-        slip = force[peak : trough + 1]
+    for i, peak in enumerate(peaks):
+        slip = force[peak : troughs[i] + 1]
         drop = float(slip[0] - slip[-1])
         margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
         end[i] = peak + int(np.argmax(slip <= slip[-1] + margin))

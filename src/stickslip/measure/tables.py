@@ -1,8 +1,4 @@
-"""A table of numbers as instruments write them: text, a spreadsheet, or a TDMS file.
-
-How a table is laid out is found once, from its head and a sample of its rows; its columns are then read as asked for.
-Errors do not name the file.
-"""
+"""A table of numbers as instruments write them: its layout by its head and a sample of its rows, then its columns."""
 
 import csv
 import datetime as dt
@@ -32,7 +28,7 @@ _LOOKED_AT = 50  # rows, and cells of each, by which a layout is chosen
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _CONTROLS = bytes([*range(9), *range(13, 32), 127])
-_COMMENTS = ("#", "%", "//", "!")
+_ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
@@ -93,15 +89,10 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     return (value, unit) if known and math.isfinite(value) else (None, "")
 
 
-def _numbers_among(cells: Iterable[str], comma: bool = False) -> list[bool]:
-    """Which cells hold numbers, of those that do not say that they have none."""
-    return [read_cell(cell, comma)[0] is not None for cell in cells if cell.strip().lower() not in _NO_VALUE]
-
-
-def _share(cells: Iterable[str], comma: bool) -> float:
-    """Which part of them that is."""
-    told = _numbers_among(cells, comma)
-    return sum(told) / max(len(told), 1)
+def _numbers(cells: Iterable[str], comma: bool = False, none: float = 0.0) -> float:
+    """Which part of the cells holds numbers, of those that do not say that they have none."""
+    told = [read_cell(cell, comma)[0] is not None for cell in cells if cell.strip().lower() not in _NO_VALUE]
+    return sum(told) / len(told) if told else none
 
 
 def _split(line: str, mark: str) -> list[str]:
@@ -109,12 +100,6 @@ def _split(line: str, mark: str) -> list[str]:
     if mark in (_BLANKS, _BEFORE_NUMBERS):
         return line.split() if mark == _BLANKS else re.split(r"\s+(?=[-+.\d])", line.strip())
     return next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
-
-
-def _holds(line: str) -> bool:
-    """Whether a line is neither blank nor a comment."""
-    text = line.lstrip()
-    return bool(text) and not text.startswith(_COMMENTS)
 
 
 def _as_utf8(raw: bytes) -> bytes:
@@ -146,7 +131,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     labview, head = (head[: ends[-1]], head[ends[-1] + 1 :]) if ends else ([], head)
     begin = (2 * head[0][0] + count) // 3 if head else 0  # text may stand above
     places = np.linspace(begin, count, _SAMPLE if head else 0, endpoint=False)
-    sample = [line for i in np.unique(places.astype(int)).tolist() if _holds(line := line_of(i))]
+    sample = [line for i in np.unique(places.astype(int)).tolist() if _ROW.match(line := line_of(i))]
     if not sample:
         raise InputError("is empty, or holds blanks and comments only; it should hold a column of forces")
     mark, comma = _layout(sample, delimiter, decimal)
@@ -155,17 +140,17 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     if width > MOST_COLUMNS:
         raise InputError(f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
     columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
-    numeric = [i for i, column in enumerate(columns) if _share(column, comma) >= 0.5]
-    rows = ((i, _split(line, mark)) for i, line in head if numeric and _holds(line))
+    numeric = [i for i, column in enumerate(columns) if _numbers(column, comma) >= 0.5]
+    rows = ((i, _split(line, mark)) for i, line in head if numeric and _ROW.match(line))
     full = ((i, [row[k] for k in numeric]) for i, row in rows if len(row) > numeric[-1])
-    start = next((i for i, row in full if _share(row, comma) == 1.0), None)
+    start = next((i for i, row in full if _numbers(row, comma) == 1.0), None)
     if start is None:
         raise InputError(
             f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found no column of numbers that begins by line "
             f"{head[-1][0] + 1}; it should hold a column of forces, without more text above it"
         )
     above = (_as_wide(line.lstrip().lstrip("#%/! "), mark, width) for i, line in head if i < start)
-    named = [row for row in above if not all(_numbers_among(row))]
+    named = [row for row in above if _numbers(row, none=1.0) < 1.0]
     if mark == "," and not (comma or named or delimiter or decimal or "." in "".join(sample)):
         raise InputError(
             f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns, or fewer with decimal "
@@ -188,10 +173,10 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         cells = _cells(rows, count - start, [*columns, width], mark, comma, quoted='"' in "".join(sample))
         told = {text: read_cell(str(text), comma)[0] is not None for text in cells[width].cat.categories}
         surplus = cells[width].isin([text for text in told if told[text] or unit_named(str(text))])
-        values = {i: np.where(surplus, math.nan, _numbers(cells.pop(i), units[i], comma)) for i in columns}
+        values = {i: np.where(surplus, math.nan, _as_numbers(cells.pop(i), units[i], comma)) for i in columns}
         keep = np.any([np.isfinite(numbers) for numbers in values.values()], axis=0)
         keep &= ~np.isin(octets[begins[start:-1]], list(b"#%/!"))
-        keep[[row for row in np.flatnonzero(~keep).tolist() if _holds(line_of(start + row))]] = True
+        keep[[row for row in np.flatnonzero(~keep).tolist() if _ROW.match(line_of(start + row))]] = True
         kept = {i: numbers[keep] for i, numbers in values.items()}
         for i in {*clocks} & {*kept}:  # since the first, over midnight, too
             days = np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0))
@@ -210,7 +195,7 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> tu
     marks = [delimiter] if delimiter else ["\t", ";", "|", *(() if decimal == "," else ","), _BLANKS, _BEFORE_NUMBERS]
     ways = [(mark, comma) for comma in (False, True) for mark in marks if decimal in (None, ".,"[comma])]
     some = sample[:: len(sample) // _LOOKED_AT + 1]
-    return max(ways, key=lambda way: _share((c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]))
+    return max(ways, key=lambda way: _numbers((c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]))
 
 
 def _as_wide(line: str, mark: str, width: int) -> list[str]:
@@ -260,7 +245,7 @@ def _cells(rows: Any, count: int, columns: list[int], mark: str, comma: bool, *,
     raise InputError(f"{count} lines are not as many rows: a quotation mark is not closed, or a row is cut off")
 
 
-def _numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
+def _as_numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
     """The numbers of a column, NaN where a cell holds none, or one in another unit than usual."""
     if cells.dtype.kind not in "fiu":  # of some parts pandas makes numbers
         known = {cell: read_cell(cell, comma) for cell in cells.unique() if isinstance(cell, str)}
@@ -285,20 +270,18 @@ def _of_tdms(raw: bytes) -> Table:
     channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
     channels = [one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)]
     length = mode(len(one) for one in channels)
-    headings, columns, steps = [], list[Array](), set[float]()
-    for one in (one for one in channels if len(one) == length):
-        told, properties = Heading.read(one.name), one.properties
-        unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or told.unit)
-        headings.append(Heading(told.name, unit))
-        columns.append(np.array(one[:], dtype=float))
-        steps |= {float(properties.get("wf_increment") or 0.0)} - {0.0}
-    return Table(
-        headings=with_coefficients(headings),
-        numeric=list(range(len(columns))),
-        read=lambda asked: ({i: columns[i] for i in asked}, np.arange(1, length + 1)),
-        line="sample {}".format,
-        step=steps.pop() if len(steps) == 1 else None,
-    )
+    channels = [one for one in channels if len(one) == length]
+    named = [Heading.read(one.name) for one in channels]
+    units = [one.properties.get("unit_string") or one.properties.get("NI_UnitDescription") for one in channels]
+    headings = [Heading(each.name, str(unit or each.unit)) for each, unit in zip(named, units, strict=True)]
+    columns = [np.array(one[:], dtype=float) for one in channels]
+    steps = {float(one.properties.get("wf_increment") or 0.0) for one in channels} - {0.0}
+    rows, step = np.arange(1, length + 1), steps.pop() if len(steps) == 1 else None
+
+    def read(asked: Iterable[int]) -> Columns:
+        return {i: columns[i] for i in asked}, rows
+
+    return Table(with_coefficients(headings), [*range(len(columns))], read, "sample {}".format, step)
 
 
 _NO_TEXT: dict[bytes, Callable[[bytes], Table]] = {b"TDSm": _of_tdms, b"PK\x03\x04": _of_spreadsheet}

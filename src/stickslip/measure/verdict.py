@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from stickslip.measure.arrays import (
     CONSTANT_DRIVE,
     FEWEST_CYCLES,
     FEWEST_READINGS,
+    RESTS,
     Array,
     Trace,
     dataset_of,
@@ -27,7 +28,7 @@ from stickslip.measure.arrays import (
 )
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
-from stickslip.measure.kinematics import RESTS, strays_by
+from stickslip.measure.kinematics import strays_by
 from stickslip.measure.segments import segments
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
@@ -39,14 +40,11 @@ Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecid
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
 
-SMOOTH: Kind = "smooth sliding"
-SLIPS: Kind = "stick-slip"
-LASTS: Kind = "sustained oscillation"
-OPEN: Kind = "undecided"
+SMOOTH, SLIPS, LASTS, OPEN = get_args(Kind)
 
 RULES: tuple[tuple[str, Kind, str], ...] = (
     ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
-    ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
+    ("-slips -swing", SMOOTH, "the force {moves} by {size}, peak to peak"),
     ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
     ("-cycles -even drops", OPEN, "too short: {count} complete cycles that a verdict needs; {more}"),
     ("-cycles -even white", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
@@ -58,13 +56,13 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("slips", SLIPS, "{manner} and persistent; {how}"),
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
     ("even", SMOOTH, "the slider moves evenly, {strays}"),
-    ("moves -rough -contacts -line", SMOOTH, "the slider moves unevenly, {strays}"),
+    ("moves -contacts", SMOOTH, "the slider moves unevenly, {strays}"),
     ("moves contacts", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by its {contacts} contacts"),
     ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by few contacts? (--contacts N)"),
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
     ("line", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
     ("normal slight -held", SMOOTH, "{ample}, as slow noise does"),
-    ("beats -white", LASTS, "irregular, {part}, peak to peak; {sticks}; {how}"),
+    ("beats", LASTS, "irregular, {part}, peak to peak; {sticks}; {how}"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
@@ -109,13 +107,8 @@ class Regime(Answer):
     time_unit: str = ""  #: of the times above; empty where the data do not say
     force_unit: str = ""  #: of the forces above
     notes: tuple[str, ...] = ()  #: what a reader should know of the data: a saturated sensor, gaps, a drift
-
-    #: What lies between steps of level or amplitude, judged by itself; empty where there is no step.
-    segments: tuple["Regime", ...] = ()
-
-    #: The tests that kind and reason are read off: each with its statistic, its limit, where that comes from, and
-    #: whether it was passed.
-    table: tuple[Criterion, ...] = ()
+    segments: tuple["Regime", ...] = ()  #: what lies between steps of level or amplitude; empty without a step
+    table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
 
     @property
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
@@ -140,24 +133,20 @@ class Regime(Answer):
     def __str__(self) -> str:
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
-        mean, swing, noise, drop = (
-            in_words(value, self.force_unit, digits)
-            for value, digits in ((self.mean_force, 4), (self.peak_to_peak, 3), (self.noise, 2), (self.drop, 3))
-        )
-        lines = [
-            f"{self.kind}: {self.reason}",
-            f"evaluated over t = {words.number(begin)} to {in_words(end, unit)}; {self.quantity} {mean} on average, "
-            f"peak to peak {swing}, noise {noise}",
-        ]
+        told = ((self.mean_force, 4), (self.peak_to_peak, 3), (self.noise, 2), (self.drop, 3))
+        mean, swing, noise, drop = (in_words(value, self.force_unit, digits) for value, digits in told)
+        over = f"evaluated over t = {words.number(begin)} to {in_words(end, unit)}"
+        about = f"{self.quantity} {mean} on average, peak to peak {swing}, noise {noise}"
+        lines = [f"{self.kind}: {self.reason}", f"{over}; {about}"]
         if self.mean_mu is not None and self.static_mu is not None:
             kinetic, static = (words.number(mu, 3) for mu in (self.mean_mu, self.static_mu))
             lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
         if self.cycles:
             period = f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
-            phase = f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
+            phase = f", slip phase: {100 * self.slip_phase:.0f} % of the cycle" * math.isfinite(self.slip_phase)
             count = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
-            told = f"{count}, drop {drop}{_variation(self.drop_variation)}"
-            lines.append(f"{told}{period * math.isfinite(self.period)}{phase * math.isfinite(self.slip_phase)}")
+            drop += _variation(self.drop_variation)
+            lines.append(f"{count}, drop {drop}{period * math.isfinite(self.period)}{phase}")
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.largest_velocity is not None:
@@ -210,8 +199,8 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
         seen = _together(_apart(*_late(trace, trace.drive)) if after is None else _apart(trace))
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
-        inside = size.sel(time=slice(*seen.window))
-        seen = replace(seen, mean_mu=float(inside.mean()), static_mu=float(size.max()))
+        mean = float(size.sel(time=slice(*seen.window)).mean())
+        seen = replace(seen, mean_mu=mean, static_mu=float(size.max()))
     return trace, seen
 
 
@@ -257,11 +246,9 @@ def _drift(trace: Trace) -> float:
 
 
 def _apart(trace: Trace, found: Slips | None = None) -> list[Regime]:
-    """Judge what lies between steps of level or amplitude by itself, or all of it where that decides nothing."""
+    """Judge what lies between steps of level or amplitude by itself."""
     found = found or find_slips(trace)
-    fault = _fault(trace, found)
-    parts = [] if fault else [_judge(part) for part in segments(trace, found)]
-    return parts if any(part.kind != OPEN for part in parts) else [_judge(trace, found, fault)]
+    return [_judge(part) for part in segments(trace, found)] or [_judge(trace, found)]
 
 
 def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
@@ -275,18 +262,15 @@ def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     if strokes:
         told = ", ".join(f"{many} {kind}" for kind, many in Counter(each.kind for each in parts).most_common())
         reason = f"reciprocating test, {strokes} strokes judged separately ({told}); {seen.reason}"
-        if agree:
-            return replace(seen, reason=reason, window=window)
-        return replace(seen, kind=OPEN, reason=f"{reason}; judge a part of the strokes", window=window)
+        more = "" if agree else "; judge a part of the strokes"
+        return replace(seen, kind=OPEN if more else kind, reason=reason + more, window=window)
     if len(parts) == 1 or kind == OPEN:
         return seen
     alike = agree and {*lasts} <= {kind, OPEN}
-    turns = _in_turn(parts, alike=alike)
-    if alike:
-        changes = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
-        return replace(seen, segments=tuple(parts), notes=(*seen.notes, *changes))
-    reason = f"{turns}: judge each part by itself"
-    return replace(seen, kind=OPEN, reason=reason, window=window, segments=tuple(parts))
+    turns, seen = _in_turn(parts, alike=alike), replace(seen, segments=tuple(parts))
+    if not alike:
+        return replace(seen, kind=OPEN, reason=f"{turns}: judge each part by itself", window=window)
+    return replace(seen, notes=(*seen.notes, *[f"in {len(parts)} segments: {turns}"] * (", then " in turns)))
 
 
 def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
@@ -304,14 +288,13 @@ def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
     return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
 
 
-def _judge(trace: Trace, found: Slips | None = None, fault: str = "") -> Regime:
+def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     seen, pace = Window(trace, found or find_slips(trace)), trace.pace
-    stuck = None if pace is None else float(np.mean(pace < RESTS))
-    kind, reason = OPEN, fault
-    if not fault:
+    kind, reason = OPEN, _fault(trace, seen.found)
+    if not reason:
         kind, reason = next(
-            (kind, reason.format_map(_in_words(seen, stuck)))
+            (kind, reason.format_map(_in_words(seen)))
             for conditions, kind, reason in RULES
             if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
         )
@@ -341,7 +324,7 @@ def _judge(trace: Trace, found: Slips | None = None, fault: str = "") -> Regime:
         noise=seen.found.noise,
         drive_velocity=None if trace.drive is None else trace.sign * float(trace.drive.mean()),
         largest_velocity=None if pace is None else float(pace.max()),
-        stuck=stuck,
+        stuck=trace.stuck,
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
@@ -355,7 +338,7 @@ def _fault(trace: Trace, found: Slips) -> str:
     if trace.drive is None or trace.measured:
         if is_mirrored(trace, found):
             return "the force jumps up and falls slowly: its sign seems reversed (--flip on a command line, flip=True)"
-        return "" if np.ptp(trace.force) else "the force never changes: is the sensor connected?"
+        return "" if np.any(trace.force != trace.largest) else "the force never changes: is the sensor connected?"
     if not trace.drive.any():
         return "the drive stands still"
     if np.ptp(trace.drive) <= 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
@@ -363,7 +346,7 @@ def _fault(trace: Trace, found: Slips) -> str:
     return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
 
 
-def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
+def _in_words(seen: Window) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
     trace, span, (trend, _) = seen.trace, float(np.ptp(seen.trace.t)), seen.trend
     sizes = {
@@ -373,7 +356,7 @@ def _in_words(seen: Window, stuck: float | None) -> dict[str, object]:
     }
     said = {name: f"{100 * size:.3g} % of the largest force" for name, size in sizes.items()}
     sticks = "whether the slider sticks, the force alone does not tell"
-    if stuck is not None:
+    if (stuck := trace.stuck) is not None:
         sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= RESTS else 'never sticks'}"
     # So long that there are enough cycles, and a trend shows.
     needed = span * max((FEWEST_CYCLES + 1) / max(seen.count, 1), 2.0)
