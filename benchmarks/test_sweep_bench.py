@@ -23,9 +23,12 @@ sys.path.insert(0, str(Path(__file__).parent))  # worker processes import the ca
 
 import sweep_spin
 
-from stickslip.sweep import Threads, run_cases, summary
+import stickslip as ss
+from stickslip.paper.cases import FIG4
+from stickslip.sweep import Processes, Runs, Threads, run_cases, summary
 
 CASES, SECONDS, CORES = 10_000, 1e-3, 2
+RUNS = 1_000  # of a rig, some 10 ms each
 TICK = os.sysconf("SC_CLK_TCK")
 
 
@@ -121,3 +124,40 @@ def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
     benchmark.extra_info.update(cpu_us_per_case=min(costs), percent_of_a_millisecond=min(costs) / 10)
     print(f"\ncpu_us_per_case {min(costs):.3g} (5 rounds: {', '.join(f'{cost:.3g}' for cost in costs)})")
     assert min(costs) < 1e6 * 0.05 * SECONDS  # less than 5 % of a case of 1 ms
+
+
+# ---------------------------------------------------------------- runs of a rig
+
+
+def everywhere():
+    """CPU time of this process and of its workers: what others leave of the cores does not matter."""
+    return cpu_here() + sum(cpu_of(process.pid) for process in multiprocessing.active_children())
+
+
+SHORT = FIG4.rig.replace(drive=ss.constant(1.0, 6.0), method=ss.Contacts(1_000))
+
+
+def looped(seeds):
+    return [ss.regime(ss.simulate(SHORT, method=ss.Contacts(1_000, seed=seed))).kind for seed in seeds]
+
+
+def swept(seeds, executor):
+    return ss.sweep(SHORT, {"seed": list(seeds)}, runs=Runs(distance=6.0, cycles=0, extensions=0), executor=executor)
+
+
+@pytest.mark.benchmark(timer=everywhere, group="a thousand short runs, each classified")
+def test_a_loop_of_short_runs(benchmark):
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(looped, (range(RUNS),), rounds=1, warmup_rounds=1)
+
+
+@pytest.mark.benchmark(timer=everywhere, group="a thousand short runs, each classified")
+@pytest.mark.parametrize("cores", [1, CORES])
+def test_a_sweep_of_short_runs(benchmark, cores):
+    """At least 80 % of the runs a second that a loop makes, on each core."""
+    benchmark.extra_info.update(role="cost", what=f"as a sweep on {cores} core{'s' * (cores > 1)}", promised=1.25)
+    executor = Threads(1) if cores == 1 else Processes(cores)
+    with executor:
+        swept(range(RUNS, RUNS + 8 * cores), executor)  # workers start, and load what they need
+        found = benchmark.pedantic(swept, (range(RUNS), executor), rounds=1)
+    assert summary(found).done == RUNS
