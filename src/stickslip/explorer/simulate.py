@@ -37,7 +37,9 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     asked = documents.rig_of(request.get("document"))
     seconds = documents.seconds_of(request)
     rig = documents.shortened(asked, seconds)
-    notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
+    lasts, part = rig.in_units(rig.drive.duration, "time"), rig.drive.duration / asked.drive.duration
+    whole = f"the whole of it would take more than about {seconds:g} s to simulate. For that use stickslip simulate."
+    notes = [] if rig is asked else [f"The run shows the first {100 * part:.2g} % of the drive, {lasts}: {whole}"]
     for step in range(_EXTENSIONS + 1):
         made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
         answer = force_trace(made, width_of(request))
@@ -60,14 +62,6 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
         notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
     yield {"friction": _friction(rig)}
-
-
-def _cut_note(asked: Rig, rig: Rig, seconds: float) -> str:
-    part = 100 * rig.drive.duration / asked.drive.duration
-    return (
-        f"The run shows the first {part:.2g} % of the drive, {rig.in_units(rig.drive.duration, 'time')}: the whole of "
-        f"it would take more than about {seconds:g} s to simulate. For that use stickslip simulate."
-    )
 
 
 def law(request: Plain, watch: Watch) -> Iterator[Plain]:

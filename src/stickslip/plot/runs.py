@@ -40,8 +40,7 @@ def force_trace(
         right = ax.twinx()
         right.spines["right"].set_visible(True)
         along_time(run, "mu", right, color=style.PURPLE, linewidth=0.7 if np.ptp(run["load"].values) else 0.0)
-    if ax.get_legend_handles_labels()[0]:
-        legend_above(ax)
+    legend_above(ax)
     return ax
 
 

@@ -125,8 +125,9 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
 
 
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
-    """Put the legend above the axes on the right, where it hides no data."""
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+    """Put the legend above the axes on the right, where it hides no data, if there is anything to name."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
 
 
 def panel(

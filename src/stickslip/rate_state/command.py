@@ -81,14 +81,9 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     """The verdict on a rig, plain and in words; an export is of words alone."""
     rig = rig_files.read_rig(path)
-    for option, value, needed in (
-        ("--plot", given.plot, "holds"),
-        ("--area", given.area, "export"),
-        ("--output", given.output, "export"),
-        ("--export", given.export, "load"),
-    ):
-        if value and not getattr(given, needed):
-            raise InputError(f"{option} {value}: needs --{needed}")
+    for option, needed in {"plot": "holds", "area": "export", "output": "export", "export": "load"}.items():
+        if (value := getattr(given, option)) and not getattr(given, needed):
+            raise InputError(f"--{option} {value}: needs --{needed}")
     if given.holds and given.export:
         raise InputError("--holds: not together with --export; ask for one after the other")
     if given.load and not rig.scales:

@@ -109,7 +109,8 @@ class RateAndStateFit(Answer):
         force, length, spring = ("" if self.scales is None else si_unit(unit) for unit in ("f_s", "x_s", "k"))
         exact, fitted = (engineering(k, spring) for k in (self.exact_critical_stiffness, self.critical_stiffness))
         side = {"none": "", "too low": "on the unsafe side", "too high": "on the safe side"}[self.danger]
-        away = f" ({100 * abs(1 - self.ratio):.0f} % {self.danger}, {side})" if side else ""
+        percent = f"{100 * abs(1 - self.ratio):.0f} % " if math.isfinite(self.ratio) else ""
+        away = f" ({percent}{self.danger}, {side})" if side else ""
         stable = self.exact_critical_stiffness == self.critical_stiffness == 0
         lines = [
             f"rate-and-state-like: {self.reason}",
@@ -184,16 +185,15 @@ def rate_and_state(
     chosen, asymmetry = laws[0], None
     if not failing:
         chosen, fit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
-    spring, (a, b, distance) = contact_stiffness(interface, speed), fit.estimates()
+    spring = contact_stiffness(interface, speed)
+    found: dict[str, Any] = dict(zip(("a", "b", "distance"), fit.estimates(), strict=True))
     try:
         exact = critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)))
     except UndecidedError:
         exact = math.nan
     return RateAndStateFit(
         law=chosen,
-        a=a,
-        b=b,
-        distance=distance,
+        **found,
         misfit=small.misfit,
         step_misfit=None if failing else fit.misfit,
         drift=tuple(drift),
@@ -203,7 +203,7 @@ def rate_and_state(
         step=step,
         kinetic_friction=kinetic_friction(interface, speed),
         contact_stiffness=spring,
-        critical_stiffness=RateAndState(law=chosen, a=a, b=b, distance=distance).critical_stiffness(spring),
+        critical_stiffness=RateAndState(law=chosen, **found).critical_stiffness(spring),
         exact_critical_stiffness=exact,
         holds=not failing,
         reason=failing
