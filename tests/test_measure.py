@@ -165,6 +165,7 @@ def pauses(t):
 FORCES = {
     "a sine that lasts": (wave, "sustained oscillation", "periodic, 66.7 % .*; the slider never sticks"),
     "that grows": (lambda: wave(growth=0.02), "undecided", "still grows, .* about 80 more would decide"),
+    "that is small, and grows": (lambda: wave(size=0.003, growth=0.02), "undecided", "still grows"),
     "that decays slowly": (lambda: wave(growth=-0.005, size=0.12), "undecided", r"decays, .* about \d+ more would"),
     "that decays from much": (lambda: wave(growth=-0.1), "undecided", "decays"),
     "that decays, not small": (lambda: wave(growth=-0.02, size=0.027, mean=0.1), "undecided", "decays"),

@@ -44,7 +44,7 @@ SMOOTH, SLIPS, LASTS, OPEN = get_args(Kind)
 
 RULES: tuple[tuple[str, Kind, str], ...] = (
     ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
-    ("-slips -swing", SMOOTH, "the force {moves} by {size}, peak to peak"),
+    ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
     ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
     ("-cycles -even drops", OPEN, "too short: {count} complete cycles that a verdict needs; {more}"),
     ("-cycles -even white", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
