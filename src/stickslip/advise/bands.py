@@ -163,9 +163,9 @@ class Survey:
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
         self._setting, self._linear = trial(rig), linear
-        grid = [v for band in linear for v in _grid(band) if not math.isclose(v, 1.0, rel_tol=PRECISION)]
-        places = [*works_at(rig), *sorted(grid, key=lambda speed: abs(math.log(speed)))]
-        self.known = dict.fromkeys(places, "") | {1.0: here}  # by speed; "" is not known yet
+        places = [*works_at(rig), *_grid(linear)]
+        apart = [v for v in places if not math.isclose(v, 1.0, rel_tol=PRECISION)]
+        self.known = dict.fromkeys(apart, "") | {1.0: here}  # by speed; "" is not known yet
 
     def look(self, trials: Trials) -> None:
         """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
@@ -226,12 +226,15 @@ class Survey:
         return joined(parts)
 
 
-def _grid(band: Band) -> list[float]:
-    """Speeds in a range, evenly by their logarithm; next to a limit of stability, just on its stable side."""
-    count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
-    speeds: list[float] = np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
-    near = 1.0 + 2.0 * PRECISION
-    return speeds + [v for v in (band.low * near, band.high / near) if band.kind == "stable" and v in band]
+def _grid(linear: Sequence[Band]) -> list[float]:
+    """Speeds in each range, evenly by their logarithm; then, next to limits of stability, just on the stable side."""
+    inside, near = list[float](), 1.0 + 2.0 * PRECISION
+    for band in linear:
+        count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
+        inside += np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
+    stable = [band for band in linear if band.kind == "stable" and band.high > near * band.low]
+    beside = [v for band in stable for v in (band.low * near, band.high / near)]
+    return [v for each in (inside, beside) for v in sorted(each, key=lambda speed: abs(math.log(speed)))]
 
 
 def _part(band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool) -> Band:

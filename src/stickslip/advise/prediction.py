@@ -27,11 +27,10 @@ from stickslip.simulation import Recording, estimate, record
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import contact_noise, count_unstable
 
-# By convention, in seconds of one core by estimate: what a verdict may take, and all of an answer; of these, what the
-# first run takes at most, if it lasts long enough. The parts of what is left at its turn that other speeds get,
-# and what is assumed.
-_FAST, _ALL, _FIRST = 2.0, 13.0, 1.0
-_FOR_SPEEDS, _FOR_DOUBT = 0.4, 0.2
+# By convention, in seconds of one core by estimate: what a verdict may take, and all of an answer. The parts of what is
+# left at its turn that the first run gets, if it lasts long enough, other speeds, and what is assumed.
+_FAST, _ALL = 2.0, 13.0
+_FOR_FIRST, _FOR_SPEEDS, _FOR_DOUBT = 0.5, 0.4, 0.2
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
@@ -103,7 +102,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     with suppress(Spent):
         growth, frequency = (None, None) if note else trials.told(by_theory.fastest_mode, rig, roots=1)
     report(0.2)
-    shown = _shown(rig, modes, trials, _first_run(rig, part(report, 0.2, 0.9)))
+    left = _FOR_FIRST * (trials.allowed - trials.spent)
+    shown = _shown(rig, modes, trials, _first_run(rig, left, part(report, 0.2, 0.9)))
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
     with suppress(Spent):
         bands = bands if note else told_along(trials, rig, VELOCITY, low, high)
@@ -193,7 +193,7 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
     return min(through) / widest, max(through) * widest
 
 
-def _first_run(rig: Rig, progress: Progress) -> Recording:
+def _first_run(rig: Rig, seconds: float, progress: Progress) -> Recording:
     """Simulate the rig as its file says, if that ends at the speed of the answer; shorter if that is dear."""
     drive, velocity = rig.drive, rig.natural.velocity
     if not drive.pieces[-1].start == drive.pieces[-1].end == velocity:
@@ -201,9 +201,9 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
     run = replace(rig, drive=drive)
     if len(drive.pieces) == 1:
         fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity / drive.duration
-        if fewest * estimate(run).seconds > _FIRST:
+        if fewest * estimate(run).seconds > seconds:
             run = replace(run, method=method_of(run))
-        part_of = min(max(_FIRST / estimate(run).seconds, fewest), 1.0)
+        part_of = min(max(seconds / estimate(run).seconds, fewest), 1.0)
         run = replace(run, drive=constant(velocity, part_of * drive.duration))
     return record(run, progress=progress)
 

@@ -71,13 +71,17 @@ def method_of(rig: Rig, other: int = 0) -> Contacts | Population | MasterEquatio
     """
     own = rig.method if isinstance(rig.method, DRAWN) else _USUAL
     count, seed = own.count if rig.interface.ageing is None else min(own.count, _MOST_AGED), own.seed + other
-    ways, costs = (Contacts(count, seed=seed), Population(count, seed), MasterEquation(rtol=_ROUGH)), list[float]()
-    for way in ways[: None if count >= _COUNTED else 1]:
+    if count < _COUNTED:
+        return Contacts(count, seed=seed)
+
+    def seconds(method: Contacts | Population | MasterEquation) -> float:
         try:
-            costs.append(estimate(replace(rig, method=way)).seconds)
+            return estimate(replace(rig, method=method)).seconds
         except InputError:  # it cannot take such a rig
-            costs.append(math.inf)
-    return ways[costs.index(min(costs))]
+            return math.inf
+
+    methods: list[Contacts | Population | MasterEquation] = [Contacts(count, seed=seed), Population(count, seed)]
+    return min([*methods, MasterEquation(rtol=_ROUGH)], key=seconds)
 
 
 def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:

@@ -123,7 +123,7 @@ class ActivatedResponse(Response):
 
     def effort(self, velocity: float) -> Effort:
         look = 0.05 + 4e-8 * self._nodes * self.frequencies(velocity, math.inf).size
-        return Effort(look, again=0.1 * look, root=0.5 * look)
+        return Effort(look, again=0.05 * look, root=1.5 * look)
 
     @cached_property
     def _nodes(self) -> int:

@@ -78,11 +78,9 @@ class UnagedResponse(Response):
         return Scales(cycle, pace, memory, fastest, self.distribution.leftmost * velocity)
 
     def effort(self, velocity: float) -> Effort:
-        if isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform):  # transforms in closed form
-            return Effort(look=1e-3, again=1e-3, root=1e-2)
-        points = 8.0 / STEP * velocity * self.scales(velocity).memory / self.distribution.standard_deviation()
-        look = 2e-3 + 1e-6 * points  # neighbours share a table
-        return Effort(look, again=look, root=0.03 + 4e-5 * points)
+        del velocity
+        closed = isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform)  # the others share tables
+        return Effort(look=2e-3, again=1e-3, root=1e-2) if closed else Effort(look=4e-3, again=2e-3, root=5e-2)
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         if self.inert:

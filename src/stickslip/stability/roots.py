@@ -7,12 +7,14 @@ followed left of the axis, by the argument principle on a line just left of it.
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from stickslip.errors import UndecidedError
 from stickslip.sliding.response import STEP, Array, ComplexArray, Response
-from stickslip.stability.impedances import Impedance, Modes, natural_frequencies, poles, resonances
+from stickslip.stability.impedances import Impedance, Modes, is_plain, natural_frequencies, poles, resonances
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import doubtful_below, merged
 
@@ -20,12 +22,24 @@ _MOST_FREQUENCIES = 1 << 15  # on a line left of the axis, to count the roots on
 _ABOUT = np.array([0.0, 1.0, -1.0])  # points about a root from which Newton's method takes the value and its slope
 
 
+@lru_cache(maxsize=256)
+def _known(response: Response, body: Any, velocity: float) -> Neutral:
+    return neutral_frequencies(response, [(body, velocity)])[0]
+
+
+def _neutral(response: Response, body: Impedance, velocity: float) -> Neutral:
+    """Neutral frequencies of one body, which several questions about it need."""
+    known: Any = _known if is_plain(body) else _known.__wrapped__  # others may not be fit for the key of a table
+    found: Neutral = known(response, body, velocity)
+    return found
+
+
 def count(response: Response, body: Impedance, velocity: float) -> int:
     """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies.
 
     Raises `UndecidedError` if a mode lies on the stability boundary to within the accuracy of the response.
     """
-    (neutral,) = neutral_frequencies(response, [(body, velocity)])
+    neutral = _neutral(response, body, velocity)
     near = np.flatnonzero(np.abs(neutral.extra) < response.accuracy)
     if near.size:
         raise UndecidedError(
@@ -41,7 +55,7 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
 
     Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be computed.
     """
-    (neutral,) = neutral_frequencies(response, [(body, velocity)])
+    neutral = _neutral(response, body, velocity)
     growing, scales = neutral.unstable(), response.scales(velocity)
     starts, roots = _first_starts(response, body, velocity, neutral), np.empty(0, dtype=complex)
     for step in _lines(response, growing, scales.leftmost):
