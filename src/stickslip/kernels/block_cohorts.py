@@ -2,8 +2,14 @@
 
 A cohort is what attached to a block in about one place ``b``: contacts of which ``m J_c(e)`` survive when their largest
 stretching so far is ``e``. Only those stretched further than the weakest threshold are looked up. What breaks goes
-through the delay, a mean over given delay times, by a table of what each block has broken up to each step; it
-re-attaches in the middle of a step's way. All of that is smooth in time, so the steps stay second order by themselves.
+through the delay, a mean over given delay times, by a table of what each block has broken up to each stage; it
+re-attaches in the middle of a stage's way.
+
+A stage is as many steps as take some block as far as cohorts are apart, or the longest time given: light blocks swing
+through many steps meanwhile. In a stage contacts break at the rate ``m J_c'(e)`` of its beginning for each length by
+which a block passes its front, the furthest that it has been, and re-attach at the rate of the stage before; at its end
+all cohorts are looked up, and what was wrong is made good. The error is of second order in the length of the stage, as
+that of a step is in its own.
 """
 
 from typing import NamedTuple
@@ -14,8 +20,8 @@ from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join
 from .drive import NO_HISTORY, NO_ROOM, ON_THE_WAY, PAUSED, Piece, Sampling
 from .leapfrog import Motion, Network, begin_step, element, end_step, slide
-from .records import Counts, Floats
-from .survival import Table, value_at, values_at
+from .records import Counts, Floats, Records, blank, record
+from .survival import Table, value_and_slope, value_at, values_at
 
 FIRST = 1e-3  # the first break of infinitely many contacts is that of this fraction
 
@@ -23,22 +29,33 @@ EXTINCT = 1e-12  # a cohort of which a smaller fraction survives is dropped; its
 
 
 class Case(NamedTuple):
-    """Survival of the thresholds, delays, force of detached contacts that slide, and how near contacts join cohorts."""
+    """Survival of the thresholds, delays, force of detached contacts that slide; limits of a stage.
+
+    Contacts that attach within `merge` are of one cohort. No stage is longer, nor lasts more than `longest`.
+    """
 
     table: Table
     delays: Delays
     sliding: float
     merge: float
+    longest: float
+
+
+_STAGE = record("start held behind ahead attaching lost")
+"""Of each block: position and attached fraction at the beginning of a stage, the fronts, the rate at which contacts
+re-attach; and the energy lost in breaks in the stage so far."""
 
 
 class Cohorts(NamedTuple):
     """Cohorts of n blocks, and what has broken on them."""
 
     cohort: Floats  # shape (n, 4, room): `PLACE`, `MASS`, `REACH`, `ALIVE`
-    used: Counts  # shape (n, 2): how many there are, and how many of them are extinct
+    used: Counts  # shape (n,): how many there are
     history: History
     due: Floats  # shape (n,): what re-attaches in the step
     attached: Floats  # shape (n,): all that has been due
+    stage: Records  # shape (n,)
+    rate: Floats  # shape (n, 2, 3): breaks for each length beyond the fronts, of their origins, and of the squares
 
 
 class State(NamedTuple):
@@ -71,118 +88,159 @@ def make_state(motion: Motion, place: Floats, alive: Floats, case: Case, rate: f
     motion.blocks.held[:] = alive.sum(axis=1)
     motion.blocks.origins[:] = (alive * place).sum(axis=1)
     motion.blocks.squares[:] = (alive * place**2).sum(axis=1)
-    used = np.zeros((n, 2), np.int64)
-    used[:, 0] = count
     before = -float(np.sum(case.delays.weight * case.delays.time)) * rate
     history = first_history(case.delays, rate, kept, n)
-    return State(motion, Cohorts(cohort, used, history, np.zeros(n), np.full(n, before)))
-
-
-@inlined
-def _weed(cohorts: Cohorts, j: int) -> None:
-    """Drop the extinct cohorts of a block."""
-    kept = 0
-    for i in range(cohorts.used[j, 0]):
-        if cohorts.cohort[j, ALIVE, i] > 0.0:
-            for row in range(4):
-                cohorts.cohort[j, row, kept] = cohorts.cohort[j, row, i]
-            kept += 1
-    cohorts.used[j, 0] = kept
-    cohorts.used[j, 1] = 0
+    stage = blank(_STAGE, n)
+    stage.start = stage.behind = stage.ahead = motion.blocks.X
+    stage.held = motion.blocks.held
+    pasts = np.full(n, count), history, np.zeros(n), np.full(n, before)
+    return State(motion, Cohorts(cohort, *pasts, stage, np.zeros((n, 2, 3))))
 
 
 @inlined
 def _attach(cohorts: Cohorts, j: int, place: float, alive: float, reach: float, table: Table, merge: float) -> None:
     """Add what attached at a place: to the youngest cohort if that did within `merge`, else as a new one."""
-    cohort, i = cohorts.cohort[j], cohorts.used[j, 0] - 1
-    if i >= 0 and cohort[ALIVE, i] > 0.0 and abs(place - cohort[PLACE, i]) <= merge:
+    cohort, i = cohorts.cohort[j], cohorts.used[j] - 1
+    if i >= 0 and abs(place - cohort[PLACE, i]) <= merge:
         join(cohort, i, place, alive, reach)
     else:
         i += 1
-        cohorts.used[j, 0] = i + 1
+        cohorts.used[j] = i + 1
         cohort[PLACE, i], cohort[REACH, i], cohort[ALIVE, i] = place, reach, alive
     cohort[MASS, i] = cohort[ALIVE, i] / value_at(table, cohort[REACH, i])
 
 
-@bare
-def _drift(state: State, j: int, fraction: float, case: Case) -> float:
-    """Take a block and its cohorts along; what breaks."""
-    blocks, cohorts, now = state.motion.blocks, state.cohorts, state.motion.now
-    cohort, table, weakest, sliding = cohorts.cohort, case.table, case.table.bottom, case.sliding
-    X, h = blocks.X[j], now.step
-    then = X + h * blocks.V[j]
-    broken, lost, origins, squares = 0.0, 0.0, 0.0, 0.0
-    for i in range(cohorts.used[j, 0]):
-        b = cohort[j, PLACE, i]
-        x = abs(then - b)
-        if x <= weakest or x <= cohort[j, REACH, i] or cohort[j, ALIVE, i] == 0.0:
-            continue
-        before = max(cohort[j, REACH, i], abs(X - b))
-        left = value_at(table, x)
-        alive = cohort[j, MASS, i] * left if left > EXTINCT else 0.0
-        gone = cohort[j, ALIVE, i] - alive
-        cohort[j, REACH, i], cohort[j, ALIVE, i] = x, alive
-        middle = 0.5 * (before + x)
-        broken += gone
-        lost += 0.5 * middle * middle * gone
-        origins += gone * b
-        squares += gone * b * b
-        if alive == 0.0:
-            cohorts.used[j, 1] += 1
-    b = X + 0.5 * (then - X)
-    reach = abs(then - b)
-    young = value_at(table, reach)
-    attaching = cohorts.due[j] - cohorts.attached[j] + fraction * broken
-    alive = attaching * young
-    held = blocks.held[j]
-    after = held - broken + alive
-    cohorts.attached[j] += attaching
-    broken += attaching - alive
-    blocks.held[j] = 0.5 * (held + after)
-    force = 0.5 * element(blocks, j, X, sliding)
-    force += 0.5 * slide(state.motion, j, then, sliding)
-    now.broken += lost + 0.5 * force * force * (after - held)
-    blocks.held[j] = after
-    blocks.origins[j] += alive * b - origins
-    blocks.squares[j] += alive * b * b - squares
-    if alive > 0.0:
-        _attach(cohorts, j, b, alive, reach, table, case.merge)
-    total = blocks.broken[j] + broken
-    if total >= FIRST and blocks.broken[j] < FIRST:
-        blocks.first_break[j] = now.time + h * (FIRST - blocks.broken[j]) / broken
-        blocks.first_force[j] = now.drive_force
-    if after <= 0.5 < held and blocks.half_detached[j] != blocks.half_detached[j]:
-        blocks.half_detached[j] = now.time + h * (held - 0.5) / (held - after)
-    blocks.broken[j] = total
+@inlined
+def _drift(state: State, j: int, case: Case) -> bool:
+    """Take a block along, contacts breaking and re-attaching at the rates of the stage; whether it has come far."""
+    blocks, now, stage = state.motion.blocks, state.motion.now, state.cohorts.stage[j]
+    X, h, held = blocks.X[j], now.step, blocks.held[j]
+    then, middle = X + h * blocks.V[j], X + 0.5 * h * blocks.V[j]
+    change = h * stage.attaching
+    places, squares, lost = change * middle, change * middle * middle, 0.0
+    if then > stage.ahead or then < stage.behind:
+        side = 1 if then > stage.ahead else 0
+        front = stage.ahead if side == 1 else stage.behind
+        beyond, x, rate = abs(then - front), 0.5 * (then + front), state.cohorts.rate[j, side]
+        gone = beyond * rate[0]
+        change -= gone
+        places -= beyond * rate[1]
+        squares -= beyond * rate[2]
+        lost = 0.5 * beyond * (x * x * rate[0] - 2.0 * x * rate[1] + rate[2])
+        blocks.broken[j] += gone
+        if side == 1:
+            stage.ahead = then
+        else:
+            stage.behind = then
+    blocks.held[j] = held + 0.5 * change
+    force = 0.5 * element(blocks, j, X, case.sliding)
+    force += 0.5 * slide(state.motion, j, then, case.sliding)
+    now.broken += lost + 0.5 * force * force * change
+    blocks.held[j] = held + change
+    blocks.origins[j] += places
+    blocks.squares[j] += squares
+    stage.lost += lost
     blocks.X[j] = then
-    return float(broken)
+    return bool(abs(then - stage.start) >= case.merge)
+
+
+@bare
+def _settle(state: State, j: int, before: float, fraction: float, span: float, case: Case) -> None:
+    """Look up all cohorts of a block at the end of a stage, `before` which so many had broken, and begin another."""
+    blocks, cohorts, now, table = state.motion.blocks, state.cohorts, state.motion.now, case.table
+    cohort, stage, rate = cohorts.cohort[j], cohorts.stage[j], cohorts.rate[j]
+    X, behind, ahead = blocks.X[j], stage.behind, stage.ahead
+    # A front further off than that is not passed in the next stage.
+    stage.behind = behind if X - behind < case.merge else X
+    stage.ahead = ahead if ahead - X < case.merge else X
+    rate[:] = 0.0
+    kept, broken, lost, held, origins, squares = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(cohorts.used[j]):
+        b, mass, reach, alive = cohort[PLACE, i], cohort[MASS, i], cohort[REACH, i], cohort[ALIVE, i]
+        x = max(abs(ahead - b), abs(behind - b))
+        if x > table.bottom and x >= reach:
+            left, slope = value_and_slope(table, x)
+            if x > reach:
+                middle, gone = 0.5 * (max(reach, abs(stage.start - b)) + x), alive
+                reach, alive = x, mass * left if left > EXTINCT else 0.0
+                gone -= alive
+                broken += gone
+                lost += 0.5 * middle * middle * gone
+                if alive == 0.0:
+                    continue
+            side = 1 if stage.ahead - b >= x else 0
+            if side == 1 or b - stage.behind >= x:
+                rate[side, 0] -= slope * mass
+                rate[side, 1] -= slope * mass * b
+                rate[side, 2] -= slope * mass * b * b
+        cohort[PLACE, kept], cohort[MASS, kept], cohort[REACH, kept], cohort[ALIVE, kept] = b, mass, reach, alive
+        kept += 1
+        held += alive
+        origins += alive * b
+        squares += alive * b * b
+    cohorts.used[j] = kept
+    b = 0.5 * (stage.start + X)
+    reach = abs(X - b)
+    attaching = cohorts.due[j] - cohorts.attached[j] + fraction * broken
+    alive = attaching * value_at(table, reach)
+    broken += attaching - alive
+    if alive > 0.0:
+        lost -= 0.5 * alive * reach * reach
+        _attach(cohorts, j, b, alive, reach, table, case.merge)
+    force, held = element(blocks, j, X, case.sliding), held + alive
+    now.broken += lost - stage.lost + 0.5 * force * force * (held - blocks.held[j])
+    blocks.held[j], blocks.origins[j], blocks.squares[j] = held, origins + alive * b, squares + alive * b * b
+    cohorts.attached[j] += attaching
+    blocks.broken[j] = before + broken
+    if before < FIRST <= blocks.broken[j]:
+        blocks.first_break[j] = now.time - span * (blocks.broken[j] - FIRST) / broken
+        blocks.first_force[j] = now.drive_force
+    if held <= 0.5 < stage.held and blocks.half_detached[j] != blocks.half_detached[j]:
+        blocks.half_detached[j] = now.time - span * (0.5 - held) / (stage.held - held)
+    stage.start, stage.held, stage.attaching, stage.lost = X, held, alive / span, 0.0
+
+
+@bare
+def _end_stage(state: State, case: Case) -> int:
+    """Settle all blocks; or why that cannot be done yet."""
+    blocks, cohorts, history, now = state.motion.blocks, state.cohorts, state.cohorts.history, state.motion.now
+    kept, row = history.times.size, history.entered[0]
+    for count in cohorts.used:
+        if count == cohorts.cohort.shape[2]:
+            return NO_ROOM
+    if not has_room(history):
+        return NO_HISTORY
+    span = now.time - history.times[(row - 1) % kept]
+    fraction = due(history, case.delays, span, cohorts.due)
+    for j in range(cohorts.due.size):
+        _settle(state, j, history.broken[(row - 1) % kept, j], fraction, span, case)
+        history.broken[row % kept, j] = blocks.broken[j]
+        now.spent += cohorts.used[j]
+    history.times[row % kept] = now.time
+    history.entered[0] = row + 1
+    now.mode = 0
+    return ON_THE_WAY
 
 
 @bare
 def advance(state: State, network: Network, piece: Piece, sampling: Sampling, case: Case, budget: int) -> int:
-    """Go on to the end of a piece, or until `budget` steps of cohorts are spent; why it returned."""
-    motion, cohorts, history = state.motion, state.cohorts, state.cohorts.history
-    n, room, kept = motion.blocks.X.size, cohorts.cohort.shape[2], history.times.size
-    last = motion.now.spent + budget
-    while motion.now.spent < last:
-        for j in range(n):
-            if cohorts.used[j, 1] > 64 or cohorts.used[j, 0] == room:
-                _weed(cohorts, j)
-                if cohorts.used[j, 0] == room:
-                    return NO_ROOM
-            motion.now.spent += cohorts.used[j, 0]
-        if not has_room(history):
-            return NO_HISTORY
-        why = begin_step(motion, network, piece, sampling, case.sliding)
+    """Go on to the end of a piece, or until `budget` steps of blocks and of cohorts are spent; why it returned."""
+    motion, history, now = state.motion, state.cohorts.history, state.motion.now
+    n, kept, last = motion.blocks.X.size, history.times.size, motion.now.spent + budget
+    while now.spent < last:
+        why = _end_stage(state, case) if now.mode == 1 else ON_THE_WAY
+        if why == ON_THE_WAY:
+            why = begin_step(motion, network, piece, sampling, case.sliding)
         if why != ON_THE_WAY:
             return why
-        fraction, row = due(history, case.delays, motion.now.step, cohorts.due), history.entered[0]
+        far = False
         for j in range(n):
-            broken = _drift(state, j, fraction, case)
-            history.broken[row % kept, j] = history.broken[(row - 1) % kept, j] + broken
+            far = _drift(state, j, case) or far
         end_step(motion, piece)
-        history.times[row % kept] = motion.now.time
-        history.entered[0] = row + 1
+        ends = history.times[(history.entered[0] - 1) % kept] + case.longest
+        if far or now.time + 0.5 * now.step > ends or now.time >= piece.end:
+            now.mode = 1
+        now.spent += n
     return PAUSED
 
 

@@ -54,15 +54,17 @@ class Draws(NamedTuple):
     """Random numbers in the order of use: thresholds of contacts that attach, and delays of those that break.
 
     `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take them from `delays`. Contacts
-    attach with the `stretchings` along the motion; without any, unstretched. With `arrests`, `advance` returns when the
-    slider first stops after a break. `variates`, between 0 and 1, decide when contacts in boxes break.
+    attach with the `stretchings` along the motion; without any, unstretched. With `on_arrest` they attach when the
+    slider first stops after a break, and with `tracks`, `advance` returns then. `variates`, between 0 and 1, decide
+    when contacts in boxes break.
     """
 
     thresholds: Floats
     delays: Floats
     fixed_delay: float
     stretchings: Floats = np.empty(0)
-    arrests: bool = False
+    on_arrest: bool = False
+    tracks: bool = False
     variates: Floats = np.empty(0)
 
 
@@ -180,14 +182,6 @@ def attached_places(state: State) -> Counts:
 def attached_contacts(state: State) -> Records:
     """Return the attached contacts: number (`slot`), birth position and threshold of each."""
     return np.asarray(state.ahead.entries[attached_places(state)])
-
-
-def re_attach_all(state: State) -> None:
-    """Make all detached contacts re-attach now."""
-    detached = np.ones(state.size, dtype=bool)
-    detached[attached_contacts(state)["slot"]] = False
-    slots, nobody = np.flatnonzero(detached), np.empty(0)
-    _fill(state, nobody, nobody, slots, np.full(slots.size, state.motion[0].time))
 
 
 def _power_of_two(wanted: float, most: float) -> int:
@@ -379,8 +373,11 @@ def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Const
         return
     if boxes is not None:
         _forget(state, slot, boxes)
-    if delay < np.inf:
-        push(state.waiting, m.time + delay, slot)
+    until = m.time + delay
+    if draws.on_arrest:  # all at once, from where the slider stops
+        until = m.time
+    if until < np.inf:
+        push(state.waiting, until, slot)
 
 
 @bare
@@ -491,7 +488,7 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
     if m.slides * (goal - m.position) < 0.0:
         _holds_again(m)
         return True
-    edges, behind = _edges(m, draws.arrests, boxes, c), _first_behind(state)
+    edges, behind = _edges(m, draws.on_arrest or draws.tracks, boxes, c), _first_behind(state)
     side = int(goal > min(ahead, edges.ahead)) - int(goal < max(-behind, edges.behind))
     if side == 0:
         motion.leap(m, goal, c)
@@ -568,13 +565,11 @@ def _crosses(m: Record, edges: _Edges, side: int, first: float, boxes: Boxes | N
 
 
 @inlined
-def _stops(m: Record, arrests: bool) -> bool:
+def _stops(m: Record) -> bool:
     """The slider turns round; whether it has stopped after a break."""
-    m.slid = 0
-    if arrests and m.breaks > m.breaks_at_arrest:
-        m.breaks_at_arrest = m.breaks
-        return True
-    return False
+    m.slid, last = 0, m.breaks_at_arrest
+    m.breaks_at_arrest = m.breaks
+    return bool(m.breaks > last)
 
 
 @inlined
@@ -636,8 +631,10 @@ def advance(
                 behind = _first_behind(state)
                 if not shared_clock.wind(boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates):
                     return DRAWS_USED_UP
-        leg, edges = _begin(m, piece.drive, draws.arrests, boxes, c)
+        leg, edges = _begin(m, piece.drive, draws.on_arrest or draws.tracks, boxes, c)
         attachment, due, by = peek(state.waiting), np.inf, 0
+        if draws.on_arrest:
+            attachment = np.inf if m.breaks > m.breaks_at_arrest else max(attachment, m.time)
         if boxes is not None:
             due, by = _due(state, boxes)
         limit = min(min(attachment, due), piece.end)
@@ -656,7 +653,7 @@ def advance(
         motion.fly(m, leg, h, y, u, acceleration, c)
         m.time = ends_at
         if side == _TURN:
-            if _stops(m, draws.arrests):
+            if _stops(m) and draws.tracks:
                 return ARRESTED
         elif side != 0:
             first = ahead if side == 1 else _first_behind(state)

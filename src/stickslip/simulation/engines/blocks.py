@@ -36,12 +36,13 @@ ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: spee
 _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
 _POOL = 256
 """Random numbers drawn at once for a block. The same seed gives another run with another length."""
-_MOST_HISTORY = 2e8  # steps of a block in the longest delay: 1.6 GB
-_STEP, _STEP_OF_COHORT, _BREAK, _BALANCE = 1.5e-8, 3e-9, 2.4e-7, 4e-8
-"""Seconds a step of a block takes where nothing breaks, and of each of its cohorts; a break; and a block at each break
-in balance."""
+_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 1e-8, 3e-8, 8e-9, 7e-7, 4e-8
+"""Seconds a step of a block takes where no contact breaks, and with cohorts; each of these at the end of a stage; a
+break; and a block at each break in balance."""
 _CONTACT = 64.0  # bytes of a contact
-_COHORTS = 400  # cohorts of a block, about
+_CELLS = 400.0  # cohorts on a breaking displacement for an error of 1e-5
+_STAGES = 100.0  # stages in a delay, at least
+_KEPT = 1024  # stages of which breaks are remembered, at first
 _BUDGET = 2_000_000  # events, or eight steps of a block each, in an advance: some 50 to 200 ms
 
 
@@ -98,6 +99,11 @@ def longest_step(network: Network) -> float:
     """Longest step of a body's motion."""
     rate = stiffest_dashpot(network)
     return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
+
+
+def cells_of(method: MasterEquation) -> float:
+    """Cohorts on a breaking displacement: the error is of second order in the distance between two."""
+    return _CELLS * math.sqrt(1e-4 / method.rtol)
 
 
 class Streams:
@@ -178,19 +184,25 @@ class ElasticEngine(Engine):
         """Return the work of a run, by part: of steps, unless in balance all the time, and of breaks."""
         body, balanced = rig.slider, isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
-        count, steps, stiff = getattr(method, "count", _COHORTS), 0.0, False
+        steps, stiff, moving = 0.0, False, _STEP
         if not balanced:
             network = network_of(body, np.zeros(body.size), np.zeros(body.size))
             step = longest_step(network)
             stiff = step < longest_step(network._replace(lag=0.0))  # dashpots ask for shorter steps than springs
             steps = body.size * rig.drive.duration / step
-        what, name = "cohorts" if isinstance(method, MasterEquation) else "contacts", "viscosity" if stiff else "mass"
-        each, value = _STEP if what == "contacts" else _STEP_OF_COHORT * count, getattr(body, name)
-        words, power = f"{steps:.2g} steps of blocks", 1.0 if stiff else -0.5
-        moving = Part(f"slider.{name}", value, name, power, words, each * steps)
-        each = _BALANCE * body.size if balanced else _BREAK
-        whole = breaking(body.size * count, max(lifetimes_in(rig, course), 1.0), each, _CONTACT, of=what)
-        return moving, whole._replace(value=count)
+        if isinstance(method, MasterEquation):
+            cells, delay, moving = cells_of(method), rig.interface.delay.moment(1), _STEP_OF_COHORTS
+            steps *= max(1.0, cells / _CELLS)
+            stages = cells * course.distance * rig.interface.threshold_distribution.moment(1)
+            stages += _STAGES * cells / _CELLS * rig.drive.duration / delay if delay > 0 else 0.0
+            what, each = f"{stages:.2g} stages of {cells:.2g} cohorts on each block", cells * body.size
+            contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, _COHORT * each * stages, _CONTACT * each)
+        else:
+            count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
+            contacts = breaking(count, max(lifetimes_in(rig, course), 1.0), each, _CONTACT)._replace(value=method.count)
+        name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
+        words = f"{steps:.2g} steps of blocks"
+        return Part(f"slider.{name}", getattr(body, name), name, power, words, moving * steps), contacts
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -308,13 +320,13 @@ class BlocksOfCohorts(ElasticEngine):
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         super().__init__(beginning, method)
-        body, interface = self.slider, beginning.interface
+        interface = beginning.interface
         if beginning.at_rest:
             raise InputError(
                 f"FromSliding.at_rest = {beginning.at_rest}: not available with MasterEquation; use Contacts"
             )
         table = survival_of(interface.threshold_distribution)
-        self._cells = 400.0 * math.sqrt(1e-4 / method.rtol)
+        self._cells = cells_of(method)
         past_rate = 0.0
         if beginning.sliding:
             x, fraction = block_cohorts.smooth_sliding(table, self._cells, beginning.attached)
@@ -324,28 +336,23 @@ class BlocksOfCohorts(ElasticEngine):
         else:
             x, fraction = stretching_nodes(interface.initial, interface.threshold_distribution)
         x = self._prestress[:, None] + x
-        self._case = block_cohorts.Case(table, Delays(*interface.delay.quadrature()), self._sliding, 0.5 / self._cells)
+        delays, longest = Delays(*interface.delay.quadrature()), interface.delay.moment(1) * _CELLS / _STAGES
+        self._case = block_cohorts.Case(table, delays, self._sliding, 1.0 / self._cells, longest / self._cells)
         X, V = self._start(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * self._element)
-        steps = float(self._case.delays.time.max(initial=0.0)) / self.longest_step()
-        if steps * body.size > _MOST_HISTORY:
-            raise InputError(
-                f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), "
-                "or make the delay shorter or the blocks heavier"
-            )
         self._motion = at_rest(X, V, self._sliding, self._anchored)
         room, fractions = int(2.0 * self._cells * table.top) + x.shape[1] + 64, np.broadcast_to(fraction, x.shape)
         self._state = block_cohorts.make_state(
-            self._motion, X[:, None] - x, fractions, self._case, past_rate, room, int(1.05 * steps) + 64
+            self._motion, X[:, None] - x, fractions, self._case, past_rate, room, _KEPT
         )
 
     def longest_step(self) -> float:
         """Longest step in time; finer cohorts come with finer steps."""
-        return longest_step(self._network) * min(1.0, 400.0 / self._cells)
+        return longest_step(self._network) * min(1.0, _CELLS / self._cells)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts of all blocks now."""
         cohort = self._state.cohorts.cohort
-        alive = cohort[:, ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, :1])
+        alive = cohort[:, ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, None])
         x = self._motion.blocks.X[:, None] - cohort[:, PLACE]
         return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
 

@@ -10,7 +10,7 @@ import numpy as np
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
 from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
-from stickslip.kernels.events import force_of, re_attach_all, short_of
+from stickslip.kernels.events import force_of, short_of
 from stickslip.kernels.motion import make_motion
 from stickslip.model import (
     Barrier,
@@ -89,8 +89,8 @@ class EventByEvent(Engine):
             self._boxes = kernel.boxed(self._state, self._rule, since, own)
             self._stiffest = self._boxes.stiffest / math.sqrt(self._factor)
         fixed = self._delay.moment(1) if isinstance(self._delay, Delay | OnArrest) else math.nan
-        arrests = bool(interface.mechanisms & {"track_scatter", "on_arrest"})
-        self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, arrests=arrests))
+        happens = isinstance(self._delay, OnArrest), interface.track_scatter > 0
+        self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens))
 
     @staticmethod
     def check(interface: Interface) -> None:
@@ -220,15 +220,12 @@ class EventByEvent(Engine):
         return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def _arrest(self) -> None:
-        """The slider has stopped after a break."""
-        if self._interface.track_scatter:
-            self._factor = self._next_track()
-            self._draws = self._with_thresholds(self._draws)
-            if self._boxes is not None and self._interface.areas:  # those of a strong track are stiffer, too
-                stiffest = max(self._boxes.stiffest, self._stiffest * math.sqrt(self._factor))
-                self._boxes = self._boxes._replace(stiffest=stiffest)
-        if isinstance(self._delay, OnArrest):
-            re_attach_all(self._state)
+        """The slider has stopped after a break: contacts attach to another track."""
+        self._factor = self._next_track()
+        self._draws = self._with_thresholds(self._draws)
+        if self._boxes is not None and self._interface.areas:  # those of a strong track are stiffer, too
+            stiffest = max(self._boxes.stiffest, self._stiffest * math.sqrt(self._factor))
+            self._boxes = self._boxes._replace(stiffest=stiffest)
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
