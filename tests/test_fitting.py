@@ -13,6 +13,8 @@ from drawn import assert_drawn, assert_kept
 
 import stickslip as ss
 from stickslip import fitting
+from stickslip.advise import Doubt
+from stickslip.advise.runs import Trials
 from stickslip.errors import InputError
 from stickslip.fitting.bench import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.inference import infer
@@ -270,21 +272,27 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
         ss.fit(trace, prior=NARROW, draws=1500, known={"stiffness": K, "speed": 0.5 * speed})
 
 
-def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_path):
+def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
     rig, path = found.rig(name="bench"), tmp_path / "rig.toml"
     path.write_text(to_toml(rig))
     again = ss.read_rig(path)
     assert (again, again.fitted) == (rig, rig.fitted)
     assert "interface.delay" in again.assumed
     assert "mass" not in str(again.fitted)  # it was known
-    seen = fitting.over_draws(again, most=8)
-    assert seen.undecided == (1.0,) * len(seen.speeds)  # there is no smooth sliding to judge
-    assert "re-attach on arrest" in str(seen)
-    seen = fitting.over_draws(replace(again, interface=replace(again.interface, delay=ss.Delay(0.3))), most=8)
-    assert not any(seen.undecided)  # the track scatters from slip to slip, and smooth sliding has none
-    assert "linearly unstable" in str(seen)
-    with pytest.raises(InputError, match="no fitted values"):
-        fitting.over_draws(ss.example("brake_pad"))
+    drawn = [*fitting.rigs_drawn(again)]
+    assert len(drawn) == 100
+    assert [each.value("stiffness") for each in drawn] == pytest.approx([100.0] * 100)  # it was known, too
+    draws = again.fitted["interface.breaking_displacement"].draws
+    assert [each.unit("x_s") for each in drawn] == pytest.approx(list(draws), rel=1e-7)
+
+
+@pytest.mark.takes(5)  # 64 rigs, each simulated
+def test_a_fitted_rig_is_judged_over_its_draws(found):
+    """By runs, as contacts re-attach on arrest; a trace of stick-slip was fitted."""
+    doubt = Doubt.of(found.rig(), Trials(math.inf))
+    assert doubt.draws == 64
+    assert doubt.oscillates > 0.9
+    assert "% of the 64 draws of the fit" in str(doubt)
 
 
 def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):

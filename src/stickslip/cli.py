@@ -206,7 +206,6 @@ def predict(
     The verdict comes first, on standard error, while the rest is still sought, for some 15 s.
     """
     from stickslip.advise import Prediction, complete, in_full, predict
-    from stickslip.fitting import over_draws
 
     _check_outputs(picture=plot, read=rig)
     described = ss.read_rig(rig)
@@ -222,12 +221,7 @@ def predict(
     _draw(plot, found.plot)
     on_page = sys.stdout.isatty()  # in a pipe nobody knows its width
     text = found.text(get_terminal_size().columns, "\033[1m{}\033[0m") if on_page else found.text(80)
-    content = found.to_dict()
-    if described.fitted:
-        with console.working("over the draws") as progress:
-            uncertain = over_draws(described, progress=progress)
-        text, content = f"{text}\n\n{uncertain}", content | {"over_draws": uncertain.to_dict()}
-    _answer(text, content, json, picture=plot)
+    _answer(text, found.to_dict(), json, picture=plot)
 
 
 @app.command

@@ -1,4 +1,4 @@
-"""How much a verdict owes to what was assumed: the rig with every assumption varied, and which of them matters most."""
+"""How much a verdict owes to what was fitted or assumed: the rig with all of it varied, and what matters most."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Self
 
 import numpy as np
@@ -48,50 +49,56 @@ _VARIED = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Doubt(Answer):
-    """What a rig does at its own speed over the rigs that its assumptions allow."""
+    """What a rig does at its own speed over the rigs that its fit and its assumptions allow."""
 
     oscillates: float  #: fraction of these that do not slide smoothly: by linear theory, or in a run from rest
     undecided: float  #: fraction of which neither tells
     draws: int
 
-    #: Keys of the rig's file that were varied, each with how much more often the rig oscillates at one end of the
-    #: range than at the other: the difference between the upper and the lower half. The first matters most.
+    #: Keys of the rig's file that were fitted or varied, each with how much more often the rig oscillates where the
+    #: value is larger: the difference between the upper and the lower half. The first matters most.
     matters: tuple[tuple[str, float], ...]
+    assumed: tuple[str, ...] = ()  #: those that were assumed
 
     @classmethod
     def of(cls, rig: Rig, trials: Trials) -> Self | None:
-        """Vary what a rig's file calls assumed, all at once, evenly in the logarithm; None if there is nothing to vary.
+        """Take what was fitted at its draws, and vary what a rig's file calls assumed; None if there is neither.
 
-        Within the range that the file gives, or a factor `WIDEST`.
-
-        Linear theory tells first, and runs where smooth sliding is stable: stick-slip may persist from a start at rest.
+        Assumptions are varied all at once, evenly in the logarithm, within the range that the file gives, or a factor
+        `WIDEST`. Linear theory tells first, and runs where smooth sliding is stable or there is none: stick-slip may
+        persist from a start at rest.
         """
-        varied = {key: _VARIED[key] for key in rig.assumed if key in _VARIED and has(rig, _VARIED[key][0])}
-        if not varied:
+        fitted = {key: one.draws for key, one in rig.fitted.items() if one.draws}
+        varied = {k: _VARIED[k] for k in rig.assumed if k in _VARIED and k not in fitted and has(rig, _VARIED[k][0])}
+        if not (fitted or varied):
             return None
-        low, high = np.log([rig.assumed[key].factors or (1.0 / WIDEST, WIDEST) for key in varied]).T
+        count = min([_DRAWS, *map(len, fitted.values())])
+        rigs = [*islice(_drawn(rig), count)] if fitted else [rig] * count
         # A Latin hypercube, the same each time: of each parameter every 64th of its range once.
-        ranks = np.random.default_rng(0).permuted(np.tile(np.arange(_DRAWS), (len(varied), 1)), axis=1)
-        places = (ranks.T + 0.5) / _DRAWS
-        found = np.full(_DRAWS, np.nan)
-        for i, place in enumerate(places):
-            there = rig.natural
+        ranks = np.random.default_rng(0).permuted(np.tile(np.arange(count), (len(varied), 1)), axis=1)
+        ends = (np.log(rig.assumed[key].factors or (1.0 / WIDEST, WIDEST)) for key in varied)
+        factors = [np.exp(low + (high - low) * (at + 0.5) / count) for (low, high), at in zip(ends, ranks, strict=True)]
+        found = np.full(count, np.nan)
+        for i, drawn in enumerate(rigs):
+            there = drawn.natural
             with suppress(InputError, Spent):
-                for (parameter, side), factor in zip(varied.values(), np.exp(low + (high - low) * place), strict=True):
-                    raised = min(float(factor) ** side, highest(there, parameter))
+                for (parameter, side), factor in zip(varied.values(), factors, strict=True):
+                    raised = min(float(factor[i]) ** side, highest(there, parameter))
                     there = parameter.set(there, raised * parameter.get(there))
                 found[i] = _oscillates(there, trials)
         told = np.isfinite(found)
-        halves = [found[told & (at > 0.5)] for at in places.T], [found[told & (at <= 0.5)] for at in places.T]
-        if not all(half.size for half in (*halves[0], *halves[1])):
+        values = np.array([*(draws[:count] for draws in fitted.values()), *factors])
+        upper = values > np.median(values, axis=1, keepdims=True)
+        halves = {key: (told & half, told & ~half) for key, half in zip([*fitted, *varied], upper, strict=True)}
+        if not all(half.any() for each in halves.values() for half in each):
             return None
-        more = [float(upper.mean() - lower.mean()) for upper, lower in zip(*halves, strict=True)]
-        matters = sorted(zip(varied, more, strict=True), key=lambda each: -abs(each[1]))
+        more = {key: float(found[one].mean() - found[other].mean()) for key, (one, other) in halves.items()}
         return cls(
-            oscillates=float(np.nansum(found) / _DRAWS),
+            oscillates=float(np.nansum(found) / count),
             undecided=float(1.0 - told.mean()),
-            draws=_DRAWS,
-            matters=tuple(matters),
+            draws=count,
+            matters=tuple(sorted(more.items(), key=lambda each: -abs(each[1]))),
+            assumed=tuple(varied),
         )
 
     def __str__(self) -> str:
@@ -100,13 +107,23 @@ class Doubt(Answer):
     def said(self) -> Iterator[str]:
         """What it comes to, in sentences."""
         part, untold = f"{100 * self.oscillates:.0f} %", f"{100 * self.undecided:.0f} % not told"
-        yield f"oscillates at this speed in {part} of what was not measured{f', {untold}' if self.undecided else ''}"
+        fitted = len(self.matters) > len(self.assumed)
+        of = f"the {self.draws} draws of the fit" if fitted else "what was not measured"
+        yield f"oscillates at this speed in {part} of {of}{f', {untold}' if self.undecided else ''}"
         key, difference = self.matters[0]
         if abs(difference) > 2.0 / math.sqrt(self.draws):  # two standard errors of a difference of halves
             sign = "larger" if difference > 0 else "smaller"
             yield f"measuring {key} would decide most: {100 * abs(difference):.0f} % more often where it is {sign}"
-        keys = ", ".join(key for key, _ in self.matters)
-        yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
+        if self.assumed:
+            keys = ", ".join(key for key, _ in self.matters if key in self.assumed)
+            yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
+
+
+def _drawn(rig: Rig) -> Iterator[Rig]:
+    """The rigs of the draws that its file holds."""
+    from stickslip.fitting import rigs_drawn  # some .1 s that no other rig needs
+
+    return rigs_drawn(rig)
 
 
 def _oscillates(rig: Rig, trials: Trials) -> float:

@@ -162,7 +162,7 @@ def sections(found: Prediction) -> Iterator[Section]:
     yield "Mitigations", f" {_where(found)}, the smallest change first; simulated", list(mitigations(found))
     yield "Tried", ", within the range searched", list(attempts(found))
     yield "Left out", "", list(not_searched(found))
-    yield "Doubt", ", all that was assumed varied at once", list(found.doubt.said()) if found.doubt else []
+    yield "Doubt", ", all that was fitted or assumed varied at once", list(found.doubt.said()) if found.doubt else []
 
 
 def numbers(found: Prediction) -> Iterator[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""Rigs of a fit and of a few readings, and the verdict on a fitted rig with its uncertainty.
+"""Rigs of a fit, and of a few readings.
 
 A fitted rig holds what was fitted: contacts that slide with a force and re-attach with it on arrest, on a track that
 scatters. It is run before it is written, and read as the trace was: its drops and its period are those of the trace.
@@ -9,21 +9,20 @@ from __future__ import annotations
 import copy
 import itertools
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from stickslip.answers import Answer
-from stickslip.errors import InputError, UndecidedError, instance, number, whole
+from stickslip.errors import InputError, number
 from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
-from stickslip.model import Gaussian, OnArrest, Output, Rig, constant
+from stickslip.model import Gaussian, Output, Rig, constant
 from stickslip.model.quantities import read_value
 from stickslip.simulation import simulate
 from stickslip.sliding.rigid_motion import thresholds_of
@@ -36,11 +35,6 @@ DRAWS_KEPT = 100
 _LIGHTEST = 0.01  # where slips are not resolved, the mass lies anywhere between this part of its bound and the bound
 _TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
 """Draws run, at most; slips of a run, after those in which it settles; standard errors in half a 90 % interval."""
-_SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0)
-_ON_ARREST = (
-    "contacts re-attach on arrest, so there is no smooth sliding for linear theory; friction at several speeds (fit "
-    "--speeds) would give the delay"
-)
 _NO_DELAY = (
     "stands for any delay longer than a slip and shorter than the time between slips; friction at several speeds "
     "(--speeds) gives it"
@@ -284,57 +278,8 @@ def quick_fit(
     return _at(document, values, "quick fit")
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Uncertain(Answer):
-    """How often smooth sliding is unstable, over the draws of a fitted rig (linear stability)."""
-
-    draws: int
-    speeds: tuple[float, ...]  #: in m/s; the middle one is its own
-    unstable: tuple[float, ...]  #: fraction of the draws for which smooth sliding is unstable at each speed
-    undecided: tuple[float, ...]  #: fraction of the draws that theory does not tell
-    reason: str = ""  #: why theory does not tell
-
-    def __str__(self) -> str:
-        if min(self.undecided) == 1.0:
-            return f"Not judged over the draws: {self.reason}"
-        pairs = zip(self.unstable, self.speeds, strict=True)
-        each = ", ".join(f"{100 * part:.0f} % at {engineering(v, 'm/s', 2)}" for part, v in pairs)
-        untold = f" (up to {100 * max(self.undecided):.0f} % not told)" if any(self.undecided) else ""
-        return (
-            f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in "
-            f"{100 * self.unstable[len(self.speeds) // 2]:.0f} % at this speed; {each}{untold}"
-        )
-
-
-def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | None = None) -> Uncertain:
-    """Judge a fitted rig over the draws that its file holds: how often smooth sliding is unstable, at five speeds.
-
-    So many draws are judged at most; `InputError` if nothing of the rig was fitted.
-    """
-    from stickslip.stability import count_unstable
-
-    instance("over_draws: rig", rig, Rig, "a Rig")
-    most = whole("most", most, at_least=1, at_most=1000)
-    columns = {path: one.draws for path, one in rig.fitted.items() if one.draws}
-    if not columns:
-        raise InputError(f"rig {rig.name!r}: holds no fitted values with draws; make it with stickslip fit")
-    count, document = min(most, *(len(draws) for draws in columns.values())), to_document(rig)
-    reason = _ON_ARREST if isinstance(rig.interface.delay, OnArrest) else ""
-    unstable = np.full((count, len(_SPEEDS)), np.nan)  # of each draw at each speed: 1, 0, or not told
-    for i in range(0 if reason else count):
-        made = _at(document, {path: draws[i] for path, draws in columns.items()}, "a draw")
-        smooth = replace(made, interface=replace(made.interface, track_scatter=0.0))  # it is that from slip to slip
-        for k, factor in enumerate(_SPEEDS):
-            try:
-                unstable[i, k] = count_unstable(smooth.replace(velocity=made.velocity * factor).natural) > 0
-            except (InputError, UndecidedError) as error:
-                reason = str(error)
-        if progress is not None:
-            progress((i + 1) / count)
-    return Uncertain(
-        draws=count,
-        speeds=tuple(rig.velocity * factor for factor in _SPEEDS),
-        unstable=tuple((np.nansum(unstable, axis=0) / count).tolist()),
-        undecided=tuple(np.isnan(unstable).mean(axis=0).tolist()),
-        reason=reason,
-    )
+def rigs_drawn(rig: Rig) -> Iterator[Rig]:
+    """The rigs that a fit holds equally likely: a fitted one at each draw of its file."""
+    columns, document = {path: one.draws for path, one in rig.fitted.items() if one.draws}, to_document(rig)
+    for values in zip(*columns.values(), strict=False):
+        yield _at(document, dict(zip(columns, values, strict=True)), "a draw")
