@@ -99,9 +99,8 @@ class Trace:
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
                 first = f"{name} = {values[bad[0]]:g} at t = {arrays['t'][bad[0]]:g}"
-                raise InputError(
-                    f"measure: {first}: {bad.size} of {values.size} are not finite; drop or fill them first"
-                )
+                count = f"{bad.size} of {values.size}"
+                raise InputError(f"measure: {first}: {count} are not finite; drop or fill them first")
         t, drive, force = arrays["t"], arrays.get("drive"), arrays["force"]
         if t.size < FEWEST_READINGS:
             raise InputError(f"measure: {t.size} samples of spring_force are too few: {FEWEST_READINGS} is the least")
@@ -114,10 +113,9 @@ class Trace:
         arrays |= {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if key in arrays}
         top = float(np.max(arrays["force"]))  # of a force that never pulls that way, the largest in size
         time, told = data["time"].attrs, data["spring_force"].attrs
-        rig = None  # not every run says what it was made of
-        with suppress(InputError):
+        rig, contacts = None, data.attrs.get("contacts")
+        with suppress(InputError):  # not every run says what it was made of
             rig = rig_of(data)
-        contacts = data.attrs.get("contacts")
         if rig is not None and isinstance(rig.method, DRAWN):
             contacts = rig.method.count * getattr(rig.slider, "size", 1)
         return cls(

@@ -136,13 +136,13 @@ class Window:
     @cached_property
     def noise(self) -> tuple[float, float]:
         """Standard deviation of the force in smooth sliding, NaN if unstable; and how many times is no more."""
-        trace, count = self.trace, self.trace.contacts
+        trace, count, known = self.trace, self.trace.contacts, None
         if not count or not self.found.size:
             return math.nan, ERRORS
-        if trace.rig is not None:
-            rig = trace.rig if trace.drive is None else trace.rig.replace(velocity=float(np.mean(trace.drive)))
-            if (known := noise_of(rig)) is not None:
-                return known / math.sqrt(count), ERRORS
+        if trace.rig is not None and trace.drive is not None:
+            known = noise_of(trace.rig.replace(velocity=float(np.mean(trace.drive))))
+        if known is not None:
+            return known / math.sqrt(count), ERRORS
         mean = abs(float(trace.force.mean())) or 1e-300
         return min(NOISE_OF_CONTACTS * (abs(trace.largest) or 1.0), mean) / math.sqrt(count), 1.0
 

@@ -67,7 +67,7 @@ def motion(
         Of all that gives way before the slider moves (the driving spring, machine and sensor, contacts that are held),
         and of the drive: in N/m and m/s, or texts with a unit.
     contacts : int, optional
-        How many contacts there are, if that is known: what is no more than their noise is no oscillation.
+        How many there are: what is no more than their noise is no oscillation.
 
     Examples
     --------

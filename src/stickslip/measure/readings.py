@@ -111,19 +111,15 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     bad = lines[~(np.isfinite(times) & np.isfinite(force))].tolist()
     told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
     if len(bad) > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
-        raise InputError(
-            f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; each row needs a finite number, in the "
-            "unit of the others and not far outside the rest; choose the columns, or mend the file"
-        )
+        needed = "each needs a finite number, in the unit of the others and not far outside the rest"
+        raise InputError(f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; {needed}")
     if (left := lines.size - len(bad)) < FEWEST_READINGS:
         raise InputError(f"{left} readings are too few to judge; at least {FEWEST_READINGS} are needed")
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
     if back.size:
-        raise InputError(
-            f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before; times must "
-            "rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
-        )
+        late = f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before"
+        raise InputError(f"{late}; times must rise: sort the rows, or give the step instead (--step, or step=)")
     told += [f"and {len(bad) - 5} more"] * (len(bad) > 5)
     text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
     return values, [f"{len(bad)} of {lines.size} {text}"] * bool(bad)
@@ -184,10 +180,8 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
         if len(found) == 1:
             chosen[name] = found[0]
         elif name == "force" or (name == "time" and not step):
-            raise InputError(
-                f"which column is the {name}? Name it (--{name} on the command line, {name}= in Python); for times, "
-                f"the step will do (--step or step=); there are {table.listed()}"
-            )
+            given = f"--{name} on the command line, {name}= in Python; for times, the step will do, --step or step="
+            raise InputError(f"which column is the {name}? Name it ({given}); there are {table.listed()}")
     return chosen
 
 

@@ -145,17 +145,13 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     full = ((i, [row[k] for k in numeric]) for i, row in rows if len(row) > numeric[-1])
     start = next((i for i, row in full if _numbers(row, comma) == 1.0), None)
     if start is None:
-        raise InputError(
-            f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found no column of numbers that begins by line "
-            f"{head[-1][0] + 1}; it should hold a column of forces, without more text above it"
-        )
+        wanted = f"no column of numbers that begins by line {head[-1][0] + 1}; it should hold a column of forces"
+        raise InputError(f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found {wanted}")
     above = (_as_wide(line.lstrip().lstrip("#%/! "), mark, width) for i, line in head if i < start)
     named = [row for row in above if _numbers(row, none=1.0) < 1.0]
     if mark == "," and not (comma or named or delimiter or decimal or "." in "".join(sample)):
-        raise InputError(
-            f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} columns, or fewer with decimal "
-            "commas; export with ';' or with decimal points, or say decimal=',' or delimiter=','"
-        )
+        ways = f"{width} columns, or fewer with decimal commas; say decimal=',' or delimiter=',', or export with ';'"
+        raise InputError(f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {ways}")
     headings = headings_of(named, width)
     step = _labview([line for _, line in labview], headings, numeric, mark, comma)
     units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}

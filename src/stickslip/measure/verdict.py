@@ -75,10 +75,9 @@ class Regime(Answer):
     #: *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least 3.5 times
     #: the velocity of the drive. Where only the force is known: drops take at most a quarter of the time, or, of an
     #: irregular force, it rises at its full rate for most of the time. *Sustained oscillation*: a cycle that persists,
-    #: in which the slider stays slower than that; the reason says whether it sticks. *Smooth sliding*: no oscillation,
-    #: or noise of the contacts, or fluctuation without a period that is distributed as noise, or an oscillation below
-    #: 2 % of the largest force, or one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for
-    #: the reason given, which says what would decide it.
+    #: slower than that; the reason says whether the slider sticks. *Smooth sliding*: no oscillation, or noise of the
+    #: contacts or distributed as noise, or an oscillation below 2 % of the largest force, or one that decays and is
+    #: below 10 %. *Undecided*: the evidence does not suffice; the reason says what would decide it.
     kind: Kind
 
     reason: str  #: why, in plain words
@@ -161,9 +160,10 @@ def _variation(value: float) -> str:
 def regime(data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None = None) -> Regime:
     """Return the regime of motion under a constant drive, with the evidence; "undecided" where that does not suffice.
 
-    The verdict is about the window judged. Transients can last very long near a boundary between regimes: an
-    oscillation that still grows or shrinks there by more than 5 to 10 % from one half of the window to the other is
-    undecided. Raises `InputError` if the data hold no force, or values that are not finite, or nothing after `after`.
+    The verdict is about the window judged: an oscillation that still grows or shrinks there by more than 5 to 10 % from
+    one half to the other is undecided. What lies between gaps, between steps of the level or of the amplitude, and the
+    strokes of a reciprocating test, is judged apart, and told in turn where it differs. Raises `InputError` if the data
+    hold no force, or values that are not finite, or nothing after `after`.
 
     Parameters
     ----------
@@ -171,9 +171,7 @@ def regime(data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None =
         A run, a measured trace, or the force alone over its times: coordinate or index, which may be dates.
     after : float, optional
         Judge what comes after this time, in the unit of the times. By default the last 40 % of the last stretch of
-        constant driving, or the last 80 % if the last 40 % hold fewer than five drops; for a trace of the
-        force alone, everything after the first loading. What lies between gaps, between steps of the level or of the
-        amplitude, and the strokes of a reciprocating test, is judged apart, and told in turn where it differs.
+        constant driving, or 80 % if that holds fewer than five drops; of a force alone, all after the first loading.
 
     Examples
     --------
