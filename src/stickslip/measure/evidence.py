@@ -115,7 +115,7 @@ class Window:
     def slips(self) -> tuple[*Row, str]:
         """What tells slips, and in words: the velocity of the slider where it is seen; else how long it is held.
 
-        Of a periodic force the time in drops tells that; of an irregular one, the time at the full loading rate, too.
+        That is the time that is not in drops; where drops and ringing take long, the time at the full loading rate.
         """
         trace, found = self.trace, self.found
         samples = weighted_median(np.asarray(found.trough - found.peak, dtype=float), found.drops**2)
@@ -125,13 +125,13 @@ class Window:
             return "largest slider velocity over the drive's", fast, SLIP_VELOCITY, "theory", said
         phase = found.slip_phase(trace)
         said = f"slipping takes {100 * phase:.0f} % of each cycle"
-        if self.cycles or not phase > SLIP_PHASE or trace.contacts:
+        if not phase > SLIP_PHASE or trace.contacts:
             return "part of the time not in drops", 1.0 - phase, 1.0 - SLIP_PHASE, "theory", said
         step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
         held = loading(trace.force, step, found.noise)[1]
-        if held >= MOST:
+        if held >= HELD:
             said = f"the force rises at its full rate for {100 * held:.0f} % of the time"
-        return _LOADED, held, MOST, "convention", said
+        return _LOADED, held, HELD, "convention", said
 
     @cached_property
     def noise(self) -> tuple[float, float]:
@@ -196,7 +196,6 @@ class Window:
             "shrinks": not steady and self.trend[0] < 1.0,
             "grows": not steady and self.trend[0] > 1.0,
             "noise": "contacts" in self.tests and "contacts" not in facts,
-            "held": self.slips[0] == _LOADED and self.slips[1] > HELD,
             "beats": "normal" in self.tests and self.tests["normal"].statistic <= BEAT,
             "moves": "rough" in self.tests,
             "even": "rough" in self.tests and self.tests["rough"].statistic < RESTS,

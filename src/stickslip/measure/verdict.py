@@ -61,7 +61,7 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by few contacts? (--contacts N)"),
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
     ("line", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
-    ("normal slight -held", SMOOTH, "{ample}, as slow noise does"),
+    ("normal slight", SMOOTH, "{ample}, as slow noise does"),
     ("beats", LASTS, "irregular, {part}, peak to peak; {sticks}; {how}"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
 )
