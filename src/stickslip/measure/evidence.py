@@ -25,11 +25,10 @@ SMALL = 0.10  # ... and one that decays, or noise that may hide another, below t
 MOST = 0.5  # of the time, or of a force
 STEADY = 0.05  # change of the logarithm of the amplitude that is none
 SLIP_PHASE = 0.25  # held for the rest of the time, a slider slips at four times the drive on average
-HELD = math.sqrt(RESTS * MOST)  # part of the time at its full rate: nearer to slips than to a sine that comes to rest
+HELD = math.sqrt(RESTS * HALF)  # part of the time at its full rate: nearer to slips than to a sine that comes to rest
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
 BEAT, NORMAL = 2.25, 2.5  # kurtosis of two waves and of three, 3 - 3/(2 n): a beat, and at least as many as noise has
 
-_LOADED = "part of the time at the full loading rate"
 REPEATS = "correlation of a cycle with the next"
 SWING, NOISE = "swing over the largest force", "scatter over the noise of the contacts"
 Source = Literal["theory", "statistics", "convention"]
@@ -115,7 +114,8 @@ class Window:
     def slips(self) -> tuple[*Row, str]:
         """What tells slips, and in words: the velocity of the slider where it is seen; else how long it is held.
 
-        That is the time that is not in drops; where drops and ringing take long, the time at the full loading rate.
+        That is the time that is not in drops; where drops take long, the time at the full loading rate: more than half,
+        or, of an irregular force, nearer to that than to a sine that comes to rest.
         """
         trace, found = self.trace, self.found
         samples = weighted_median(np.asarray(found.trough - found.peak, dtype=float), found.drops**2)
@@ -128,10 +128,10 @@ class Window:
         if not phase > SLIP_PHASE or trace.contacts:
             return "part of the time not in drops", 1.0 - phase, 1.0 - SLIP_PHASE, "theory", said
         step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-        held = loading(trace.force, step, found.noise)[1]
-        if held >= HELD:
+        held, least = loading(trace.force, step, found.noise)[1], HALF if self.cycles else HELD
+        if held >= least:
             said = f"the force rises at its full rate for {100 * held:.0f} % of the time"
-        return _LOADED, held, HELD, "convention", said
+        return "part of the time at the full loading rate", held, least, "convention", said
 
     @cached_property
     def noise(self) -> tuple[float, float]:

@@ -4,6 +4,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import stdtrit
 
 from stickslip.measure.arrays import CHANCE, FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
 from stickslip.measure.evidence import STEADY
@@ -31,11 +32,16 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     noise = np.maximum(one, STEADY) * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r)
     edges, times = _edges(series / noise[:, None]), [-math.inf]
     for begin, edge, end in zip(edges, edges[1:], edges[2:], strict=False):
+        # By the scatter of either segment, and Student's t: a peak that comes and goes has no level of its own.
+        beside = series[:, begin:edge], series[:, edge:end]
+        scatters = [np.median(np.abs(part - np.median(part, axis=1)[:, None]), axis=1) for part in beside]
+        errors = [1.4826 * each / math.sqrt(part.shape[1]) for each, part in zip(scatters, beside, strict=True)]
+        least = np.maximum(LARGE, stdtrit(min(edge - begin, end - edge) - 1, 1.0 - CHANCE) * np.hypot(*errors))
         change, near = (
-            (series[:, edge:after].mean(axis=1) - series[:, before:edge].mean(axis=1)) / LARGE
+            series[:, edge:after].mean(axis=1) - series[:, before:edge].mean(axis=1)
             for before, after in ((begin, end), (edge - 2, edge + 2))
         )
-        if np.any((np.abs(change) >= 1.0) & (near * change >= AT_ONCE * change**2)):
+        if np.any((np.abs(change) >= least) & (near * change >= AT_ONCE * change**2)):
             about = slice(firsts[edge - 2], firsts[edge + 2])
             times.append(float(trace.t[about][_step(trace.force[about])]))
     return [trace.part(*pair) for pair in pairwise([*times, math.inf])] if times[1:] else []
