@@ -189,7 +189,7 @@ class Window:
         steady, known = "steady" in facts, bool(self.trace.contacts)
         # Its amplitude scatters as that of noise does, or is no more than a slider may make of it.
         slight = "contacts" in self.tests and self.tests["contacts"].statistic < ERRORS
-        shaken = self.trace.measured and known and ("normal" in facts or slight)
+        shaken = self.trace.measured and ("normal" in facts or slight)
         more = {
             "white": self.found.noise > MOST * float(self.trace.force.std()),
             "lasts": not shaken if self.cycles else known and not self.trace.measured,

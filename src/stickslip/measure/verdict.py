@@ -360,7 +360,7 @@ def _in_words(seen: Window) -> dict[str, object]:
     needed = span * max((FEWEST_CYCLES + 1) / max(seen.count, 1), 2.0)
     drift = slope(trace.force, trace.t) * span
     return said | {
-        "ample": f"the force fluctuates by {said['part']}, without a period",
+        "ample": f"the force fluctuates by {said['part']}, with{'out' * (not seen.cycles)} a period",
         "moves": "oscillates" if seen.cycles else "fluctuates",
         "line": in_words(seen.line[0], trace.time_unit, 2),
         "count": f"{seen.count} of the {FEWEST_CYCLES}",
