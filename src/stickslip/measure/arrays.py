@@ -166,8 +166,9 @@ def in_words(value: float, unit: str, digits: int = 4) -> str:
 
 
 def without_drift(values: Array) -> Array:
-    """Even samples less what goes through fewer than four cycles in them: too slow to be told from a drift."""
-    waves = dct(values, norm="ortho")
+    """Even samples less their line, and what goes through fewer than four cycles: too slow to be told from a drift."""
+    at = np.arange(values.size, dtype=float)
+    waves = dct(values - slope(values, at) * at, norm="ortho")
     waves[: 2 * FEWEST_CYCLES] = 0.0
     return np.asarray(idct(waves, norm="ortho"))
 

@@ -13,7 +13,7 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.arrays import CHANCE, ERRORS, FEWEST_CYCLES, RESTS, Trace, mean_and_std, without_drift
 from stickslip.measure.kinematics import HALF, loading, strays_by
 from stickslip.measure.periods import JITTER, PERIODIC, Cycles, find_cycles, regularity, spectral_line
-from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, speeds, weighted_median
+from stickslip.measure.slips import FEWEST_IN_A_DROP, SLIP_VELOCITY, Slips, fast_ones, speeds, weighted_median
 from stickslip.model import Interface
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
@@ -89,7 +89,8 @@ class Window:
     @cached_property
     def count(self) -> int:
         """Number of cycles, or of drops, if there is no period."""
-        return self.cycles.count if self.cycles else self.found.size
+        found = fast_ones(self.trace, self.found)
+        return self.cycles.count if self.cycles and found.size else found.size
 
     @cached_property
     def trend(self) -> tuple[float, float]:

@@ -122,7 +122,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     criterion = "drops of at least the minimum_drop given"
     if minimum_drop is None:
         force, by_chance = _smoothed(force, noise) if trace.measured else (force, _chance_drop(t.size, t.size, noise))
-        by_chance = max(by_chance, 1e-7 * float(np.max(np.abs(force))), 1e-300)
+        by_chance = max(by_chance, 2.5 * resolution(trace.force), 1e-7 * float(np.max(np.abs(force))), 1e-300)
         peaks, troughs = turning_points(force, by_chance)
         drops, more = force[peaks] - force[troughs], WHITE / math.sqrt(t.size)
         white = without_drift(trace.force).std() <= (1.0 + more) * noise and cycles.correlation <= 2.0 * more
