@@ -54,29 +54,27 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
     rig, search = found.rig, _Search(found, trials)
     choices = left = [each for each in (*TURNABLE, *_OTHERS) if search.can_vary(each)]
-    changes, tried, pair = (
-        dict[Parameter, Mitigation](),
-        dict[Parameter, tuple[float, float]](),
-        tuple[Mitigation, ...](),
-    )
-    # What is most easily set first, each with a fair share of what is left; then those not through, with all of it.
-    for lap in range(2):
-        waiting, left = left, []
+    changes, tried = dict[Parameter, Mitigation](), dict[Parameter, tuple[float, float]]()
+    rough, pair = dict.fromkeys(choices, math.inf), tuple[Mitigation, ...]()
+    # By one run at a time first, each with a fair share of what is left; then by all, the smallest change first.
+    for lap, seeds in enumerate((1, SEEDS)):
+        waiting, left = sorted(left, key=lambda each: rough[each]), []
         for i, parameter in enumerate(waiting):
             report(0.5 * (lap + i / len(waiting)))
             with trials.within(1.0 if lap else 1.0 / (len(waiting) - i)):
-                up = search.along((parameter, 1))
-                down = search.along((parameter, -1), most=up.factor or math.inf)
+                up = search.along((parameter, 1), seeds=seeds)
+                down = search.along((parameter, -1), seeds=seeds, most=up.factor or math.inf)
             if factor := down.factor or up.factor:
+                rough[parameter] = factor
+            if factor and lap:
                 (changes[parameter],) = _changes(rig, factor, (parameter, -1 if down.factor else 1))
             elif down.reached * up.reached > 1.0:
                 tried[parameter] = rig.value(parameter) / down.reached, rig.value(parameter) * up.reached
-            if not (up.wholly and down.wholly):
+            if not (up.wholly and down.wholly) or (factor and not lap):
                 left.append(parameter)
-        if pairs and not lap:
-            with trials.within(0.5):
-                most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
-                pair = search.pair([each for each in choices if each in TURNABLE], most / (1.0 + PRECISION))
+    if pairs:
+        most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
+        pair = search.pair([each for each in choices if each in TURNABLE], most / (1.0 + PRECISION))
     mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
     return replace(
         found,
@@ -149,23 +147,26 @@ class _Search:
         arrest = parameter is parameters.DAMPING and isinstance(self._own.interface.delay, OnArrest)
         return has(self._own, parameter) and not arrest and (parameter is not VELOCITY or len(self._rigs) == 1)
 
-    def _furthest(self, parameter: Parameter, side: int) -> float:
-        """The factor up to which a parameter is varied, as far as that could be built."""
-        value, (low, high) = parameter.get(self._rigs[0]), reach(self._rigs[0], parameter)
-        least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
-        return min(high, most / value) if side > 0 else 1.0 / max(low, least / value)
+    def _furthest(self, *turns: Turn) -> float:
+        """The factor up to which parameters are varied, as far as that could be built."""
+        ends = list[float]()
+        for parameter, side in turns:
+            value, (low, high) = parameter.get(self._rigs[0]), reach(self._rigs[0], parameter)
+            least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
+            ends.append(min(high, most / value) if side > 0 else 1.0 / max(low, least / value))
+        return min(ends)
 
-    def along(self, *turns: Turn, most: float = math.inf) -> _Outcome:
+    def along(self, *turns: Turn, seeds: int = SEEDS, most: float = math.inf) -> _Outcome:
         """The smallest factor on some parameters, up to `most`, from which on stick-slip decays from rest.
 
-        Within `PRECISION`. Steps double from just past where smooth sliding may be stable up to the end of that.
+        Within `PRECISION`, in so many runs. Steps double from just past where smooth sliding may be stable on.
         """
-        self._reached, change, furthest = 1.0, factor_on(*turns), min(most, *(self._furthest(*each) for each in turns))
+        self._reached, change, furthest = 1.0, factor_on(*turns), min(most, self._furthest(*turns))
         try:
-            for low, high in self._may_be_stable(furthest, *turns):
+            for low, high in self._may_be_stable(*turns, most=most):
                 value = self._first(change, low, high, 1)
-                if value is not None and not self._smooth(change, value, SEEDS):
-                    value = self._first(change, value, high, SEEDS)
+                if value is not None and not self._smooth(change, value, seeds):
+                    value = self._first(change, value, high, seeds)
                 if value is not None and value <= high / (1.0 + PRECISION):
                     return _Outcome(value * (1.0 + PRECISION), self._reached, True)
                 if value is not None and high == furthest:  # too near to the end to stand with room beyond it
@@ -192,12 +193,13 @@ class _Search:
         bands = told_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
         return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, seeds)
 
-    def _may_be_stable(self, furthest: float, *turns: Turn) -> list[tuple[float, float]]:
+    def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
         """Ranges of the factor in which linear theory does not call smooth sliding unstable at any of the speeds.
 
         Where it is stable already, at the one speed there is, a range that ends at a limit leads the wrong way.
         """
-        found = [(1.0, furthest)] if furthest > 1.0 else []
+        furthest = self._furthest(*turns)
+        found = [(1.0, min(most, furthest))] if min(most, furthest) > 1.0 else []
         for rig in self._rigs if found else ():
             bands = [b for b in self._linear(rig, furthest, *turns) if b.kind != "unstable" and b.high > 1.0]
             if len(self._rigs) == 1 and bands and bands[0].kind == "stable" and bands[0].low <= 1.0:
@@ -218,9 +220,7 @@ class _Search:
         """Two parameters that stop it by one factor below `most`, each turned so that the fastest mode grows less."""
         turns = [(each, side) for each in choices for side in (1, -1)]
         two = combinations([each for each in turns if self._growth(each, 1.0 + PRECISION) < self._growth(each, 1.0)], 2)
-        ranges = {
-            both: self._may_be_stable(min(most, *(self._furthest(*each) for each in both)), *both) for both in two
-        }
+        ranges = {both: self._may_be_stable(*both, most=most) for both in two}
         for both in sorted(filter(ranges.get, ranges), key=lambda both: ranges[both][0][0]):
             if factor := self.along(*both, most=most).factor:
                 return _changes(self._own, factor, *both)
