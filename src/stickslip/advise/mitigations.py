@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -53,28 +53,29 @@ class Mitigation:
 def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False) -> Prediction:
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
     rig, search = found.rig, _Search(found, trials)
-    choices = left = [each for each in (*TURNABLE, *_OTHERS) if search.can_vary(each)]
     changes, tried = dict[Parameter, Mitigation](), dict[Parameter, tuple[float, float]]()
-    rough, pair = dict.fromkeys(choices, math.inf), tuple[Mitigation, ...]()
-    # By one run at a time first, each with a fair share of what is left; then by all, the smallest change first.
-    for lap, seeds in enumerate((1, SEEDS)):
-        waiting, left = sorted(left, key=lambda each: rough[each]), []
-        for i, parameter in enumerate(waiting):
-            report(0.5 * (lap + i / len(waiting)))
-            with trials.within(1.0 if lap else 1.0 / (len(waiting) - i)):
+    rough, left, pair = dict[Parameter, float](), list[Parameter](), tuple[Mitigation, ...]()
+    # What can be changed on a machine first: by one run at a time, each with a fair share of half of what is left; then
+    # by all runs, the smallest change first.
+    for step, (group, seeds) in enumerate(product((TURNABLE, _OTHERS), (1, SEEDS))):
+        again = [each for each in group if (search.can_vary(each) if seeds == 1 else each in left)]
+        for i, parameter in enumerate(waiting := sorted(again, key=lambda each: rough.get(each, math.inf))):
+            report((step + i / len(waiting)) / 4.0)
+            with trials.within(0.5 / (len(waiting) - i) if seeds == 1 else 1.0):
                 up = search.along((parameter, 1), seeds=seeds)
                 down = search.along((parameter, -1), seeds=seeds, most=up.factor or math.inf)
+            left = [each for each in left if each is not parameter]
             if factor := down.factor or up.factor:
                 rough[parameter] = factor
-            if factor and lap:
+            if factor and seeds > 1:
                 (changes[parameter],) = _changes(rig, factor, (parameter, -1 if down.factor else 1))
             elif down.reached * up.reached > 1.0:
                 tried[parameter] = rig.value(parameter) / down.reached, rig.value(parameter) * up.reached
-            if not (up.wholly and down.wholly) or (factor and not lap):
+            if not (up.wholly and down.wholly) or (factor and seeds == 1):
                 left.append(parameter)
     if pairs:
         most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
-        pair = search.pair([each for each in choices if each in TURNABLE], most / (1.0 + PRECISION))
+        pair = search.pair([each for each in TURNABLE if search.can_vary(each)], most / (1.0 + PRECISION))
     mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
     return replace(
         found,
