@@ -5,7 +5,7 @@ from functools import reduce
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -170,7 +170,8 @@ def test_a_box_reaches_half_of_the_way_to_a_threshold(rate, newborn, strength, a
     """However near the contact is to a threshold that grows or sinks: it never leaves a box where it stands."""
     rule = Rule(hazard.NONE, hazard.Growth(hazard.EXPONENTIAL, rate, newborn))
     threshold = threshold_now(rule, strength, age)
-    x = threshold * (1.0 - 10.0**gap)
+    x = threshold - strength * 10.0**gap
+    assume(x >= 0.0)
     box = box_of(rule, x, strength, age, 1.0, 0.0)
     assert box.time > 0.0
     assert box.reach - x >= 0.49 * (threshold - x)

@@ -160,7 +160,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     newborn = rng.uniform(0.3, 1.7, 4000)
     delay = [math.inf, 0.03 * case.drive.pieces[0].duration, 0.0][seed % 3]
     times = case.drive.duration * np.linspace(0.0, 0.999, 200)
-    state = kernel.make_state(birth, threshold, np.zeros(0), 0.1, make_motion())
+    state = kernel.make_state(birth, threshold, np.zeros(0), threshold, 0.1, make_motion())
     slider = Slider(case.slider.stiffness, case.slider.mass, case.slider.damping)
     samples = np.full((times.size, 8), np.nan)
     sampling, draws = Sampling(times, samples), kernel.Draws(newborn, np.empty(0), delay)

@@ -223,4 +223,4 @@ def _part_broken(run: Recording) -> float:
     if "broken_energy" not in run.track.columns or run.rig.interface.mechanisms & {"ageing", "temperature"}:
         return 1.0
     rig, each = run.rig.natural, 0.5 * run.rig.interface.threshold_distribution.moment(2)
-    return float(min(run.track["broken_energy"][-1] / each / lifetimes_in(rig, course_of(rig)), 1.0))
+    return float(min(run.track["broken_energy"][-1] / each / lifetimes_in(rig, course_of(rig))[0], 1.0))

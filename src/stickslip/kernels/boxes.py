@@ -22,7 +22,7 @@ from .records import Floats
 
 CHANCE = 0.2  # proposals that a contact may expect on its way through a box
 _AT_REST = 1e-200  # a speed
-_MET = 1.0 - 1e-9  # part of its threshold at which a contact breaks: boxes come nearer to a growing one without end
+_MET = 1e-9  # of its strength that a contact breaks below its threshold: boxes come nearer to one without end
 YOUTH = 0.01
 """Times of growth for which a threshold that grows from 0 is taken on trust, and after which it is tried again."""
 
@@ -68,9 +68,9 @@ def can_hold(rule: Rule, strength: float, speed: float) -> bool:
 
 
 @inlined
-def is_met(x: float, threshold: float, rounding: float) -> bool:
+def is_met(x: float, threshold: float, strength: float, rounding: float) -> bool:
     """Whether a contact has come to its threshold, its stretching being known to within a rounding."""
-    return abs(x) + rounding >= threshold * _MET
+    return abs(x) + rounding >= threshold - _MET * strength
 
 
 @bare
@@ -88,7 +88,7 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, roun
         lead = 1.0 - abs(speed) / (threshold_now(rule, strength, math.inf) * growth.first)
         time = min(YOUTH, 0.5 * lead) / growth.first
         return Box(threshold_now(rule, strength, time), time, 0.0)
-    if is_met(x, threshold, rounding):
+    if is_met(x, threshold, strength, rounding):
         return Box(x, 0.0, 0.0)
     time = ageing_time(growth, age)
     lowest, sinks = threshold, False
@@ -115,14 +115,20 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, roun
 
 
 @bare
-def lifetimes(rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats) -> int:
-    """Draw the stretchings at which newborns break at a steady velocity, from numbers between 0 and 1; how many."""
-    used = 0
+def lifetimes(
+    rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats
+) -> tuple[int, int]:
+    """Draw the stretchings at which newborns break at a steady velocity, from numbers between 0 and 1.
+
+    Returns how many are drawn, and in how many boxes.
+    """
+    used, boxes = 0, 0
     for i in range(strength.size):
         x = start[i]
         while True:
             if used + 2 > variates.size:
-                return i
+                return i, boxes
+            boxes += 1
             box = box_of(rule, x, strength[i], (x - start[i]) / velocity, velocity, 0.0)
             if box.time == 0.0:
                 break
@@ -139,4 +145,4 @@ def lifetimes(rule: Rule, start: Floats, strength: Floats, velocity: float, vari
             if variates[used - 1] * box.most < rate(rule.hazard, x, threshold):
                 break
         reached[i] = x
-    return int(strength.size)
+    return strength.size, boxes

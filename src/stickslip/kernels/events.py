@@ -107,19 +107,19 @@ def make_state(
     birth: Floats,
     threshold: Floats,
     pending: Floats,
+    reached: Floats,
     scale_time: float,
     motion: Record,
 ) -> State:
     """Return the state of an interface at time 0.
 
     `birth` are the positions without stretching; the last ``len(pending)`` contacts are detached until these times,
-    which may be infinite. `scale_time` is a typical delay.
+    which may be infinite. Some contacts have `reached` these stretchings; `scale_time` is a typical delay.
     """
     N = birth.size
     attached = N - pending.size
-    typical = threshold[:attached][:4096] if attached else np.ones(1)
     # A dozen contacts break on the width of a bin in smooth sliding.
-    reach, width = 2.0 * float(typical.max()), 12.0 * float(typical.mean()) / N
+    reach, width = 2.0 * float(reached.max()), 12.0 * (float(reached.mean()) or 1.0) / N
     bins = _power_of_two(reach / width, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(
@@ -306,13 +306,13 @@ def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
     """Whether the contact at a place breaks, that leaves its box or whose time has come."""
     m, contact = state.motion[0], state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
-    x, threshold = m.position - contact["birth"], contact["threshold"]
-    threshold = threshold_now(boxes.rule, threshold, m.time - own["since"])
+    x, strength = m.position - contact["birth"], contact["threshold"]
+    threshold = threshold_now(boxes.rule, strength, m.time - own["since"])
     if boxes.times[contact["slot"] - state.size] <= m.time and own["most"] != 0.0:
         if own["most"] < 0.0:
             return True
         return bool(_variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
-    return is_met(x, threshold, _rounding(m))
+    return is_met(x, threshold, strength, _rounding(m))
 
 
 @inlined

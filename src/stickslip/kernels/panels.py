@@ -462,12 +462,10 @@ def advance(
     case = case._replace(finite=None)  # apart, so that what does not ask for it is compiled once
     times = np.asarray(times, float)
     rows = np.empty(times.size, MOTION).view(np.recarray)
-    wanted, reason = Wanted(until, stop, times, rows), NO_ROOM
+    wanted = Wanted(until, stop, times, rows)
     state.used.sampled, state.used.left = 0, max_steps
-    while reason == NO_ROOM:
-        reason = _run(state, _room_to_work(state), case, finite, wanted)
-        if reason == NO_ROOM:
-            state = _with_room(state, case, finite)
+    while (reason := _run(state, _room_to_work(state), case, finite, wanted)) == NO_ROOM:
+        state = _with_room(state, case, finite)
     return state, rows[: state.used.sampled], reason
 
 

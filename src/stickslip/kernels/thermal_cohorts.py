@@ -427,11 +427,8 @@ def advance(
     """Go on from a state, which is not changed, under one piece of the drive; as `panels.advance`."""
     state = copy.deepcopy(state)
     rows = np.empty(times.size, MOTION).view(np.recarray)
-    state.used.sampled, state.used.left, reason = 0, max_steps, NO_ROOM
-    while reason == NO_ROOM:
-        reason = _run(state, case, stop, until, times, rows)
-        if reason != NO_ROOM:
-            break
+    state.used.sampled, state.used.left = 0, max_steps
+    while (reason := _run(state, case, stop, until, times, rows)) == NO_ROOM:
         if state.used.cohorts + 2 > state.cohort.shape[1]:
             double = np.concatenate([state.cohort, np.zeros_like(state.cohort)], axis=1)
             run, trial = (np.concatenate([part, np.zeros_like(part)]) for part in (state.run, state.trial))

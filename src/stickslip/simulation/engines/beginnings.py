@@ -157,13 +157,14 @@ _DRAWN = 256
 _STILL = 1e-9  # way of a slider at rest, in mean thresholds
 
 
-def lifetimes_in(rig: Rig, course: Course) -> float:
-    """How often a contact breaks in a run, about: as in steady sliding at the drive's velocity, or at rest."""
-    return course.shaken + sum(_lifetimes(rig.interface, piece) for piece in rig.drive.pieces)
+def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
+    """How often a contact breaks in a run, about, and is in a box: as in steady sliding at the drive's velocity."""
+    lives, boxes = np.sum([_lifetimes(rig.interface, piece) for piece in rig.drive.pieces], axis=0)
+    return lives + course.shaken, boxes
 
 
-def _lifetimes(interface: Interface, piece: Piece) -> float:
-    """How often each contact breaks in a piece of the drive.
+def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
+    """How often each contact breaks in a piece of the drive, or at rest, and is in a box of `kernels.boxes`.
 
     Whatever the distribution of the time `C` from one attachment to the next, a renewal process attaches contacts
     between once and twice ``T/<min(C, T)>`` times in the time `T`, the beginning included (Erickson's inequality).
@@ -173,15 +174,25 @@ def _lifetimes(interface: Interface, piece: Piece) -> float:
     if rule is None or not (interface.temperature or isinstance(interface.ageing, FixedGrowth) or interface.areas):
         mean, away = interface.threshold_distribution.moment(1), delay.moment(1) * way / duration
         away = 0.0 if arrests else away
-        return way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)
-    velocity, rng = max(way, _STILL) / duration, np.random.default_rng(0)
-    start, strength = newborns(interface, _DRAWN, 1.0, rng, rng)
-    reached = lifetimes_of(rule, start, strength, velocity, rng, 64 * _DRAWN)
-    life = (reached - start if start.size else reached) / velocity
-    cycle = life if arrests else life + delay.sample(rng, _DRAWN)
+        return (way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)), 0.0
+    velocity = max(way, _STILL) / duration
+    start, reached, boxes = drawn_lives(interface, velocity)
+    life = (reached - start) / velocity
+    cycle = life if arrests else life + delay.sample(np.random.default_rng(0), _DRAWN)
     held = cycle[cycle > 0.0]
     attached = duration / np.minimum(held, duration).mean() if held.size else 1.0
-    return float(max(attached - 1.0, np.mean(life < duration)))
+    lives = float(max(attached - 1.0, np.mean(life < duration)))
+    return lives, lives * boxes / _DRAWN
+
+
+def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, int]:
+    """Draw some lives in steady sliding, always the same: from which to which stretching, and in how many boxes."""
+    rng, rule = np.random.default_rng(0), rule_of(interface)
+    start, strength = newborns(interface, _DRAWN, 1.0, rng, rng)
+    start = start if start.size else np.zeros(_DRAWN)
+    if rule is None or velocity <= 0.0:
+        return start, strength, 0
+    return start, *lifetimes_of(rule, start, strength, velocity, rng, 64 * _DRAWN)
 
 
 def rule_of(interface: Interface) -> Rule | None:
@@ -193,10 +204,11 @@ def rule_of(interface: Interface) -> Rule | None:
 
 def lifetimes_of(
     rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator, drawn: int = 2**20
-) -> Array:
-    """Draw the stretchings at which newborn contacts break in steady sliding."""
-    reached, done = np.empty(strength.size), 0
+) -> tuple[Array, int]:
+    """Draw the stretchings at which newborn contacts break in steady sliding; and in how many boxes."""
+    reached, done, boxes = np.empty(strength.size), 0, 0
     start = start if start.size else np.zeros(strength.size)
     while done < strength.size:
-        done += lifetimes(rule, start[done:], strength[done:], velocity, rng.random(drawn), reached[done:])
-    return reached
+        more = lifetimes(rule, start[done:], strength[done:], velocity, rng.random(drawn), reached[done:])
+        done, boxes = done + more[0], boxes + more[1]
+    return reached, boxes

@@ -199,7 +199,9 @@ class ElasticEngine(Engine):
             contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, _COHORT * each * stages, _CONTACT * each)
         else:
             count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
-            contacts = breaking(count, max(lifetimes_in(rig, course), 1.0), each, _CONTACT)._replace(value=method.count)
+            contacts = breaking(count, max(lifetimes_in(rig, course)[0], 1.0), each, _CONTACT)._replace(
+                value=method.count
+            )
         name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
         words = f"{steps:.2g} steps of blocks"
         return Part(f"slider.{name}", getattr(body, name), name, power, words, moving * steps), contacts

@@ -38,6 +38,7 @@ from stickslip.simulation.engines.base import (
     solves,
 )
 from stickslip.simulation.engines.beginnings import (
+    drawn_lives,
     first_contacts,
     generators,
     lifetimes_in,
@@ -52,8 +53,8 @@ _BLOCK = 16_384
 """Random numbers drawn at once. The same seed gives another run with another length."""
 _EVENTS = 400_000  # events in an advance: some 50 ms
 _POOL = 65_536  # lives to choose from, at least, for a start in steady sliding
-_BREAK, _CLOCKED_BREAK, _GROWING_BREAK, _BOXED_BREAK = 2.4e-7, 6e-7, 2.6e-6, 2.2e-6
-"""Seconds a break takes: at fixed thresholds, by the shared clock, in a box at no temperature, and in one at some."""
+_BREAK, _CLOCKED_BREAK, _BOX = 2.4e-7, 6e-7, 2e-7
+"""Seconds a break takes, and one by the shared clock; and another box of a contact that is in boxes of its own."""
 _WINDOW = 2e-7  # seconds that it takes to lay a window of the shared clock, some four on its width
 _CONTACT = 150.0  # bytes of a contact
 _FINEST_TURN = 1e-13  # of a run's time; shorter turns of the slider are lost in the rounding of time
@@ -82,7 +83,10 @@ class EventByEvent(Engine):
         x, strength, pending, since = self._first(beginning, method.count)
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(0.0, beginning.slider_velocity, interface.sliding_force, slides)
-        self._state = kernel.make_state(-x, strength, pending, self._delay.moment(1), motion)
+        path = strength[:4096] if strength.size else np.ones(1)
+        if interface.ageing is not None:  # contacts that grow from little do not get as far as their strengths
+            path = drawn_lives(interface, beginning.velocity)[1]
+        self._state = kernel.make_state(-x, strength, pending, path, self._delay.moment(1), motion)
         self._boxes = None
         if self._rule is not None:
             own = strength if interface.areas == "site" else np.empty(0)
@@ -123,17 +127,17 @@ class EventByEvent(Engine):
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: of breaks, and of turns while the slider rings."""
-        interface, count, each, how, more = rig.interface, method.count, _BREAK, "", 0.0
+        interface, count, how = rig.interface, method.count, ""
+        lives, boxes = lifetimes_in(rig, course)
+        each, more = _BREAK, _BOX * count * boxes
         if interface.temperature is not None:
             how = " by thermal activation"
         if isinstance(interface.temperature, Bell) and interface.ageing is None:
             way = interface.threshold_distribution.moment(1) * (course.distance + course.shaken)
             each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * way / interface.temperature.width
-        elif interface.temperature is not None or interface.ageing is not None:
-            each = _BOXED_BREAK if interface.temperature is not None else _GROWING_BREAK
         # Once a slider that sticks rings no more, its turns cost nothing; unless the rounding of time hides them.
         radians = course.turns if course.turns * _FINEST_TURN > 1.0 else course.rung
-        return *oscillation(rig, radians), breaking(count, lifetimes_in(rig, course), each, _CONTACT, how, more)
+        return *oscillation(rig, radians), breaking(count, lives, each, _CONTACT, how, more)
 
     def _first(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array, Array]:
         """Draw stretchings and strengths of all contacts (detached last), when these re-attach, and when those did.
@@ -148,12 +152,13 @@ class EventByEvent(Engine):
             return *first_contacts(beginning, count, rng, self._factor), since
         start, strength = newborns(interface, count if keeps else max(_POOL, 4 * count), self._factor, rng, rng)
         if not keeps:
-            reached = lifetimes_of(self._rule, start, strength, velocity, rng)
+            reached, _ = lifetimes_of(self._rule, start, strength, velocity, rng)
             x, strength, pending, gone = lives_met(beginning, count, rng, start, strength, reached)
             return x, strength, pending, -gone / velocity
         # Each is met somewhere in one of its own lifetimes and the time after it, the long ones more often.
         begun = start if start.size else np.zeros(count)
-        reached = lifetimes_of(self._rule, np.repeat(begun, _LIVES), np.repeat(strength, _LIVES), velocity, rng)
+        every = np.repeat(begun, _LIVES), np.repeat(strength, _LIVES)
+        reached, _ = lifetimes_of(self._rule, *every, velocity, rng)
         path = reached.reshape(count, _LIVES) - begun[:, None]
         length = path + velocity * self._delay.sample(rng, path.size).reshape(path.shape)
         met = np.argmax(rng.random((count, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)

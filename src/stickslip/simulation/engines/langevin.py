@@ -139,7 +139,7 @@ class LangevinContacts(Steps):
         """Return the work of a run, by part."""
         hot, count = rig.interface.temperature is not None, method.count
         how, each = (" by thermal activation", _HOT_BREAK) if hot else ("", _BREAK)
-        return _cost(rig, course, _AGE * count, breaking(count, lifetimes_in(rig, course), each, _CONTACT, how))
+        return _cost(rig, course, _AGE * count, breaking(count, lifetimes_in(rig, course)[0], each, _CONTACT, how))
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
