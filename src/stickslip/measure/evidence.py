@@ -27,7 +27,7 @@ STEADY = 0.05  # change of the logarithm of the amplitude that is none
 SLIP_PHASE = 0.25  # held for the rest of the time, a slider slips at four times the drive on average
 HELD = math.sqrt(RESTS * HALF)  # part of the time at its full rate: nearer to slips than to a sine that comes to rest
 NOISE_OF_CONTACTS = 0.5  # independent contacts, evenly stretched: times static friction over the root of their number
-BEAT, NORMAL = 2.25, 2.5  # kurtosis of two waves and of three, 3 - 3/(2 n): a beat, and at least as many as noise has
+NORMAL = 2.5  # kurtosis of three waves of a size, 3 - 3/(2 n): noise has at least as many
 
 REPEATS = "correlation of a cycle with the next"
 SWING, NOISE = "swing over the largest force", "scatter over the noise of the contacts"
@@ -197,7 +197,6 @@ class Window:
             "shrinks": not steady and self.trend[0] < 1.0,
             "grows": not steady and self.trend[0] > 1.0,
             "noise": "contacts" in self.tests and "contacts" not in facts,
-            "beats": "normal" in self.tests and self.tests["normal"].statistic <= BEAT,
             "moves": "rough" in self.tests,
             "even": "rough" in self.tests and self.tests["rough"].statistic < RESTS,
         }

@@ -60,9 +60,7 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("moves contacts", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by its {contacts} contacts"),
     ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by few contacts? (--contacts N)"),
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
-    ("line -normal", LASTS, "irregular, {part}, peak to peak, about a period of {line}; {sticks}"),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
-    ("beats", LASTS, "irregular, {part}, peak to peak; {sticks}; {how}"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
 )
 """What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
