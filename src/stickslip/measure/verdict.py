@@ -57,8 +57,7 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
     ("even", SMOOTH, "the slider moves evenly, {strays}"),
     ("moves -contacts", SMOOTH, "the slider moves unevenly, {strays}"),
-    ("moves contacts", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by its {contacts} contacts"),
-    ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by few contacts? (--contacts N)"),
+    ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by its {contacts} contacts"),
     ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
     ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
@@ -71,8 +70,8 @@ class Regime(Answer):
     """The regime of motion in a stretch of constant driving, with the evidence; it equals its own `kind`."""
 
     #: *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least 3.5 times
-    #: the velocity of the drive. Where only the force is known: drops take at most a quarter of the time, or, of an
-    #: irregular force, it rises at its full rate for most of the time. *Sustained oscillation*: a cycle that persists,
+    #: the velocity of the drive. Where only the force is known: drops take at most a quarter of the time, or it rises
+    #: at its full rate for half of it (without a period, for .35). *Sustained oscillation*: a cycle that persists,
     #: slower than that; the reason says whether the slider sticks. *Smooth sliding*: no oscillation, or noise of the
     #: contacts or distributed as noise, or an oscillation below 2 % of the largest force, or one that decays and is
     #: below 10 %. *Undecided*: the evidence does not suffice; the reason says what would decide it.
