@@ -91,13 +91,7 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, distance
 
 @jit
 def slips(
-    model: Arrest,
-    floor: float,
-    most: int,
-    rng: np.random.Generator,
-    peaks: Floats,
-    troughs: Floats,
-    breaks_at: Floats,
+    model: Arrest, floor: float, most: int, rng: np.random.Generator, peaks: Floats, troughs: Floats, breaks_at: Floats
 ) -> int:
     """Fill in the force, per contact, before and after each slip; return how many there were.
 

@@ -104,12 +104,7 @@ class Boxes(NamedTuple):
 
 
 def make_state(
-    birth: Floats,
-    threshold: Floats,
-    pending: Floats,
-    reached: Floats,
-    scale_time: float,
-    motion: Record,
+    birth: Floats, threshold: Floats, pending: Floats, reached: Floats, scale_time: float, motion: Record
 ) -> State:
     """Return the state of an interface at time 0.
 

@@ -130,22 +130,13 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
     """Numbers of a step that do not depend on the contact."""
     mean, std, dt = langevin.mean, langevin.std, stroke.dt
     square, v = langevin.rate * langevin.rate, stroke.dX / dt
-    decay = np.exp(-square * dt)
-    noise = 2.0 * square * std * std
-    fall = abs(v) - square * mean
+    decay, noise, fall = np.exp(-square * dt), 2.0 * square * std * std, abs(v) - square * mean
+    sigma, variance = std * np.sqrt(1.0 - decay * decay), 2.0 * std * std * np.sinh(square * dt)
     forgotten = langevin.newborn <= 0.0 and fall > 0.0 and fall * fall * dt > FORGOTTEN * noise
-    return _Step(
-        dt=dt,
-        v=v,
-        drift=_drift(langevin, noise, abs(v), dt),
-        noise=noise,
-        decay=decay,
-        sigma=std * np.sqrt(1.0 - decay * decay),
-        variance=2.0 * std * std * np.sinh(square * dt),
-        certain=fall * dt - 6.0 * np.sqrt(noise * dt) if forgotten else -1.0,
-        forgotten=forgotten,
-        young=langevin.newborn <= 0.0 and fall > 2.0 * square * mean,
-    )
+    certain = fall * dt - 6.0 * np.sqrt(noise * dt) if forgotten else -1.0
+    young = langevin.newborn <= 0.0 and fall > 2.0 * square * mean
+    drift = _drift(langevin, noise, abs(v), dt)
+    return _Step(dt, v, drift, noise, decay, sigma, variance, certain, forgotten, young)
 
 
 @inlined
@@ -259,12 +250,7 @@ def _live_hot(
 
 @jit
 def _age(
-    contacts: Contacts,
-    stroke: Stroke,
-    langevin: Langevin,
-    hazard: Hazard,
-    delays: Floats,
-    rng: np.random.Generator,
+    contacts: Contacts, stroke: Stroke, langevin: Langevin, hazard: Hazard, delays: Floats, rng: np.random.Generator
 ) -> tuple[float, int]:
     """One step of all contacts while the slider moves; stretchings are kept less the position of the slider.
 

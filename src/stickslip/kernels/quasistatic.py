@@ -58,7 +58,7 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 def _answer(state: State, network: Network, sliding: float, right: Floats, direction: float, room: Floats) -> bool:
     """How the blocks move (``room[0]``) as forces `right` are added, and whether it was found which elements slide.
 
-    `way` is the sign of the path.
+    `direction` is the sign of the path.
     """
     blocks = state.motion.blocks
     n = blocks.X.size
@@ -99,7 +99,7 @@ def _answer(state: State, network: Network, sliding: float, right: Floats, direc
 
 @bare
 def _first(state: State, sliding: float, direction: float, most: float, room: Floats) -> tuple[float, int, int]:
-    """How far along ``way * room[0]`` the first event lies, at most `most`; on which block, and 1 if it is a break."""
+    """How far along ``direction * room[0]`` the first event lies, up to `most`; on which block; 1 if it is a break."""
     blocks = state.motion.blocks
     Y, stuck = room[0], room[2]
     nearest, block, kind = most, -1, 0
@@ -263,10 +263,9 @@ def advance(
         if not _answer(state, network, sliding, network.pull, direction, room):
             return drive.UNSOLVED
         distance, j, is_break = _first(state, sliding, direction, abs(D_until - D), room)
-        event = (
-            _time_of(piece, time, direction * distance) if j >= 0 and distance > 0.0 else (time if j >= 0 else until)
-        )
-        event = min(event, until)
+        event = until if j < 0 else time
+        if j >= 0 and distance > 0.0:
+            event = min(_time_of(piece, time, direction * distance), until)
         if event > piece.look:
             return drive.LOOK
         while now.sampled < sampling.times.size and sampling.times[now.sampled] <= event:

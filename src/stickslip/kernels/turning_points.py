@@ -72,13 +72,7 @@ class Sampling(NamedTuple):
 
 
 @jit
-def observe(
-    peaks: Floats,
-    troughs: Floats,
-    sampling: Sampling,
-    rng: np.random.Generator,
-    seen: Floats,
-) -> int:
+def observe(peaks: Floats, troughs: Floats, sampling: Sampling, rng: np.random.Generator, seen: Floats) -> int:
     """Sample a saw of these peaks and troughs, add noise, pick it; return how many slips were seen, of those wanted.
 
     Slips take no time; `seen` takes the peaks and troughs that were picked, shape (2, wanted).
