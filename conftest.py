@@ -4,7 +4,7 @@
 - ``bash`` holds commands of ours alone; each goes through the command line, in a folder of the page's own.
 - ``text`` after either is what they print, ``...`` standing for anything, blanks not compared.
 - ``toml`` that begins with ``# name.toml`` becomes that file, and is read as a rig.
-- ``>>>`` in a docstring is a doctest.
+- ``>>>`` in a docstring is a doctest, after ``import stickslip as ss``, and numpy and xarray as usual.
 
 A block after ``<!-- slow -->`` is marked slow.
 
@@ -27,7 +27,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numba.core.event
+import numpy as np
 import pytest
+import xarray as xr
 from sybil import Document, Example, Region, Sybil
 from sybil.document import PythonDocStringDocument
 from sybil.evaluators.doctest import DocTestEvaluator
@@ -35,6 +37,8 @@ from sybil.evaluators.python import PythonEvaluator
 from sybil.integration.pytest import SybilItem
 from sybil.parsers.abstract import DocTestStringParser
 from sybil.parsers.myst import CodeBlockParser
+
+import stickslip as ss
 
 ROOT = Path(__file__).parent
 BENCH = ROOT / "tests" / "data" / "guldstrand_force7.txt"  # measured by others
@@ -172,7 +176,7 @@ docstrings = Sybil(
     patterns=["src/stickslip/**/*.py"],
     path=str(ROOT),
     document_types={".py": PythonDocStringDocument},
-    setup=_begin,
+    setup=lambda namespace: _begin(namespace) or namespace.update(ss=ss, np=np, xr=xr),
     teardown=_end,
 )
 pytest_collect_file = (pages + docstrings).pytest()

@@ -1,6 +1,7 @@
 """Friction of interfaces made of many contacts: stick-slip or smooth sliding, and what decides between them.
 
-The public names load what they need on first use; `__init__.pyi` beside this file says where each one lives.
+The public names load what they need on first use; `__init__.pyi` beside this file says where each one lives. Examples
+take ``import stickslip as ss`` as read, and numpy and xarray as ``np`` and ``xr``.
 """
 
 import sys

@@ -76,7 +76,6 @@ def predict(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> answer = ss.predict(ss.example("brake_pad"), fast=True)
     >>> answer.regime.kind, answer.unstable_modes
     ('stick-slip', 2)

@@ -71,7 +71,6 @@ def bistable_range(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
     >>> found = ss.bistable_range(rig, "velocity", between=(0.6, 1.5), step=0.2, tolerance=0.01)
@@ -154,7 +153,6 @@ def bistable_region(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> from stickslip.cycles import bistable_region
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))

@@ -59,7 +59,6 @@ def cycle_branch(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
     >>> branch = ss.cycles.cycle_branch(rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01)

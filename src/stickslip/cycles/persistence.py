@@ -70,7 +70,6 @@ def sustained(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
     >>> (window,) = ss.sustained(rig, "velocity", between=(0.6, 0.9), points=6, tolerance=0.01)

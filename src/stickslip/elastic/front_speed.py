@@ -92,7 +92,6 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
     >>> bar = ss.Chain(blocks=400, coupling=4.0, mass=4.0, damping=0.3, leaf=0.2)
     >>> rig = ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))
@@ -142,7 +141,6 @@ def front_threshold(rig: Rig) -> float:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(float("inf")))
     >>> bar = ss.Chain(blocks=400, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
     >>> round(ss.elastic.front_threshold(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 6)

@@ -80,7 +80,6 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> ring = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, ends="periodic")
     >>> found = ss.elastic.modes(ss.Rig(interface, ring, ss.constant(velocity=1.5)), count=2)
@@ -141,7 +140,6 @@ def critical_length(rig: Rig) -> CriticalLength:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> bar = ss.Chain(blocks=8, coupling=80.0, mass=1e-4, damping=42.426, side=40.0)
     >>> print(ss.elastic.critical_length(ss.Rig(interface, bar, ss.constant(velocity=1.5))))

@@ -57,7 +57,6 @@ def screening_length(rig: Rig) -> float:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
     >>> bar = ss.Chain(blocks=100, coupling=47.0, mass=1.0, damping=0.1, leaf=0.02)
     >>> round(ss.elastic.screening_length(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 2)
@@ -96,7 +95,6 @@ def precursor_force(rig: Rig) -> xr.DataArray:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")), sliding_force=0.425
     ... )

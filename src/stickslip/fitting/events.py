@@ -165,7 +165,6 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
 
     Examples
     --------
-    >>> import numpy as np, xarray as xr
     >>> from stickslip.fitting import pick_events
     >>> saw = 10.0 + np.tile(np.linspace(-2.0, 2.0, 50), 40)
     >>> trace = xr.Dataset({"spring_force": ("time", saw)}, coords={"time": 0.1 * np.arange(saw.size)})

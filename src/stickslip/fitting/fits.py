@@ -288,7 +288,6 @@ def fit(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> trace = ss.read_trace("force7.txt", step=0.25)  # doctest: +SKIP
     >>> found = ss.fit(trace, known={"stiffness": "100 N/m"})  # doctest: +SKIP
     >>> found["contact_strength"]  # doctest: +SKIP

@@ -221,7 +221,6 @@ def quick_fit(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> rig = ss.quick_fit(static_friction="14 N", kinetic_friction="9 N", stiffness="8 kN/m", speed="1 mm/s",
     ...                    mass="0.4 kg", loading_rate="7 N/s", half_speed="20 mm/s")
     >>> rig.in_units(1.0, "force"), rig.in_units(1.0, "length"), round(rig.interface.thresholds.std, 2)

@@ -64,7 +64,6 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> rig = ss.read_rig("brake_pad")
     >>> rig.value("velocity")
     0.02

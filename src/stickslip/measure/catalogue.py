@@ -51,7 +51,6 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
 
     Examples
     --------
-    >>> import numpy as np, xarray as xr, stickslip as ss
     >>> t = np.arange(0.0, 20.0, 0.01)
     >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
     >>> found = ss.drops(trace)

@@ -55,7 +55,6 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> stiff = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
     >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
     >>> rig = ss.Rig(stiff, bar, ss.constant(0.0, duration=100), method=ss.Contacts(10),
@@ -120,7 +119,6 @@ def events(run: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.Delay(100.0), sliding_force=0.425)
     >>> bar = ss.Chain(blocks=40, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
     >>> rig = ss.Rig(interface, bar, ss.constant(2e-3, duration=2e4), method=ss.QuasiStatic(50, seed=1))

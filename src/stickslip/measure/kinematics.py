@@ -71,7 +71,6 @@ def motion(
 
     Examples
     --------
-    >>> import numpy as np, xarray as xr, stickslip as ss
     >>> t = np.arange(0.0, 20.0, 0.01)
     >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
     >>> moving = ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s")
@@ -153,7 +152,6 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
 
     Examples
     --------
-    >>> import numpy as np, xarray as xr, stickslip as ss
     >>> t = np.arange(0.0, 20.0, 0.01)
     >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
     >>> seen = ss.measure.kinematics(ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s"))

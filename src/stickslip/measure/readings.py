@@ -73,7 +73,6 @@ def read_trace(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> with open("bench.csv", "w") as file:
     ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\n", file=file)
     >>> trace = ss.read_trace("bench.csv")

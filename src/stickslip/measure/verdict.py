@@ -172,7 +172,7 @@ def regime(data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None =
 
     Examples
     --------
-    >>> import numpy as np, pandas as pd, stickslip as ss
+    >>> import pandas as pd
     >>> t = np.arange(0.0, 20.0, 0.01)
     >>> ss.regime(pd.Series(3.0 + 2.0 * (t % 1.5), index=t)) == "stick-slip"
     True

@@ -149,7 +149,6 @@ class Chain(ElasticBody):
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> bar = ss.Chain(blocks=200, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
     >>> bar.sound_speed
     1.0
@@ -183,7 +182,6 @@ class Sheet(ElasticBody):
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> ss.model.Sheet(along=64, across=16, coupling=25.0, shear=8.0, mass=25.0, damping=0.2, leaf=0.25).size
     1024
     """

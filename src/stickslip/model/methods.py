@@ -73,7 +73,6 @@ class Population(Record):
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
     >>> run = ss.simulate(ss.Rig(interface, slider, ss.constant(1.0, duration=1.0)), method=ss.Population(1_000_000))
@@ -189,7 +188,6 @@ class Prestressed(Record):
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> ss.Prestressed(stretching=0.6, push=3.0, pushed_blocks=3).push
     3.0
     """

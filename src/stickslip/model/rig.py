@@ -120,7 +120,6 @@ class Rig(Answer):
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
     >>> rig.replace(stiffness=5.0).slider.stiffness
@@ -200,7 +199,6 @@ class Rig(Answer):
 
         Examples
         --------
-        >>> import stickslip as ss
         >>> rig = ss.read_rig("brake_pad")
         >>> round(rig.replace(velocity="50 mm/s").velocity, 3)
         0.05

@@ -3,7 +3,6 @@
 Every function draws what the Dataset holds, a run of the model or a measured trace, in its own units: labels come from
 ``long_name`` and ``units`` of the variables. Without `ax` a function makes a figure of its own; write it with `save`:
 
->>> import stickslip as ss
 >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
 >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.constant(1.0, duration=3))
 >>> run = ss.simulate(rig)

@@ -49,7 +49,6 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> stiff = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
     >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
     >>> push = ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3)

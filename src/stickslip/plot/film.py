@@ -103,7 +103,6 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> rate, samples = ss.plot.sound(ss.simulate(ss.example("brake_pad")))
     >>> rate, len(samples)  # of 0.2 s
     (44100, 8819)

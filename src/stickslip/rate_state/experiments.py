@@ -89,7 +89,6 @@ def velocity_step_in(
 
     Examples
     --------
-    >>> import numpy as np, xarray as xr
     >>> from stickslip.rate_state import velocity_step_in
     >>> time = np.linspace(-5.0, 20.0, 251)
     >>> trace = xr.Dataset({"friction": ("time", 0.6 + 0.01 * (time > 0))}, coords={"time": time})

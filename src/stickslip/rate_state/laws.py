@@ -63,7 +63,6 @@ class RateAndState(Record):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from stickslip.rate_state import RateAndState
         >>> law = RateAndState(law="ageing", a=0.005, b=0.01, distance=10.0)
         >>> time = np.arange(0.0, 41.0)

@@ -225,9 +225,6 @@ def fit_rate_and_state(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import xarray as xr
-    >>> import stickslip as ss
     >>> from stickslip.rate_state import RateAndState
     >>> time = np.linspace(0.0, 60.0, 600)
     >>> true = RateAndState(law="slip", a=0.01, b=0.014, distance=5.0)

@@ -159,7 +159,6 @@ def rate_and_state(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> contacts = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))
     >>> ss.rate_and_state(contacts).holds
     False

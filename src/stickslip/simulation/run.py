@@ -79,7 +79,6 @@ def simulate(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> run = ss.simulate(ss.example("precision_stage"))
     >>> run.spring_force.units
     'N'
@@ -159,7 +158,6 @@ def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Datase
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> run = ss.simulate(ss.example("precision_stage"))
     >>> ss.rerun(run).identical(run)
     True

@@ -65,7 +65,6 @@ def velocity_step(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> thresholds = ss.Gaussian(mean=1.0, std=0.3)
     >>> interface = ss.Interface(thresholds=thresholds, temperature=ss.Bell(width=0.01, attempts=1e6))
     >>> run = ss.velocity_step(interface, before=1.0, after=10.0, distance=3.0)
@@ -135,7 +134,6 @@ def slide_hold_slide(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.3),
     ...     temperature=ss.Bell(width=0.01, attempts=1e6),

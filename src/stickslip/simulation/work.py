@@ -3,7 +3,6 @@
 The costs are those of one core of a desktop machine, measured in CPU time of runs; another may take a third or three
 times as long.
 
->>> import stickslip as ss
 >>> from stickslip.simulation import estimate
 >>> estimate(ss.example("pmma_slider")).seconds < 60
 True

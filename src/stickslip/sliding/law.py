@@ -83,7 +83,6 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> thermal = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), temperature=ss.Bell(width=0.01, attempts=1e6))
     >>> print(f"{ss.stability.friction_slope(thermal, 1.0):.6f}")
     0.004938
@@ -113,7 +112,6 @@ def turning_velocities(interface: Interface, *, between: tuple[float, float]) ->
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.1),
     ...     temperature=ss.Bell(width=0.01, attempts=1e6),

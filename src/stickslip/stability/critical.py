@@ -154,7 +154,6 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = Non
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4264), ss.constant(velocity=1.0))
     >>> print(ss.critical(rig, "velocity", between=(0.5, 2.0)))

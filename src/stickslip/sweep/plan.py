@@ -160,7 +160,6 @@ def sweep(
 
     Examples
     --------
-    >>> import stickslip as ss
     >>> from stickslip.sweep import Runs
     >>> short = Runs(distance="4 um", cycles=0)
     >>> found = ss.sweep(ss.example("pmma_slider"), {"velocity": ["0.4 mm/s"], "contacts": [20]}, runs=short)
