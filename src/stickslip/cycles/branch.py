@@ -61,7 +61,8 @@ def cycle_branch(
     --------
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
-    >>> branch = ss.cycles.cycle_branch(rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01)
+    >>> from stickslip.cycles import cycle_branch
+    >>> branch = cycle_branch(rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01)
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """

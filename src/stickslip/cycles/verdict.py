@@ -116,7 +116,8 @@ def is_sustained(
     --------
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
-    >>> ss.cycles.is_sustained(rig).kind, ss.cycles.is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind
+    >>> from stickslip.cycles import is_sustained
+    >>> is_sustained(rig).kind, is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind
     ('stick-slip', 'smooth sliding')
     """
     check_rig(rig, start, method)
