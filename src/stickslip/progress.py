@@ -66,7 +66,7 @@ def in_time(seconds: float) -> str:
 def reporting(progress: Any, title: str) -> Iterator[Progress]:
     """Turn what a caller gave as ``progress=`` into a function: their own, a bar for True, or nothing."""
     if progress is None or progress is False:
-        yield lambda _share: None
+        yield lambda _done: None
     elif progress is True:
         with bar(title, always=True) as report:
             yield report

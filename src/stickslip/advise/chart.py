@@ -35,7 +35,7 @@ def chart(
     """
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
-    report, natural = progress or (lambda _share: None), rig.natural
+    report, natural = progress or (lambda _done: None), rig.natural
     here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in map(parameter_named, over)}
     one, other = here
     if bistable and (units := [p.name for p in map(parameter_named, over) if p.rescales]):

@@ -128,7 +128,7 @@ def _drawn(rig: Rig) -> Iterator[Rig]:
 
 def _oscillates(rig: Rig, trials: Trials) -> float:
     """1 for a rig that does not slide smoothly, 0 for one that does; NaN if it is not told."""
-    if trials.told(linearly_unstable, rig):
+    if trials.theory(linearly_unstable, rig):
         return 1.0
     kind = trials.judge(trial(rig)).kind
     return math.nan if kind == "undecided" else float(kind in OSCILLATES)

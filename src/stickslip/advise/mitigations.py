@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stickslip.advise.bands import PRECISION, Band, Turn, factor_on, fastest_mode, halvings, is_dear, told_along
+from stickslip.advise.bands import PRECISION, Band, Turn, factor_on, fastest_mode, halvings, is_dear, theory_along
 from stickslip.advise.runs import SEEDS, Spent, Trials, trial
 from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
@@ -189,9 +189,9 @@ class _Search:
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all speeds, and in runs."""
         rigs = [change.set(rig, factor) for rig in self._rigs]
-        if any(self._trials.told(linearly_unstable, rig) for rig in rigs):
+        if any(self._trials.theory(linearly_unstable, rig) for rig in rigs):
             return False
-        bands = told_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
+        bands = theory_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
         return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, seeds)
 
     def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
@@ -213,8 +213,8 @@ class _Search:
         """What linear theory says along a factor; of one parameter, as of its margins."""
         (parameter, side), *more = turns
         if more:
-            return told_along(self._trials, rig, factor_on(*turns), 1.0, furthest)
-        bands = told_along(self._trials, rig, parameter, *reach(rig, parameter))
+            return theory_along(self._trials, rig, factor_on(*turns), 1.0, furthest)
+        bands = theory_along(self._trials, rig, parameter, *reach(rig, parameter))
         return bands if side > 0 else tuple(replace(b, low=1.0 / b.high, high=1.0 / b.low) for b in reversed(bands))
 
     def pair(self, choices: Sequence[Parameter], most: float) -> tuple[Mitigation, ...]:

@@ -10,10 +10,10 @@ from typing import Any
 from stickslip.advise import bands as by_theory
 from stickslip.advise import say
 from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
-from stickslip.advise.bands import Band, Survey, scaled, stability_along, told_along
+from stickslip.advise.bands import Band, Survey, scaled, stability_along, theory_along
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import TURNABLE, has, mitigated, reach, speeds_of
-from stickslip.advise.runs import OSCILLATES, SEEDS, Spent, Trials, cycle_of, method_of, trial
+from stickslip.advise.runs import OSCILLATES, SEEDS, Spent, Trials, cycle_of, method_of, stays, trial
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
@@ -96,16 +96,16 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     trials = Trials(_FAST)
     low, high = _speeds_searched(rig)
-    modes, note = trials.told(_linear, rig)
+    modes, note = trials.theory(_linear, rig)
     growth, frequency = None, None
     with suppress(Spent):
-        growth, frequency = (None, None) if note else trials.told(by_theory.fastest_mode, rig, roots=1)
+        growth, frequency = (None, None) if note else trials.theory(by_theory.fastest_mode, rig, roots=1)
     report(0.2)
     left = _FOR_FIRST * (trials.allowed - trials.spent)
     shown = _shown(rig, modes, trials, _first_run(rig, left, part(report, 0.2, 0.9)))
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
     with suppress(Spent):
-        bands = bands if note else told_along(trials, rig, VELOCITY, low, high)
+        bands = bands if note else theory_along(trials, rig, VELOCITY, low, high)
     report(1.0)
     # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
     # slider that never stops attaches none that wait for its arrest.
@@ -137,7 +137,7 @@ def _shown(rig: Rig, modes: int | None, trials: Trials, run: Recording) -> dict[
         "recording": run,
         "regime": seen,
         "noise": float(late.std() / abs(late.mean())) if seen.is_noise else None,
-        "stays": not (seen.kind in OSCILLATES and modes == 0) or _stays(rig),
+        "stays": not (seen.kind in OSCILLATES and modes == 0) or stays(rig),
     }
 
 
@@ -145,7 +145,7 @@ def complete(
     found: Prediction, *, thorough: bool = False, pairs: bool = False, progress: Progress | None = None
 ) -> Prediction:
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from rest, margins, mitigations."""
-    report, rig = progress or (lambda _share: None), found.rig
+    report, rig = progress or (lambda _done: None), found.rig
     if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         return replace(found, complete=True)
     trials, missed = Trials(math.inf if thorough else _ALL), list[str]()
@@ -155,7 +155,7 @@ def complete(
     bands = scaled(found.bands, 1.0 / rig.velocity)
     if not found.theory_note and bands[0].ends == _speeds_searched(rig) and bands[0].kind == "unknown":
         with trials.within(0.5), suppress(Spent):
-            bands = told_along(trials, rig, VELOCITY, *bands[0].ends)
+            bands = theory_along(trials, rig, VELOCITY, *bands[0].ends)
     survey = Survey(rig, bands, found.regime.kind)
 
     def surveyed(found: Prediction, part: float) -> Prediction:
@@ -207,14 +207,6 @@ def _first_run(rig: Rig, seconds: float, progress: Progress) -> Recording:
     return record(run, progress=progress)
 
 
-def _stays(rig: Rig) -> bool:
-    """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
-    try:
-        return contact_noise(rig).linear
-    except (InputError, UndecidedError):  # infinitely many, or no theory of their noise
-        return True
-
-
 def _linear(rig: Rig) -> tuple[int | None, str]:
     """Growing modes, and a note where the theory has nothing to say."""
     if isinstance(rig.interface.delay, OnArrest):
@@ -239,7 +231,7 @@ def _margins(rig: Rig, trials: Trials, missed: list[str]) -> Iterator[Margin]:
     """
     for parameter in (each for each in PARAMETERS if has(rig, each)):
         try:
-            bands = told_along(trials, rig, parameter, *reach(rig, parameter))
+            bands = theory_along(trials, rig, parameter, *reach(rig, parameter))
         except Spent:
             missed.append(f"stability limits of the {parameter.title}")
             continue
@@ -274,7 +266,7 @@ def _noisy(rig: Rig, margins: Sequence[Margin], trials: Trials) -> tuple[str, fl
         return True  # at a limit of stability
 
     def probe(factor: float) -> bool:
-        return trials.told(seen, change.set(rig.natural, factor), roots=1)
+        return trials.theory(seen, change.set(rig.natural, factor), roots=1)
 
     with suppress(InputError, Spent):  # no theory of their noise
         quiet, _ = halved(probe, 1.0, end / nearest.value, by_theory.PRECISION / 10.0)

@@ -45,7 +45,7 @@ def report(found: Prediction | ElasticPrediction, *, progress: Progress | None =
     -------
     str
     """
-    name, watch = html.escape(found.rig.name), progress or (lambda _share: None)
+    name, watch = html.escape(found.rig.name), progress or (lambda _done: None)
     pictures = "".join(f"<h2>{html.escape(title)}</h2>{_image(figure)}" for title, figure in _pictures(found, watch))
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{name}</title>'

@@ -21,7 +21,7 @@ from stickslip.simulation.engines.beginnings import lifetimes_in
 from stickslip.simulation.work import course_of
 from stickslip.sliding import respond
 from stickslip.sliding.response import Effort
-from stickslip.stability import growth_rate
+from stickslip.stability import contact_noise, growth_rate
 
 Answer = TypeVar("Answer")
 OSCILLATES = ("stick-slip", "sustained oscillation")
@@ -91,6 +91,14 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
     return replace(rig, drive=drive, method=method_of(rig, other), start=FromRest())
 
 
+def stays(rig: Rig) -> bool:
+    """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
+    try:
+        return contact_noise(rig).linear
+    except (InputError, UndecidedError):  # infinitely many, or no theory of their noise
+        return True
+
+
 def effort(rig: Rig) -> Effort:
     """What linear theory takes."""
     try:
@@ -130,7 +138,7 @@ class Trials:
             raise Spent
         self.spent += seconds
 
-    def told(self, ask: Callable[..., Answer], rig: Rig, *given: Any, looks: float = 0.0, roots: int = 0) -> Answer:
+    def theory(self, ask: Callable[..., Answer], rig: Rig, *given: Any, looks: float = 0.0, roots: int = 0) -> Answer:
         """What linear theory says of a rig, asked once; it takes so many seconds in `looks`, and roots off the axis."""
         table = rig.interface, rig.natural.velocity
         if (key := (ask, rig.slider, table, given)) not in self._known:
@@ -143,8 +151,8 @@ class Trials:
 
     def record(self, case: Rig) -> Recording:
         """Make a run; raise `Spent` if it would cost more than there is left."""
-        if self.told(linearly_unstable, case) is False:
-            self.told(noise_of, case, roots=1)  # as its regime will ask
+        if self.theory(linearly_unstable, case) is False:
+            self.theory(noise_of, case, roots=1)  # as its regime will ask
         work = estimate(case).seconds
         self.pay(work * self._part)
         run, foreseen = record(case, long=True), self._part
@@ -171,7 +179,7 @@ class Trials:
         try:
             for other in range(1, seeds + 1):
                 for rig in rigs:
-                    slowest = max(self.told(until_decayed, rig, roots=1), 2.0 * length_of(rig)) if other == 2 else 0.0
+                    slowest = max(self.theory(until_decayed, rig, roots=1), 2.0 * length_of(rig)) if other == 2 else 0.0
                     seen = self.judge(trial(rig, max(lasts[rig], slowest), other))
                     if seen.kind != "smooth sliding":
                         return False
@@ -193,11 +201,11 @@ class Trials:
             reason = "the oscillation may still decay: longer runs would decide"
             doubtful = replace(seen, kind="undecided", reason=reason if seen.kind != "undecided" else seen.reason)
             try:
-                if seen.kind in OSCILLATES and self.told(linearly_unstable, case) is False:
+                if seen.kind in OSCILLATES and self.theory(linearly_unstable, case) is False:
                     repeats = any(test.passed for test in seen.table if test.name == REPEATS)
-                    if not repeats and (noise := replace(seen, kind="smooth sliding")).is_noise:
+                    if not repeats and stays(case) and (noise := replace(seen, kind="smooth sliding")).is_noise:
                         seen = replace(noise, reason="irregular slips, no more than the noise of the contacts makes")
-                    lasts = lasts or self.told(until_decayed, case, roots=1) / speed
+                    lasts = lasts or self.theory(until_decayed, case, roots=1) / speed
                 if seen.kind != "undecided" and case.drive.duration >= lasts:
                     return run, seen, True
                 if case.drive.duration * speed > 0.9 * longest * length_of(case):

@@ -36,12 +36,12 @@ class Settles(NamedTuple):
         step = np.diff(np.log(last))
         if np.all(np.abs(step) < self.none):
             return float(last[-1])
-        step, way = np.abs(step), np.sign(step)
+        step, sign = np.abs(step), np.sign(step)
         ratio = float(np.max(step[1:] / np.maximum(step[:-1], 1e-300)))
-        if ratio > self.ratio or np.any(way != way[-1]):
+        if ratio > self.ratio or np.any(sign != sign[-1]):
             return None
         left = float(step[-1]) * ratio / (1.0 - ratio)
-        return float(last[-1] * math.exp(way[-1] * left)) if left < self.ahead else None
+        return float(last[-1] * math.exp(sign[-1] * left)) if left < self.ahead else None
 
 
 CYCLES, LOOKS = Settles(6, 2e-5, 0.9, 1e-3), Settles(4, 1e-3, 0.7, 1e-2)
