@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
 from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
@@ -24,29 +25,7 @@ from stickslip.model import (
     Parabolic,
 )
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import (
-    COLUMNS,
-    Advance,
-    Array,
-    Beginning,
-    Engine,
-    Individuals,
-    Leg,
-    Stretchings,
-    check_newborns,
-    slider_constants,
-    solves,
-)
-from stickslip.simulation.engines.beginnings import (
-    drawn_lives,
-    first_contacts,
-    generators,
-    lifetimes_in,
-    lifetimes_of,
-    lives_met,
-    newborns,
-    rule_of,
-)
+from stickslip.simulation.engines import base, beginnings
 from stickslip.simulation.work import Course, Part, breaking, oscillation
 
 _BLOCK = 16_384
@@ -61,31 +40,31 @@ _FINEST_TURN = 1e-13  # of a run's time; shorter turns of the slider are lost in
 _LIVES = 16  # the same for each contact that keeps its strength: its lifetimes are much alike
 
 
-@solves(Contacts)
-@solves(Contacts, temperature=(Bell, Parabolic, Barrier))
-@solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(type(None), Bell, Parabolic, Barrier))
-class EventByEvent(Engine):
+@base.solves(Contacts)
+@base.solves(Contacts, temperature=(Bell, Parabolic, Barrier))
+@base.solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(type(None), Bell, Parabolic, Barrier))
+class EventByEvent(base.Engine):
     """Contacts whose next event is always known; fed with random numbers in blocks of a fixed length."""
 
-    columns = COLUMNS
+    columns = base.COLUMNS
     angle = 0.1
     mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest", "temperature", "areas"})
 
-    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+    def __init__(self, beginning: base.Beginning, method: Contacts) -> None:
         interface, self._delay = beginning.interface, beginning.interface.delay
         self._interface = interface
-        self._initial, self._thresholds, self._delays, self._newborns, self._tracks, self._chances = generators(
-            method.seed, 6
+        self._initial, self._thresholds, self._delays, self._newborns, self._tracks, self._chances = (
+            beginnings.generators(method.seed, 6)
         )
         self._factor = self._next_track()
-        self.slider = slider_constants(beginning.slider)
-        self._rule = rule_of(interface)
+        self.slider = base.slider_constants(beginning.slider)
+        self._rule = beginnings.rule_of(interface)
         x, strength, pending, since = self._first(beginning, method.count)
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(0.0, beginning.slider_velocity, interface.sliding_force, slides)
         path = strength[:4096] if strength.size else np.ones(1)
         if interface.ageing is not None:  # contacts that grow from little do not get as far as their strengths
-            path = drawn_lives(interface, beginning.velocity)[1]
+            path = beginnings.drawn_lives(interface, beginning.velocity)[1]
         self._state = kernel.make_state(-x, strength, pending, path, self._delay.moment(1), motion)
         self._boxes = None
         if self._rule is not None:
@@ -100,7 +79,7 @@ class EventByEvent(Engine):
     def check(interface: Interface) -> None:
         """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
         if interface.temperature is not None:
-            check_newborns(interface)
+            base.check_newborns(interface)
         if interface.areas == "site" and interface.track_scatter > 0:
             raise InputError(
                 f"Interface.track_scatter = {interface.track_scatter:g}: contacts that keep their areas draw no "
@@ -128,7 +107,7 @@ class EventByEvent(Engine):
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: of breaks, and of turns while the slider rings."""
         interface, count, how = rig.interface, method.count, ""
-        lives, boxes = lifetimes_in(rig, course)
+        lives, boxes = beginnings.lifetimes_in(rig, course)
         each, more = _BREAK, _BOX * count * boxes
         if interface.temperature is not None:
             how = " by thermal activation"
@@ -139,7 +118,7 @@ class EventByEvent(Engine):
         radians = course.turns if course.turns * _FINEST_TURN > 1.0 else course.rung
         return *oscillation(rig, radians), breaking(count, lives, each, _CONTACT, how, more)
 
-    def _first(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array, Array]:
+    def _first(self, beginning: base.Beginning, count: int) -> tuple[Array, Array, Array, Array]:
         """Draw stretchings and strengths of all contacts (detached last), when these re-attach, and when those did.
 
         Detached contacts that keep their strengths have them, too.
@@ -149,16 +128,18 @@ class EventByEvent(Engine):
         if self._rule is None or not beginning.sliding:
             # Growth towards a strength has come to its end; growth without end begins.
             since = np.full(count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
-            return *first_contacts(beginning, count, rng, self._factor), since
-        start, strength = newborns(interface, count if keeps else max(_POOL, 4 * count), self._factor, rng, rng)
+            return *beginnings.first_contacts(beginning, count, rng, self._factor), since
+        start, strength = beginnings.newborns(
+            interface, count if keeps else max(_POOL, 4 * count), self._factor, rng, rng
+        )
         if not keeps:
-            reached, _ = lifetimes_of(self._rule, start, strength, velocity, rng)
-            x, strength, pending, gone = lives_met(beginning, count, rng, start, strength, reached)
+            reached, _ = beginnings.lifetimes_of(self._rule, start, strength, velocity, rng)
+            x, strength, pending, gone = beginnings.lives_met(beginning, count, rng, start, strength, reached)
             return x, strength, pending, -gone / velocity
         # Each is met somewhere in one of its own lifetimes and the time after it, the long ones more often.
         begun = start if start.size else np.zeros(count)
         every = np.repeat(begun, _LIVES), np.repeat(strength, _LIVES)
-        reached, _ = lifetimes_of(self._rule, *every, velocity, rng)
+        reached, _ = beginnings.lifetimes_of(self._rule, *every, velocity, rng)
         path = reached.reshape(count, _LIVES) - begun[:, None]
         length = path + velocity * self._delay.sample(rng, path.size).reshape(path.shape)
         met = np.argmax(rng.random((count, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
@@ -180,7 +161,7 @@ class EventByEvent(Engine):
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
         """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
         count = min(_BLOCK, max(2 * self._state.size, 64)) if self._interface.track_scatter else _BLOCK
-        x, threshold = newborns(self._interface, count, self._factor, self._newborns, self._thresholds)
+        x, threshold = beginnings.newborns(self._interface, count, self._factor, self._newborns, self._thresholds)
         self._state.motion[0].thresholds_used = 0
         return draws._replace(thresholds=threshold, stretchings=x)
 
@@ -208,21 +189,21 @@ class EventByEvent(Engine):
         """Force of the contacts now, per contact."""
         return force_of(self._state)
 
-    def stretchings(self) -> Stretchings:
+    def stretchings(self) -> base.Stretchings:
         """Stretchings of the attached contacts now."""
         return self._stretchings(self.here()[1])
 
-    def individuals(self) -> Individuals:
+    def individuals(self) -> base.Individuals:
         """Every contact by itself, now."""
         stretching, attached = np.zeros(self._state.size), np.zeros(self._state.size, dtype=bool)
         contacts = kernel.attached_contacts(self._state)
         stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
         attached[contacts["slot"]] = True
-        return Individuals(stretching, attached)
+        return base.Individuals(stretching, attached)
 
-    def _stretchings(self, X: float) -> Stretchings:
+    def _stretchings(self, X: float) -> base.Stretchings:
         x = X - kernel.attached_contacts(self._state)["birth"]
-        return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
+        return base.Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def _arrest(self) -> None:
         """The slider has stopped after a break: contacts attach to another track."""
@@ -232,11 +213,11 @@ class EventByEvent(Engine):
             stiffest = max(self._boxes.stiffest, self._stiffest * math.sqrt(self._factor))
             self._boxes = self._boxes._replace(stiffest=stiffest)
 
-    def advance(self, leg: Leg) -> Advance:
+    def advance(self, leg: base.Leg) -> base.Advance:
         """Go on by some events."""
         m = self._state.motion[0]
-        sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
-        seen: list[Stretchings] = []
+        sampling = Sampling(leg.times, np.empty((leg.times.size, len(base.COLUMNS))))
+        seen: list[base.Stretchings] = []
         m.sample = 0
         last = m.events + _EVENTS
         looks = (*leg.looks, math.inf)
@@ -254,4 +235,4 @@ class EventByEvent(Engine):
                 break
         while looks[len(seen)] <= m.time:  # at the very end
             seen.append(self.stretchings())
-        return Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)
+        return base.Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)

@@ -5,6 +5,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.kernels import stepping
 from stickslip.kernels.drive import Quadratic, Stop, holds
@@ -14,19 +15,7 @@ from stickslip.model import Barrier, Bell, Contacts, Delay, Interface, Langevin,
 from stickslip.model.distributions import SteadyState
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import (
-    MOTION,
-    Advance,
-    Array,
-    Beginning,
-    Engine,
-    Individuals,
-    Leg,
-    Stretchings,
-    looks_aside,
-    slider_constants,
-    solves,
-)
+from stickslip.simulation.engines import base
 from stickslip.simulation.engines.beginnings import first_contacts, generators, lifetimes_in
 from stickslip.simulation.work import Course, Part, breaking, oscillation
 from stickslip.sliding.langevin import ageing_constants
@@ -42,10 +31,10 @@ _BUDGET, _HOT_BUDGET = 500_000, 25_000
 """Steps of a contact in an advance; with temperature each is a step of many."""
 
 
-class Steps(Engine, Protocol):
+class Steps(base.Engine, Protocol):
     """An engine that takes steps of time, and samples no energies."""
 
-    columns: ClassVar[tuple[str, ...]] = MOTION
+    columns: ClassVar[tuple[str, ...]] = base.MOTION
     angle: ClassVar[float] = 0.35  # that of its steps: samples finer than that show no more
 
     state: Array  # time, position of the slider, and what else the kernel keeps there
@@ -61,7 +50,7 @@ class Steps(Engine, Protocol):
         """Time, and position of the slider."""
         return float(self.state[0]), float(self.state[1])
 
-    def advance(self, leg: Leg) -> Advance:
+    def advance(self, leg: base.Leg) -> base.Advance:
         """Go on by some steps, at most to the one that would pass a look."""
         times = np.minimum(leg.times, leg.end)
         wanted = times.size
@@ -74,22 +63,22 @@ class Steps(Engine, Protocol):
         stopped = len(samples) > 0 and holds(leg.stop, samples[-1, 0], samples[-1, 2])
         over = stopped or now >= leg.end
         # A course that has not gone a step stands before its look.
-        seen = looks_aside(self, leg, look if now == before and not over else now)
-        return Advance(samples[:, [0, 1, 3, 4]], seen, over)
+        seen = base.looks_aside(self, leg, look if now == before and not over else now)
+        return base.Advance(samples[:, [0, 1, 3, 4]], seen, over)
 
-    def settle(self, beginning: Beginning) -> None:
+    def settle(self, beginning: base.Beginning) -> None:
         """Put the slider at its start; where it slides, up to time and position 0 rigidly at first, and unseen."""
         if beginning.sliding:
-            self.slider = slider_constants(None)
-            leg = Leg(Quadratic(*self.here(), beginning.velocity, 0.0), 0.0, np.empty(0), Stop())
+            self.slider = base.slider_constants(None)
+            leg = base.Leg(Quadratic(*self.here(), beginning.velocity, 0.0), 0.0, np.empty(0), Stop())
             while not self.advance(leg).over:
                 pass
             self.state[:2] = 0.0
         self.state[2] = beginning.slider_velocity
-        self.slider = slider_constants(beginning.slider)
+        self.slider = base.slider_constants(beginning.slider)
 
 
-def _start(beginning: Beginning, rate: float) -> float:
+def _start(beginning: base.Beginning, rate: float) -> float:
     """When to begin to slide rigidly, to be in the steady state at time 0: lifetimes, and times of ageing before."""
     if not beginning.sliding:
         return 0.0
@@ -106,14 +95,14 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     return *oscillation(rig, course.turns), part, ageing
 
 
-@solves(Contacts, Langevin)
-@solves(Contacts, Langevin, temperature=(Bell, Parabolic, Barrier))
+@base.solves(Contacts, Langevin)
+@base.solves(Contacts, Langevin, temperature=(Bell, Parabolic, Barrier))
 class LangevinContacts(Steps):
     """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`."""
 
     mechanisms = frozenset({"temperature"})
 
-    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+    def __init__(self, beginning: base.Beginning, method: Contacts) -> None:
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
         self._hazard = hazard_of(beginning.interface.temperature)
@@ -141,14 +130,14 @@ class LangevinContacts(Steps):
         how, each = (" by thermal activation", _HOT_BREAK) if hot else ("", _BREAK)
         return _cost(rig, course, _AGE * count, breaking(count, lifetimes_in(rig, course)[0], each, _CONTACT, how))
 
-    def stretchings(self) -> Stretchings:
+    def stretchings(self) -> base.Stretchings:
         """Stretchings of the attached contacts now."""
         x, held = self.individuals()
-        return Stretchings(x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False)
+        return base.Stretchings(x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False)
 
-    def individuals(self) -> Individuals:
+    def individuals(self) -> base.Individuals:
         """Every contact by itself, now."""
-        return Individuals(self._contacts.stretching + self.state[1], self._contacts.attach <= self.state[0])
+        return base.Individuals(self._contacts.stretching + self.state[1], self._contacts.attach <= self.state[0])
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
@@ -156,11 +145,11 @@ class LangevinContacts(Steps):
         return advance_contacts(self.state, self._contacts, course, *model, self._rng)
 
 
-@solves(MasterEquation, Langevin)
+@base.solves(MasterEquation, Langevin)
 class LangevinDensity(Steps):
     """The kinetic equation on cohorts: `stickslip.kernels.langevin_density`."""
 
-    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
+    def __init__(self, beginning: base.Beginning, method: MasterEquation) -> None:
         self._constants = ageing_constants(beginning.interface)
         # A scheme of second order, with an error of 1e-3 where this is 400.
         cells = 400.0 * math.sqrt(1e-4 / method.rtol)
@@ -194,19 +183,19 @@ class LangevinDensity(Steps):
         part = Part("simulation.rtol", method.rtol, None, -1.0, f"a path of {path:.2g} mean thresholds", aged * path)
         return _cost(rig, course, aged, part)
 
-    def stretchings(self) -> Stretchings:
+    def stretchings(self) -> base.Stretchings:
         """Mean stretchings of the cohorts now."""
         fraction = self._cohorts.mass.sum(axis=1)
         kept = fraction > 0.0
         place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / fraction[kept]
-        return Stretchings(self.state[1] - place, fraction[kept], cells=True)
+        return base.Stretchings(self.state[1] - place, fraction[kept], cells=True)
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
         return advance_density(self.state, self._cohorts, self._nodes, course, self._constants)
 
 
-def _first_cohorts(beginning: Beginning, margins: Array, width: float) -> tuple[Array, Array, Array]:
+def _first_cohorts(beginning: base.Beginning, margins: Array, width: float) -> tuple[Array, Array, Array]:
     """Cohorts of contacts whose stretchings are no farther apart than `width`, the slider at 0.
 
     Returns the places where they attached, the fraction of contacts by cohort and rupture margin, and its moment about
