@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import chain, combinations
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
 from stickslip.model import ElasticBody, ExponentialGrowth, FromRest, FromSliding, Interface, Prestressed, Slider, Start
+from stickslip.model.activation import Activation
+from stickslip.model.ageing import FixedGrowth
 from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
@@ -202,6 +204,9 @@ class Engine(Protocol):
         """Return an engine in the same state that goes its own way."""
         return copy.deepcopy(self)
 
+
+GROWTH, HEAT = get_args(FixedGrowth), get_args(Activation)
+"""Kinds of growth by a rule, and of thermal activation."""
 
 E = TypeVar("E", bound=type)
 

@@ -13,17 +13,7 @@ from stickslip.kernels import events as kernel
 from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
 from stickslip.kernels.events import force_of, short_of
 from stickslip.kernels.motion import make_motion
-from stickslip.model import (
-    Barrier,
-    Bell,
-    Contacts,
-    Delay,
-    ExponentialGrowth,
-    Interface,
-    LogarithmicGrowth,
-    OnArrest,
-    Parabolic,
-)
+from stickslip.model import Bell, Contacts, Delay, ExponentialGrowth, Interface, OnArrest
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines import base, beginnings
 from stickslip.simulation.work import Course, Part, breaking, oscillation
@@ -41,8 +31,8 @@ _LIVES = 16  # the same for each contact that keeps its strength: its lifetimes 
 
 
 @base.solves(Contacts)
-@base.solves(Contacts, temperature=(Bell, Parabolic, Barrier))
-@base.solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(type(None), Bell, Parabolic, Barrier))
+@base.solves(Contacts, type(None), *base.GROWTH, temperature=base.HEAT)
+@base.solves(Contacts, *base.GROWTH)
 class EventByEvent(base.Engine):
     """Contacts whose next event is always known; fed with random numbers in blocks of a fixed length."""
 

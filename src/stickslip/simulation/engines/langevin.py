@@ -11,7 +11,7 @@ from stickslip.kernels import stepping
 from stickslip.kernels.drive import Quadratic, Stop, holds
 from stickslip.kernels.langevin_contacts import advance_contacts, awake
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
-from stickslip.model import Barrier, Bell, Contacts, Delay, Interface, Langevin, MasterEquation, Parabolic
+from stickslip.model import Contacts, Delay, Interface, Langevin, MasterEquation
 from stickslip.model.distributions import SteadyState
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
@@ -96,7 +96,7 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
 
 
 @base.solves(Contacts, Langevin)
-@base.solves(Contacts, Langevin, temperature=(Bell, Parabolic, Barrier))
+@base.solves(Contacts, Langevin, temperature=base.HEAT)
 class LangevinContacts(Steps):
     """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`."""
 

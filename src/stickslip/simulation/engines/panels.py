@@ -24,7 +24,6 @@ from stickslip.model import (
     DelayModel,
     ExponentialGrowth,
     Interface,
-    LogarithmicGrowth,
     MasterEquation,
     OnArrest,
     Population,
@@ -34,7 +33,7 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import GROWTH, Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
 from stickslip.simulation.work import Course, Part, oscillation
 
@@ -54,9 +53,9 @@ _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
 @solves(MasterEquation, temperature=(type(None), Bell))
-@solves(MasterEquation, ExponentialGrowth, LogarithmicGrowth)
+@solves(MasterEquation, *GROWTH)
 @solves(Population, temperature=(type(None), Bell))
-@solves(Population, ExponentialGrowth, LogarithmicGrowth)
+@solves(Population, *GROWTH)
 class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 

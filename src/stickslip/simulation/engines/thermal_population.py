@@ -7,11 +7,11 @@ import numpy as np
 from stickslip.kernels import thermal_cohorts as kernel
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
 from stickslip.kernels.thermal_cohorts import advance
-from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, MasterEquation, Parabolic
+from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, MasterEquation, Parabolic
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import GROWTH, Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import breaking_of
 from stickslip.simulation.work import Course, Part, oscillation
 from stickslip.sliding.lifetimes import hazard_of
@@ -21,8 +21,8 @@ _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
 _COHORT = 2e-6, 1e-5  # seconds a cohort takes in a step: where one number says what is left of it, and at nodes
 
 
-@solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Parabolic, Barrier))
-@solves(MasterEquation, ExponentialGrowth, LogarithmicGrowth, temperature=(Bell,))
+@solves(MasterEquation, type(None), temperature=(Parabolic, Barrier))
+@solves(MasterEquation, *GROWTH, temperature=(Bell, Parabolic, Barrier))
 class ThermalPopulation(Cohorts):
     """Cohorts of contacts that attached together, of which nothing simpler says what is left: see `Panels`."""
 
