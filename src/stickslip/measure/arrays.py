@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
@@ -167,10 +166,13 @@ def in_words(value: float, unit: str, digits: int = 4) -> str:
 
 def without_drift(values: Array) -> Array:
     """Even samples less their line, and what goes through fewer than four cycles: too slow to be told from a drift."""
-    at = np.arange(values.size, dtype=float)
-    waves = dct(values - slope(values, at) * at, norm="ortho")
-    waves[: 2 * FEWEST_CYCLES] = 0.0
-    return np.asarray(idct(waves, norm="ortho"))
+    at = np.arange(0.5, values.size)
+    rest, x = values - slope(values, at) * at, np.cos(np.pi / values.size * at)
+    wave, faster = np.ones_like(x), x
+    for size in (1.0, *[2.0] * (2 * FEWEST_CYCLES - 1)):  # cosines, which are Chebyshev's polynomials of the first
+        rest -= size * float((rest * wave).mean()) * wave
+        wave, faster = faster, 2.0 * x * faster - wave
+    return rest
 
 
 def slope(values: Array, at: Array) -> float:

@@ -125,7 +125,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         by_chance = max(by_chance, 2.5 * resolution(trace.force), 1e-7 * float(np.max(np.abs(force))), 1e-300)
         peaks, troughs = turning_points(force, by_chance)
         drops, more = force[peaks] - force[troughs], WHITE / math.sqrt(t.size)
-        white = without_drift(trace.force).std() <= (1.0 + more) * noise and cycles.correlation <= 2.0 * more
+        white = cycles.correlation <= 2.0 * more and without_drift(trace.force).std() <= (1.0 + more) * noise
         smallest, least = math.inf, by_chance
         if drops.size and not white:
             smallest = least = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
