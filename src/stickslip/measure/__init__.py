@@ -1,10 +1,8 @@
 """What a force trace shows: its slips, its regime, and where the regime changes on a ramp.
 
-Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving spring, along `time`: a run of
-the model, or a trace of a bench, read with `read_trace`. What there is besides is used. Units are those of the data.
-
-A slip is a drop of the force. Nothing here asks whether the slider is at rest: with contacts that hold, a
-driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing about the regime.
+Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving spring, along `time`, in any
+unit: a run, or a trace read with `read_trace`. A slip is a drop of the force, whether or not the slider is at rest
+before: with contacts that hold, a driven slider creeps at ``v K/(K + k N_c)`` between slips.
 """
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics

@@ -20,9 +20,7 @@ _SIGNED = ("force_before", "force_after", "mu_before", "mu_after")  # by the dir
 def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None) -> xr.Dataset:
     """Return one row per slip, a slip being a drop of the driving spring's force that stands out.
 
-    In a sustained oscillation in which the slider never sticks there are no slips; each drop belongs to a cycle then,
-    and the attribute ``drops_are`` says so.
-
+    In a sustained oscillation without sticking each drop is one of a cycle, and the attribute ``drops_are`` says so.
     Every drop, and every rise between two, is at least `minimum_drop`. Drops of the ringing after a slip are joined to
     it. What the start or the end of the data cuts off is left out and counted in the attribute ``cut``; left out are,
     in stick-slip, drops slower than 3.5 times the drive, where the velocity is known. The strokes of a reciprocating

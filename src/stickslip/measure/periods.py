@@ -46,9 +46,8 @@ def regularity(variation: float) -> float:
 def find_cycles(t: Array, force: Array) -> Cycles:
     """Return the cycles of a force: how far it repeats itself, and where each cycle begins.
 
-    The autocorrelation tells one period from a part of it (ringing, a small drop after a large one) and from
-    several; each cycle is then timed by itself, from one rise through the upper third of the range of the force
-    in a typical cycle to the next.
+    The autocorrelation tells one period from a part of it and from several; each cycle is then timed by itself, from
+    one rise through the upper third of the range of the force in a typical cycle to the next.
     """
     (lag, correlation), half = _autocorrelation_peak(t, force), 0.5 * (t[-1] - t[0]) / (t.size - 1)
     starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag) - half) if correlation else np.zeros(0, dtype=int)

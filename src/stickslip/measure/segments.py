@@ -48,14 +48,11 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
 
 
 def _edges(series: Array) -> list[int]:
-    """Where the segments begin that leave least squares, and where the last one ends.
-
-    Each must be worth ``2 ln(blocks/chance)``: so much does a step that is none take off the squares of two series of
-    unit scatter by chance (chi squared with two degrees of freedom).
-    """
+    """Where the segments begin that leave least squares, each at a price, and where the last one ends."""
     count = series.shape[1]
     padded = np.pad(series, ((0, 0), (1, 0)))
     sums, squares = padded.cumsum(axis=1), (padded**2).sum(axis=0).cumsum()
+    # So much does a step that is none take off two series of unit scatter by chance (chi squared with two degrees).
     price, least, came = 2.0 * math.log(count / CHANCE), np.full(count + 1, math.inf), np.zeros(count + 1, dtype=int)
     least[0] = 0.0
     for end in range(FEWEST_CYCLES, count + 1):

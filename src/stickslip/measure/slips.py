@@ -173,11 +173,7 @@ def fast_ones(trace: Trace, found: Slips) -> Slips:
 
 
 def turning_points(values: Array, drop: float, rise: float | None = None) -> tuple[Peaks, Peaks]:
-    """Peaks (of a flat one, its end), and the troughs after them, by hysteresis.
-
-    Each drop is at least `drop`, each rise between two at least `rise`, or `drop`. The last drop counts though nothing
-    rises after it; one at the beginning or the end may be cut off.
-    """
+    """Peaks (of a flat one, its end), and the troughs after: drops of at least `drop`, rises of `rise` or `drop`."""
     values = np.append(values, np.inf)
     peaks, troughs = zigzag(values, drop, drop if rise is None else rise)
     ends = np.flatnonzero(values[1:] != values[:-1])
