@@ -192,7 +192,7 @@ def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, in
     start = start if start.size else np.zeros(_DRAWN)
     if rule is None or velocity <= 0.0:
         return start, strength, 0
-    return start, *lifetimes_of(rule, start, strength, velocity, rng, 64 * _DRAWN)
+    return start, *lifetimes_of(rule, start, strength, velocity, rng)
 
 
 def rule_of(interface: Interface) -> Rule | None:
@@ -203,10 +203,11 @@ def rule_of(interface: Interface) -> Rule | None:
 
 
 def lifetimes_of(
-    rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator, drawn: int = 2**20
+    rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator
 ) -> tuple[Array, int]:
     """Draw the stretchings at which newborn contacts break in steady sliding; and in how many boxes."""
     reached, done, boxes = np.empty(strength.size), 0, 0
+    drawn = max(16 * strength.size, 2**14)
     start = start if start.size else np.zeros(strength.size)
     while done < strength.size:
         more = lifetimes(rule, start[done:], strength[done:], velocity, rng.random(drawn), reached[done:])

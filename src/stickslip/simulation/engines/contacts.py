@@ -21,7 +21,6 @@ from stickslip.simulation.work import Course, Part, breaking, oscillation
 _BLOCK = 16_384
 """Random numbers drawn at once. The same seed gives another run with another length."""
 _EVENTS = 400_000  # events in an advance: some 50 ms
-_POOL = 65_536  # lives to choose from, at least, for a start in steady sliding
 _BREAK, _CLOCKED_BREAK, _BOX = 2.4e-7, 6e-7, 2e-7
 """Seconds a break takes, and one by the shared clock; and another box of a contact that is in boxes of its own."""
 _WINDOW = 2e-7  # seconds that it takes to lay a window of the shared clock, some four on its width
@@ -119,9 +118,8 @@ class EventByEvent(base.Engine):
             # Growth towards a strength has come to its end; growth without end begins.
             since = np.full(count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
             return *beginnings.first_contacts(beginning, count, rng, self._factor), since
-        start, strength = beginnings.newborns(
-            interface, count if keeps else max(_POOL, 4 * count), self._factor, rng, rng
-        )
+        drawn = count if keeps else 4 * count + 1000
+        start, strength = beginnings.newborns(interface, drawn, self._factor, rng, rng)
         if not keeps:
             reached, _ = beginnings.lifetimes_of(self._rule, start, strength, velocity, rng)
             x, strength, pending, gone = beginnings.lives_met(beginning, count, rng, start, strength, reached)
