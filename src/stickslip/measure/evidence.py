@@ -115,8 +115,7 @@ class Window:
     def slips(self) -> tuple[*Row, str]:
         """What tells slips, and in words: the velocity of the slider where it is seen; else how long it is held.
 
-        That is the time that is not in drops; where drops take long, the time at the full loading rate: more than half,
-        or, of an irregular force, nearer to that than to a sine that comes to rest.
+        That is the time not in drops; where these take long, that at the full loading rate (less without a period).
         """
         trace, found = self.trace, self.found
         samples = weighted_median(np.asarray(found.trough - found.peak, dtype=float), found.drops**2)

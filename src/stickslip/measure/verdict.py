@@ -82,11 +82,7 @@ class Regime(Answer):
     peak_to_peak: float  #: of the force of the driving spring in the window
     mean_force: float  #: of the driving spring in the window
     static_friction: float  #: largest force in all of the data: what amplitudes are compared with
-
-    #: Ratio of the drops in the second half of the window to those in the first, from a straight line through their
-    #: logarithms (of the standard deviation of the force in eight parts, where it has no period); 1 is steady.
-    trend: float
-
+    trend: float  #: second half over first, by a line through the logarithms of drops, or of the scatter in eight parts
     cycles: int  #: complete ones in the window; of a force that is not periodic, complete drops
     period: float  #: mean time of a cycle; NaN with too few cycles
     period_variation: float  #: its coefficient of variation
