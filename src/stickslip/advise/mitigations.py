@@ -229,9 +229,6 @@ class _Search:
 
     def _growth(self, turn: Turn, factor: float) -> float:
         """Growth of the fastest mode at any of the speeds, over the distance that the drive goes."""
-        rates = [
-            (fastest_mode(there)[0], there.velocity)
-            for rig in self._rigs
-            for there in [factor_on(turn).set(rig, factor)]
-        ]
+        there = [factor_on(turn).set(rig, factor) for rig in self._rigs]
+        rates = [(fastest_mode(rig)[0], rig.velocity) for rig in there]
         return max(math.inf if rate is None else rate / velocity for rate, velocity in rates)
