@@ -545,10 +545,7 @@ MISREAD = ("9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m", 4, Non
             ),
             "interface.thresholds",
         ),
-        (
-            small(interface__delay=0, interface__ageing={"model": "langevin", "time": 1e-9}),
-            "interface.ageing.time",
-        ),
+        (small(interface__delay=0, interface__ageing={"model": "langevin", "time": 1e-9}), "interface.ageing.time"),
         (small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}), None),
         (small(drive__velocity=1e-300), None),
         (quick_rig(name="x" * 3000), "name"),

@@ -22,15 +22,7 @@ from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
 from stickslip.model.records import Number
 from stickslip.simulation.engines import contacts
-from stickslip.simulation.engines.base import (
-    ENGINES,
-    MOTION,
-    Advance,
-    Engine,
-    Stretchings,
-    slider_constants,
-    solves,
-)
+from stickslip.simulation.engines.base import ENGINES, MOTION, Advance, Engine, Stretchings, slider_constants, solves
 from stickslip.sliding import respond
 
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add-a-distribution.md"

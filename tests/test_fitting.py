@@ -108,10 +108,7 @@ OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
 NOT_STICK_SLIP = {
     "oscillation": (trace_of(SINE), "rises for 1 times as long as it drops: an oscillation or noise, not stick-slip"),
     "noise": (trace_of(10 + 0.2 * RNG(0).normal(size=20_000)), "cannot be told from noise"),
-    "random walk": (
-        trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))),
-        "slip count depends on",
-    ),
+    "random walk": (trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))), "slip count depends on"),
     "velocity step": (
         trace_of(np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])),
         "loading rate changes 4",

@@ -336,10 +336,7 @@ def test_the_evidence_of_a_sine():
 
 @settings(max_examples=50)
 @given(
-    drop=st.floats(0.01, 100.0),
-    period=st.floats(0.5, 50.0),
-    level=st.floats(-200.0, 200.0),
-    cycles=st.integers(3, 30),
+    drop=st.floats(0.01, 100.0), period=st.floats(0.5, 50.0), level=st.floats(-200.0, 200.0), cycles=st.integers(3, 30)
 )
 def test_a_sawtooth_has_the_slips_it_was_made_of(drop, period, level, cycles):
     t, force = even_sawtooth(period=period, drop=drop, cycles=cycles, step=period / 100, fall=0.04 * period)
@@ -770,10 +767,7 @@ def loop(up, down, *, noise=0.0, start=0.0):
 
 
 @settings(max_examples=20)
-@given(
-    up=st.tuples(st.floats(0.6, 1.2), st.floats(1.8, 2.6)),
-    down=st.tuples(st.floats(0.3, 1.0), st.floats(1.6, 2.6)),
-)
+@given(up=st.tuples(st.floats(0.6, 1.2), st.floats(1.8, 2.6)), down=st.tuples(st.floats(0.3, 1.0), st.floats(1.6, 2.6)))
 def test_transitions_of_a_made_up_loop(up, down):
     found = transitions(loop(up, down, noise=0.01))
     assert (found.v1, found.v2) == pytest.approx(up, abs=0.04)

@@ -18,12 +18,7 @@ from stickslip.theory import attached_fraction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 STRETCHED = ss.Uniform(low=-0.1, high=0.4)
-NEWBORNS = [
-    ss.Gaussian(mean=0.3, std=0.0),
-    ss.Gaussian(mean=-0.3, std=0.0),
-    STRETCHED,
-    ss.Gaussian(mean=0.1, std=0.3),
-]
+NEWBORNS = [ss.Gaussian(mean=0.3, std=0.0), ss.Gaussian(mean=-0.3, std=0.0), STRETCHED, ss.Gaussian(mean=0.1, std=0.3)]
 
 
 def rig_of(interface, drive=None, *, damping=200.0, stiffness=2.0, mass=1e-4, count=1000, seed=1, start=None):

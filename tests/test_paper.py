@@ -127,8 +127,7 @@ def test_data_that_say_otherwise_fail_their_claim(quick, figure, number, name, w
 
 @pytest.mark.eq(6, 7)
 @pytest.mark.parametrize(
-    ("interface", "expected"),
-    [(FIG5.interface, reference.INSTABILITY_NEVER), (FIG2.interface, reference.INSTABILITY)],
+    ("interface", "expected"), [(FIG5.interface, reference.INSTABILITY_NEVER), (FIG2.interface, reference.INSTABILITY)]
 )
 def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(interface, expected):
     found = first_instability(interface, 2.0)

@@ -284,10 +284,7 @@ def brake(velocity="20 mm/s", **top):
 
 @pytest.mark.parametrize(
     ("velocity", "first", "speeds", "between"),
-    [
-        (["20 mm/s", "0.1 m/s"], 0.02, (0.02, 0.1), None),
-        ({"from": "1 mm/s", "to": "0.1 m/s"}, 0.01, (), (0.001, 0.1)),
-    ],
+    [(["20 mm/s", "0.1 m/s"], 0.02, (0.02, 0.1), None), ({"from": "1 mm/s", "to": "0.1 m/s"}, 0.01, (), (0.001, 0.1))],
 )
 def test_a_rig_gives_speeds_and_what_could_be_built(velocity, first, speeds, between):
     ranges = {"stiffness": ["20 MN/m", "60 MN/m"], "std": [0.1, 0.3], "load": ["1 kN", "4 kN"]}

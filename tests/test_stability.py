@@ -466,13 +466,7 @@ def test_boundary_over_any_two_parameters_separates_the_counts(held, over, withi
             assert sorted(counts) == [0, 2]
 
 
-RANGES = {
-    "stiffness": (0.1, 10),
-    "velocity": (0.1, 10),
-    "delay": (0.02, 0.5),
-    "mass": (1e-5, 1),
-    "damping": (1, 1e3),
-}
+RANGES = {"stiffness": (0.1, 10), "velocity": (0.1, 10), "delay": (0.02, 0.5), "mass": (1e-5, 1), "damping": (1, 1e3)}
 
 
 @pytest.mark.parametrize(

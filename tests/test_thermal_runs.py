@@ -221,8 +221,7 @@ def test_exponential_thresholds_are_rate_and_state():
 
 
 @pytest.mark.parametrize(
-    ("interface", "healing"),
-    [(ss.Interface(thresholds=NARROW, ageing=GROWING), 0.02 * math.log(10)), (LT, 0.0451)],
+    ("interface", "healing"), [(ss.Interface(thresholds=NARROW, ageing=GROWING), 0.02 * math.log(10)), (LT, 0.0451)]
 )
 def test_contacts_heal_by_the_slope_of_their_growth(interface, healing):
     """At no temperature a contact breaks at its threshold, which a hold has raised by ``c ln(1 + t/t_0)``."""

@@ -179,9 +179,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
 
 @every_rig
 @pytest.mark.parametrize(
-    ("method", "slack"),
-    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)],
-    ids=["contacts", "master equation"],
+    ("method", "slack"), [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)], ids=["contacts", "master equation"]
 )
 @pytest.mark.eq(4, 11)
 def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slack):

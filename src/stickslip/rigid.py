@@ -125,8 +125,7 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
         return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the distribution in each of them
     # The first fall is the steepest: renewal only smooths. Twice the largest initial travel to break covers it.
     distance = 0.1 * distribution.moment(1) + min(
-        distribution.support[1] - min(bare.initial.support[0], 0.0),
-        4.0 * float(distribution.inverse_survival(1e-3)),
+        distribution.support[1] - min(bare.initial.support[0], 0.0), 4.0 * float(distribution.inverse_survival(1e-3))
     )
     points = _points(bare, distance)
     solution = solved(bare, distance, 1.0, points)

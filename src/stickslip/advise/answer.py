@@ -53,9 +53,10 @@ class Foretold(Answer):
             wide = [
                 max(map(len, cells)) for cells in zip(*(row for row in rows if not isinstance(row, str)), strict=True)
             ]
+            mark = "- " if title else ""
             for row in rows:
                 if isinstance(row, str):
-                    lines += wrapped("- " * bool(title) + printable(row), subsequent_indent="  " * bool(title))
+                    lines += wrapped(mark + printable(row), subsequent_indent=" " * len(mark))
                 else:
                     lines.append("  ".join(map(str.ljust, map(printable, row), wide)).rstrip())
         return "\n".join(lines)

@@ -116,7 +116,7 @@ def speeds(found: Prediction) -> Iterator[str]:
     for band in found.bands:
         where.setdefault(band.kind, []).append(span := _span(found, *band.ends, band.low_found, band.high_found))
         if band.kind not in ("smooth sliding", "stable", "unknown"):
-            yield f"{MOTIONS.get(band.kind, band.kind)} {span}" + " if started from rest" * band.bistable
+            yield f"{MOTIONS.get(band.kind, band.kind)} {span}" + (" if started from rest" if band.bistable else "")
     if found.theory_note:
         yield found.theory_note
     elif known and {*where} <= {"smooth sliding", "stable", "unknown"}:

@@ -76,12 +76,7 @@ class Verdict(Answer):
         return f"{self.kind}: {self.reason}"
 
 
-def is_sustained(
-    rig: Rig,
-    *,
-    start: Start = FromRest(),
-    method: MasterEquation = METHOD,
-) -> Verdict:
+def is_sustained(rig: Rig, *, start: Start = FromRest(), method: MasterEquation = METHOD) -> Verdict:
     """Tell whether an oscillation persists from a start, at a constant velocity of the drive.
 
     The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,

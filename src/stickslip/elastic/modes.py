@@ -47,7 +47,7 @@ class CriticalLength(Answer):
         if not math.isfinite(self.wavelength):
             return "smooth sliding is stable at every wavelength"
         said = f"waves longer than {self.wavelength:.4g} blocks grow"
-        plural = "s" * (self.blocks > 1)
+        plural = "s" if self.blocks > 1 else ""
         return said + (f"; pulled at one end, unstable from {self.blocks} block{plural} on" if self.blocks else "")
 
 

@@ -93,8 +93,7 @@ def _of_field(record: type, name: str) -> dict[str, Any]:
 _RECORDS = {"slider": Slider, "chain": Chain, "sheet": Sheet, "interface": Interface}
 _BLOCKS = {name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"}
 TOP: Mapping[str, Key] = _keys(
-    "top",
-    {name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each for name, each in _EXAMPLES.items()},
+    "top", {name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each for name, each in _EXAMPLES.items()}
 )
 """Keys at the top of the file; of a table its first key is the example."""
 TABLES: Mapping[str, Mapping[str, Key]] = {

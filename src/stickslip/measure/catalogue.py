@@ -152,7 +152,7 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
             unit = printable(str(column.attrs.get("units", "")))
             divisor, unit = prefixed(mean, "" if unit == "1" else unit)
             std = 0.0 if std < _DUST * abs(mean) else std
-            scatter = f" ± {words.number(std / divisor, 2)}" * math.isfinite(std)
+            scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
             cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
             lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))
     return lines

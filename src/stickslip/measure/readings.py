@@ -119,9 +119,9 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     if back.size:
         late = f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before"
         raise InputError(f"{late}; times must rise: sort the rows, or give the step instead (--step, or step=)")
-    told += [f"and {len(bad) - 5} more"] * (len(bad) > 5)
+    told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
     text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
-    return values, [f"{len(bad)} of {lines.size} {text}"] * bool(bad)
+    return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
 
 
 def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
@@ -130,15 +130,16 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     spiky = spikes(values["force"])
     count = int(np.count_nonzero(spiky))
-    notes += [f"{count} spikes of a single sample; the force there is interpolated"] * bool(count)
+    notes += [f"{count} spikes of a single sample; the force there is interpolated"] if count else []
     rows.loc[spiky, "force"] = np.nan
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
     missing = rows["force"].isna()
     rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
     for name, usual in (("force", "N"), ("time", "s")):
-        notes += [f"the file names no unit of the {name}: {usual} assumed"] * (not units[name])
-        units[name] = units[name] or usual
+        if not units[name]:
+            units[name] = usual
+            notes.append(f"the file names no unit of the {name}: {usual} assumed")
     coefficient = units["force"] == "1"
     texts = {
         "force": ("spring_force", "coefficient of friction" if coefficient else "force"),

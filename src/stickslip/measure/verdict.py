@@ -135,10 +135,12 @@ class Regime(Answer):
             lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
         if self.cycles:
             period = f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
-            phase = f", slip phase: {100 * self.slip_phase:.0f} % of the cycle" * math.isfinite(self.slip_phase)
+            phase = (
+                f", slip phase: {100 * self.slip_phase:.0f} % of the cycle" if math.isfinite(self.slip_phase) else ""
+            )
             count = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
             drop += _variation(self.drop_variation)
-            lines.append(f"{count}, drop {drop}{period * math.isfinite(self.period)}{phase}")
+            lines.append(f"{count}, drop {drop}{period if math.isfinite(self.period) else ''}{phase}")
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.largest_velocity is not None:
@@ -215,7 +217,7 @@ def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
     stretches, notes, parts, strokes = trace.stretches, [*about_the_sensor(trace.force)], list[Regime](), 0
     if len(stretches) > 1:
         begin, end = words.number(stretches[0].t[-1]), words.number(stretches[1].t[0])
-        more = f", and {len(stretches) - 2} more gaps" * (len(stretches) > 2)
+        more = f", and {len(stretches) - 2} more gaps" if len(stretches) > 2 else ""
         notes.insert(0, f"no readings from t = {begin} to {end}{more}: each stretch without a gap was judged by itself")
     for stretch in [each for each in stretches if each.t.size >= FEWEST_READINGS] or [trace]:
         ways = [_judge(stroke) for stroke in find_strokes(stretch)]
@@ -261,7 +263,8 @@ def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     turns, seen = _in_turn(parts, alike=alike), replace(seen, segments=tuple(parts))
     if not alike:
         return replace(seen, kind=OPEN, reason=f"{turns}: judge each part by itself", window=window)
-    return replace(seen, notes=(*seen.notes, *[f"in {len(parts)} segments: {turns}"] * (", then " in turns)))
+    told = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
+    return replace(seen, notes=(*seen.notes, *told))
 
 
 def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:

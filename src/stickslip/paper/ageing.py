@@ -278,7 +278,4 @@ def _drawing_11(picture: Picture, data: xr.Dataset) -> None:
     panel(stiffness, "(c) steepest fall in (b)", data["velocity"], data["K_eff"], **limits)
 
 
-FIGURES = (
-    Figure("fig8", 5.6, _data_8, _claims_8, _drawing_8),
-    Figure("fig11", 5.2, _data_11, _claims_11, _drawing_11),
-)
+FIGURES = (Figure("fig8", 5.6, _data_8, _claims_8, _drawing_8), Figure("fig11", 5.2, _data_11, _claims_11, _drawing_11))

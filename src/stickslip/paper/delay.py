@@ -316,7 +316,4 @@ def _draw_fit(ax: Axes, x: Array, M_v2: Array, y: Array, label: str | None) -> N
         ax.plot(x[kept], y[kept], style, color=plot.BLUE, linewidth=0.9, label=label if style == "-" else None)
 
 
-FIGURES = (
-    Figure("fig4", 7.2, _data_4, _claims_4, _drawing_4),
-    Figure("fig6", 5.4, _data_6, _claims_6, _drawing_6),
-)
+FIGURES = (Figure("fig4", 7.2, _data_4, _claims_4, _drawing_4), Figure("fig6", 5.4, _data_6, _claims_6, _drawing_6))

@@ -129,11 +129,7 @@ class RateAndStateFit(Answer):
 
 
 def rate_and_state(
-    interface: Interface,
-    velocity: float = 1.0,
-    *,
-    step: float = 10.0,
-    law: Literal["best", "ageing", "slip"] = "best",
+    interface: Interface, velocity: float = 1.0, *, step: float = 10.0, law: Literal["best", "ageing", "slip"] = "best"
 ) -> RateAndStateFit:
     """Say whether an interface is rate-and-state-like, with which parameters, and what these get wrong.
 

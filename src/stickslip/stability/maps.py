@@ -27,10 +27,7 @@ FEW_LINES = 33  # the same where each point on a line has a response of its own
 
 
 def boundary(
-    rig: Rig,
-    *,
-    over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
-    between: Window,
+    rig: Rig, *, over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY), between: Window
 ) -> xr.Dataset:
     """Find where smooth sliding loses or regains stability in a window of two parameters.
 

@@ -79,7 +79,7 @@ class Plan:
         named |= {name: (BY_NAME[name].unit, BY_NAME[name].title) for name in self.parameters}
         found: dict[str, dict[str, Any]] = {}
         for name, (unit, title) in named.items():
-            title += ", per contact" * (rig.scales is None and name in PER_CONTACT)
+            title += ", per contact" if rig.scales is None and name in PER_CONTACT else ""
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
             if name in self.axes:
                 found[name]["spacing"] = "log" if name in self.logarithmic else "linear"
