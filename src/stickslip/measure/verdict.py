@@ -263,8 +263,8 @@ def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     turns, seen = _in_turn(parts, alike=alike), replace(seen, segments=tuple(parts))
     if not alike:
         return replace(seen, kind=OPEN, reason=f"{turns}: judge each part by itself", window=window)
-    told = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
-    return replace(seen, notes=(*seen.notes, *told))
+    changes = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
+    return replace(seen, notes=(*seen.notes, *changes))
 
 
 def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
