@@ -442,6 +442,7 @@ def test_boundary_goes_round_its_folds():
             assert float(away.min()) < 0.15**2
 
 
+@pytest.mark.takes(3)
 @pytest.mark.parametrize(
     ("held", "over", "within"),
     [

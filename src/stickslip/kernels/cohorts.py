@@ -368,8 +368,8 @@ def merged(cohorts: Floats, used: int, breaking: Breaking, width: float, toleran
         x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
         k, at = kind[first[i]], level[first[i]]
         reach = at - x if k == 1 else x - at if k == 2 else np.full(Q, r[run].max())
-        most = np.full(Q, cohorts[REACH, :used][run].max())
-        made[:5, i] = x, weight, most if breaking.width > 0.0 else reach, np.zeros(Q), np.zeros(Q)
+        least = np.full(Q, cohorts[REACH, :used][run].min())  # any will do that their clocks are ahead of
+        made[:5, i] = x, weight, least if breaking.width > 0.0 else reach, np.zeros(Q), np.zeros(Q)
         made[CLOCK, i] = reach
     return made
 

@@ -180,8 +180,9 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
         if len(found) == 1:
             chosen[name] = found[0]
         elif name == "force" or (name == "time" and not step):
-            given = f"--{name} on the command line, {name}= in Python; for times, the step will do, --step or step="
-            raise InputError(f"which column is the {name}? Name it ({given}); there are {table.listed()}")
+            given = f"Name it (--{name} on the command line, {name}= in Python)"
+            given += ", or give the step (--step, or step=)" if name == "time" else ""
+            raise InputError(f"which column is the {name}? {given}; there are {table.listed()}")
     return chosen
 
 

@@ -58,12 +58,12 @@ class Work:
     @property
     def seconds(self) -> float:
         """Time of one core."""
-        return sum(part.seconds for part in self.parts)
+        return float(sum(part.seconds for part in self.parts))
 
     @property
     def bytes(self) -> float:
         """Memory."""
-        return sum(part.bytes for part in self.parts)
+        return float(sum(part.bytes for part in self.parts))
 
     def announce(self) -> None:
         """Log one line of what a run of more than a minute will take; unless told otherwise, on standard error."""
