@@ -200,7 +200,7 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         ("t,position\n" + PAIRS, {}, r"is the force\? .*--force .* force= .* 1 't', 2 'position'"),
         ("t (s),z (mm)\n" + PAIRS, {}, r"which column is the force.*2 'z \(mm\)'"),
         ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), {}, "which column is the force"),
-        ("a,F\n" + PAIRS, {}, "which column is the time.*--time .* time=.*--step .* step="),
+        ("a,F\n" + PAIRS, {}, "which column is the time.*--time .* time=.*--step.* step="),
         ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), {}, "line"),
         ("t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"), {}, "column 2 holds numbers in 'N' below the heading 's'"),
         (rows(lambda t, f: f"{t}" + f",{f}" * 1500), {}, "1501 columns, more than 1000"),
