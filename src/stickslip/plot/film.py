@@ -95,11 +95,24 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
 
 
 def sound(run: xr.Dataset) -> tuple[int, Array]:
-    """Return a run or a measured trace as it sounds: samples a second, and samples (int16) of the spring force.
+    """Return a run or a measured trace as it sounds: the spring force about its mean, at its own pace.
 
-    It is the force about its mean, at its own pace, in units of SI, with an oscillation that can be heard: from 20 Hz
-    to 20 kHz. Write it with `save`, as WAV; in a notebook, ``IPython.display.Audio(samples, rate=rate)``. Raises
-    `InputError` if there is nothing to hear, or the times are in no unit of seconds.
+    Write it with `save`, as WAV; in a notebook, ``IPython.display.Audio(samples, rate=rate)``.
+
+    Parameters
+    ----------
+    run : Dataset
+        A force along time, in units of SI, with an oscillation that can be heard: from 20 Hz to 20 kHz.
+
+    Returns
+    -------
+    rate, samples : int, ndarray of int16
+        Samples a second, 44,100, and the samples.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to hear, or the times are in no unit of seconds.
 
     Examples
     --------
