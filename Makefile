@@ -57,7 +57,7 @@ lint: $(VENV)/.dev
 warm: $(VENV)/.dev
 	$(BIN)/python tests/warm.py
 
-# A test that takes more than 2 s of CPU time fails, unless it is marked.
+# A test that takes far more than 2 s of CPU time is listed, unless it is marked.
 unit: warm
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow and not browser" --at-most 2
 

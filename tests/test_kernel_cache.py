@@ -44,6 +44,7 @@ def run(house, **environment):
     return json.loads(done.stdout)
 
 
+@pytest.mark.takes(5)  # four interpreters start, as below
 @pytest.mark.parametrize("how", ["jit", "bare", "inlined"])
 def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compiled_again(house, how):
     write(house, how=how)
@@ -64,6 +65,7 @@ def test_the_first_use_is_told_from_later_ones(house):
     assert "first use: the solvers are compiled" in done.stderr
 
 
+@pytest.mark.takes(5)
 def test_old_machine_code_is_swept_up(house):
     folders = []
     for factor in (1.0, 2.0, 3.0, 4.0):
