@@ -35,7 +35,7 @@ def example_file(name: str) -> Path:
     instance("example: name", name, str, "the name of an example")
     known = sorted(f.stem for f in EXAMPLES.glob("*.toml"))
     if name not in known:
-        raise InputError(f"{shortened(name)}: no such example; there are {', '.join(known)}")
+        raise InputError(f"{shortened(name)}: no such file or example; examples are {', '.join(known)}")
     return EXAMPLES / f"{name}.toml"
 
 
@@ -76,8 +76,8 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
 
 def content_of(path: Path) -> Document:
     """Read the content of a rig file, or of the example of that name where there is no such file."""
-    if str(path) in example_names() and not path.exists():
-        path = example_file(path.name)
+    if not path.suffix and not path.exists():
+        path = example_file(str(path))
     return read_toml(path, "rig file", "`stickslip new pmma_slider`")
 
 
