@@ -6,8 +6,12 @@ A contact of strength ``s`` has broken once the largest ``(|x| - addend)/factor`
 integral ``G`` of ``exp(|x|/A)`` over its life, whatever the strength. So the fraction of newborns that survives is a
 function of the two, which is one of ``u`` alone unless contacts are pulled faster than they break by heat.
 
+Where thresholds grow logarithmically, too, ``G`` is the integral of ``exp((|x| - g)/A)``, with ``g`` what they have
+grown by.
+
 In a step the slider goes along a polynomial. On the side ahead of all that attached behind it ``G`` grows by an
-integral that they share, but for a factor; and on the other side by another.
+integral that they share, but for a factor; and on the other side by another. If they grow, it is a function of age that
+they share: of how much they grow in the step, it is smooth.
 """
 
 import math
@@ -18,7 +22,7 @@ import numpy as np
 from ._jit import bare, inlined
 from .hazard import Growth, grown
 from .records import Floats, Record
-from .rules import MONOMIAL, NODE, P, along, fit, gauss
+from .rules import MONOMIAL, NODE, P, along, dot, fit, gauss
 from .survival import Table, value_and_slope, value_at
 
 NEVER = -1e9  # the clock of a contact that was never tried
@@ -40,23 +44,41 @@ class Breaking(NamedTuple):
     growth: Growth
 
 
-X, CURVE, LENGTH, MOMENTS, AHEAD, AHEAD_SINCE, BACK, BACK_SINCE = range(8)
-AHEAD_PULLED, BACK_PULLED = 8, 9 + P
-"""Rows of the way of the slider in a step, shape (10 + 2 P, P + 1): its place at start and nodes, and coefficients of
-the polynomial through them; the length of the step in time, and room. Then what clocks gain up to each node, and from
-the node before it, where the slider is above the contact, and the same where it is below; and for each node how that up
-to it follows the slider's places at all nodes, on either side."""
+X, CURVE, STEP, MOMENTS, AHEAD, AHEAD_SINCE, BACK, BACK_SINCE = range(8)
+AHEAD_PULLED, BACK_PULLED, AHEAD_AGED, BACK_AGED, FITS = 8, 9 + P, 10 + 2 * P, 11 + 3 * P, 12 + 4 * P
+"""Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at start and nodes, and
+coefficients of the polynomial through them; what is known of the step, and room. Then what clocks gain up to each node,
+and from the node before it, where the slider is above the contact, and the same where it is below; and for each node
+how that up to it follows the slider's places at all nodes, on either side. If contacts grow at a temperature, at last
+the gain from node to node, less what they have grown by, as a sum of Chebyshev polynomials in their growth in the step;
+and these polynomials at their nodes."""
+LENGTH, YOUNGEST, ABOVE, BELOW = range(4)
+"""Of a step: its length in time, the age of the youngest contact, and how far the slider may be above and below them."""
+
+_FEWEST_AGES, _AGES, _MOST_AGES = 12, 2.0, 60
+"""Ages at which gains are tabulated: so many, and for each width that thresholds grow by in e-foldings of age."""
 
 
-def a_way() -> Floats:
+def a_way(breaking: Breaking) -> Floats:
     """Return room for a way."""
-    return np.zeros((10 + 2 * P, P + 1))
+    if breaking.width == 0.0 or breaking.growth.first == 0.0:
+        return np.zeros((FITS, P + 1))
+    many = min(_FEWEST_AGES + math.ceil(_AGES * breaking.growth.first / breaking.width), _MOST_AGES)
+    way = np.zeros((FITS + many, many))
+    way[FITS:] = np.cos(np.pi / many * np.outer(np.arange(many), np.arange(many) + 0.5))
+    return way
 
 
 @inlined
 def is_fixed(breaking: Breaking) -> bool:
     """Whether contacts break at thresholds that do not grow, and only there."""
     return bool(breaking.width == 0.0 and breaking.growth.first == 0.0)
+
+
+@inlined
+def _both(breaking: Breaking) -> bool:
+    """Whether contacts grow, and break by heat."""
+    return bool(breaking.width > 0.0 and breaking.growth.first > 0.0)
 
 
 @inlined
@@ -125,26 +147,53 @@ def survivals(breaking: Breaking, u: Floats, r: Floats) -> Floats:
 # ---------------- Clocks
 
 
-@bare
-def _gain(way: Floats, moments: Floats, breaking: Breaking, begin: float, end: float, b: float, sign: float) -> float:
-    """What a clock gains between two parts of a step on one side of a place `b`: ``A ln a Int exp(sign (x - b)/A)``.
+class _Piece(NamedTuple):
+    """A part of a step, from 0 to 1 in time, or in the logarithm of the age of contacts that grow."""
 
-    By panels from the end where the exponent is largest, the longer the less they matter, while they matter at all: a
-    panel's error is below ``1e-10`` of the integral. Leaves the first `moments` of the part of the step under it.
+    begin: float
+    span: float  # of the part, or of the logarithm
+    ratio: float  # length of the step over the age at its begin; 0 if nothing grows
+    tilt: float  # what the exponent gains by it
+
+
+@inlined
+def _place(piece: _Piece, s: float) -> float:
+    """Part of the step."""
+    return float(piece.begin + (piece.span * s if piece.ratio == 0.0 else math.expm1(piece.span * s) / piece.ratio))
+
+
+@inlined
+def _exponent(way: Floats, piece: _Piece, s: float, b: float, factor: float) -> float:
+    return float(factor * (along(way[CURVE], _place(piece, s)) - b) + piece.tilt * s)
+
+
+@bare
+def _gain(
+    way: Floats, moments: Floats, breaking: Breaking, begin: float, end: float, b: float, sign: float, age: float
+) -> float:
+    """What a clock gains between two parts of a step on one side of a place `b`, of contacts of an `age` at its start.
+
+    That is ``A ln a Int exp((sign (x - b) - g)/A)``, by panels from the end where the exponent is largest, the longer
+    the less they matter, while they matter at all: a panel's error is below ``1e-10`` of the integral. Leaves the first
+    `moments` of the part of the step under it.
     """
-    A, many = breaking.width, moments.size
+    A, many, ratio, span, tilt, grown_by = breaking.width, moments.size, 0.0, end - begin, 0.0, 0.0
+    if _both(breaking) and age < math.inf:
+        slope, time = breaking.growth.first / A, breaking.growth.second
+        young = max(age + begin * way[STEP, LENGTH], 0.0)
+        ratio = way[STEP, LENGTH] / (time + young)
+        span = math.log1p(ratio * span)
+        tilt, grown_by = (1.0 - slope) * span, slope * math.log1p(young / time)
+    piece, factor = _Piece(begin, span, ratio, tilt), sign / A
     for i in range(many):
         moments[i] = 0.0
-    first, last = sign * (along(way[CURVE], begin) - b) / A, sign * (along(way[CURVE], end) - b) / A
-    step, top = begin - end, last
-    here, u = last, end
-    if first > last:
-        step, top, here, u = end - begin, first, first, begin
-    left, size = 1.0, 1.0
+    first, last = _exponent(way, piece, 0.0, b, factor), _exponent(way, piece, 1.0, b, factor)
+    step, s, top, far = (1.0, 0.0, first, last) if first > last else (-1.0, 1.0, last, first)
+    here, left, size = top, 1.0, 1.0
     while left > 1e-14:
         size = min(size, left)
-        there = sign * (along(way[CURVE], u + size * step) - b) / A
-        if abs(there - here) > 4.0 + 0.5 * (top - here) and size > 1e-9:
+        there = _exponent(way, piece, s + size * step, b, factor)
+        if abs(there - here) > 4.0 + 0.5 * (top - max(here, there)) and size > 1e-9:
             size *= 0.5
             continue
         if there > top:  # it turns on the way
@@ -152,19 +201,21 @@ def _gain(way: Floats, moments: Floats, breaking: Breaking, begin: float, end: f
                 moments[i] *= math.exp(max(top - there, -700.0))
             top = there
         for k in range(_EIGHT.size):
-            part = u + size * step * _EIGHT[k]
-            power = size * _OF_EIGHT[k] * math.exp(min(sign * (along(way[CURVE], part) - b) / A - top, 40.0))
+            at = s + size * step * _EIGHT[k]
+            power = size * _OF_EIGHT[k] * math.exp(min(_exponent(way, piece, at, b, factor) - top, 40.0))
+            part = _place(piece, at)
             for i in range(many):
                 moments[i] += power
                 power *= part
-        u, here, left = u + size * step, there, left - size
-        if here < top - _SURE:
+        s, here, left = s + size * step, there, left - size
+        if max(here, far) < top - _SURE:
             break
         size *= 2.0
     total = moments[0]
     for i in range(many):
         moments[i] /= total
-    return float(A * (top + math.log(max(breaking.attempts * way[LENGTH, 0] * abs(step) * total, 1e-300))))
+    time = way[STEP, LENGTH] * (span / ratio if ratio > 0.0 else span)
+    return float(A * (top - grown_by + math.log(max(breaking.attempts * time * total, 1e-300))))
 
 
 @bare
@@ -172,27 +223,59 @@ def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> Non
     """Note where the slider is at the nodes of a step, and what clocks gain up to there."""
     for k in range(P + 1):
         way[X, k] = nodes[k].x
-    way[LENGTH, 0] = dt
+    way[STEP, LENGTH] = dt
     if breaking.width == 0.0:
         return
-    fit(way[X], way[CURVE])
+    fit(way[X, : P + 1], way[CURVE])
+    moments, old = way[MOMENTS, : P + 1], math.inf  # of those that do not grow any more
     way[AHEAD, 0] = way[BACK, 0] = NEVER
     for k in range(1, P + 1):
         for row, pulled, sign in ((AHEAD, AHEAD_PULLED, 1.0), (BACK, BACK_PULLED, -1.0)):
-            way[row + 1, k] = gain = _gain(way, way[MOMENTS], breaking, NODE[k - 1], NODE[k], 0.0, sign)
+            way[row + 1, k] = gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], 0.0, sign, old)
             way[row, k] = total = later(breaking.width, way[row, k - 1], gain)
             part = math.exp((gain - total) / breaking.width)
             for i in range(P + 1):
                 more = 0.0
                 for a in range(P + 1):
-                    more += MONOMIAL[a, i] * way[MOMENTS, a]
+                    more += MONOMIAL[a, i] * moments[a]
                 way[pulled + k, i] = (1.0 - part) * way[pulled + k - 1, i] + part * more
+    if _both(breaking):
+        _run_aged(way, breaking)
 
 
 @bare
-def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k: int) -> float:
-    """What the clock of contacts at a place gains before a node, from the node before it or from a later `begin`."""
-    a, x0, x1 = NODE[k - 1], way[X, k - 1] - b, way[X, k] - b
+def _run_aged(way: Floats, breaking: Breaking) -> None:
+    """Tabulate what the clocks of contacts that grow gain from node to node, over their growth in the step."""
+    dt, growth, many, scratch = way[STEP, LENGTH], breaking.growth, way.shape[1], way[MOMENTS, :1]
+    most = math.log1p(dt / (growth.second + way[STEP, YOUNGEST]))
+    for row, side, sign in ((AHEAD_AGED, ABOVE, 1.0), (BACK_AGED, BELOW, -1.0)):
+        for k in range(1, P + 1 if way[STEP, side] > 0.0 else 1):
+            for i in range(many):
+                age = dt / math.expm1(0.5 * most * (1.0 + way[FITS + 1, i])) - growth.second
+                gain = _gain(way, scratch, breaking, NODE[k - 1], NODE[k], 0.0, sign, age)
+                way[row, i] = gain + growth.first * math.log1p(age / growth.second)
+            for j in range(many):
+                way[row + k, j] = (1.0 if j == 0 else 2.0) / many * dot(way[FITS + j], way[row])
+
+
+@inlined
+def _aged(way: Floats, breaking: Breaking, row: int, age: float) -> float:
+    """What the clock of contacts of an age at the start of a step gains, at a place at its origin."""
+    growth, dt = breaking.growth, way[STEP, LENGTH]
+    part = math.log1p(dt / (growth.second + age)) / math.log1p(dt / (growth.second + way[STEP, YOUNGEST]))
+    t, one, two = 2.0 * (2.0 * part - 1.0), 0.0, 0.0
+    for j in range(way.shape[1] - 1, 0, -1):
+        one, two = way[row, j] + t * one - two, one
+    return float(way[row, 0] + 0.5 * t * one - two - growth.first * math.log1p(age / growth.second))
+
+
+@bare
+def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float) -> float:
+    """What the clock of contacts at a place gains before a node, from the node before it or from a later `begin`.
+
+    They have this age at the start of the step, or had it then if they attached in it.
+    """
+    a, x0, x1, scratch = NODE[k - 1], way[X, k - 1] - b, way[X, k] - b, way[MOMENTS, :1]
     if begin > a:
         a, x0 = begin, along(way[CURVE], begin) - b
     if x0 * x1 < 0.0 and min(abs(x0), abs(x1)) > 1e-14:
@@ -203,24 +286,26 @@ def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k:
                 high = u
             else:
                 low = u
-        before = _gain(way, way[MOMENTS, :1], breaking, a, low, b, -sign) if low > a else NEVER
-        return later(breaking.width, before, _gain(way, way[MOMENTS, :1], breaking, low, NODE[k], b, sign))
+        before = _gain(way, scratch, breaking, a, low, b, -sign, age) if low > a else NEVER
+        return later(breaking.width, before, _gain(way, scratch, breaking, low, NODE[k], b, sign, age))
     sign = 1.0 if x0 + x1 >= 0.0 else -1.0
-    if begin > NODE[k - 1]:
-        return _gain(way, way[MOMENTS, :1], breaking, begin, NODE[k], b, sign)
+    if begin > NODE[k - 1] or (age < 0.0 and _both(breaking)):
+        return _gain(way, scratch, breaking, a, NODE[k], b, sign, age)
+    if _both(breaking):
+        return _aged(way, breaking, (AHEAD_AGED if sign > 0.0 else BACK_AGED) + k, age) - sign * b
     return float(way[AHEAD_SINCE, k] - b if sign > 0.0 else way[BACK_SINCE, k] + b)
 
 
 @bare
 def gain_since_start(
-    way: Floats, breaking: Breaking, b: float, before: float, k: int, low: float, high: float
+    way: Floats, breaking: Breaking, b: float, before: float, k: int, low: float, high: float, age: float
 ) -> float:
     """What the clock of contacts at a place gains up to a node: `before` up to the last one, on a way within bounds."""
-    if b <= low:
+    if b <= low and not _both(breaking):
         return float(way[AHEAD, k] - b)
-    if b >= high:
+    if b >= high and not _both(breaking):
         return float(way[BACK, k] + b)
-    return later(breaking.width, before if k > 1 else NEVER, gain_of_interval(way, breaking, b, 0.0, k))
+    return later(breaking.width, before if k > 1 else NEVER, gain_of_interval(way, breaking, b, 0.0, k, age))
 
 
 @bare
@@ -228,9 +313,36 @@ def carried(
     way: Floats, breaking: Breaking, b: float, u: float, r: float, age: float, begin: float, k: int
 ) -> tuple[float, float]:
     """Clock and reach at a node of a step of contacts at a place that had these, and this age, in a part of it."""
+    age -= begin * way[STEP, LENGTH]
     for i in range(1, k + 1):
         if NODE[i] > begin:
-            r = max(r, reach_at(breaking.growth, abs(way[X, i] - b), age + (NODE[i] - begin) * way[LENGTH, 0]))
+            r = max(r, reach_at(breaking.growth, abs(way[X, i] - b), age + NODE[i] * way[STEP, LENGTH]))
             if breaking.width > 0.0:
-                u = later(breaking.width, u, gain_of_interval(way, breaking, b, begin, i))
+                u = later(breaking.width, u, gain_of_interval(way, breaking, b, begin, i, age))
     return u, r
+
+
+@bare
+def _fill_sliding(
+    breaking: Breaking, way: Floats, begin: float, begun: float, x: Floats, velocity: float, u: Floats, r: Floats
+) -> None:
+    for i in range(x.size):
+        for k in range(P + 1):
+            way[X, k] = NODE[k] * (x[i] - begin)
+        fit(way[X, : P + 1], way[CURVE])
+        way[STEP, LENGTH] = age = (x[i] - begin) / velocity
+        u[i], r[i] = NEVER, max(begun, reach_at(breaking.growth, abs(x[i]), age))
+        turn = min(max(-begin / (x[i] - begin), 0.0), 1.0)
+        if breaking.width > 0.0 and turn > 0.0:
+            u[i] = _gain(way, way[MOMENTS, :1], breaking, 0.0, turn, -begin, -1.0, 0.0)
+        if breaking.width > 0.0 and turn < 1.0:
+            u[i] = later(breaking.width, u[i], _gain(way, way[MOMENTS, :1], breaking, turn, 1.0, -begin, 1.0, 0.0))
+
+
+def sliding_lives(
+    breaking: Breaking, begin: float, begun: float, x: Floats, velocity: float
+) -> tuple[Floats, Floats, Floats]:
+    """Clocks, reaches and ages of contacts that steady sliding has stretched from `begin` to each of rising `x`."""
+    u, r = np.empty(x.size), np.empty(x.size)
+    _fill_sliding(breaking, a_way(breaking), begin, begun, x.ravel(), velocity, u, r)
+    return u.reshape(x.shape), np.maximum.accumulate(r).reshape(x.shape), (x - begin) / velocity

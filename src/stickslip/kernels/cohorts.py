@@ -12,7 +12,21 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import CERTAIN, LENGTH, Breaking, X, gain_since_start, is_fixed, later, reach_at, survival
+from .breaking import (
+    ABOVE,
+    BELOW,
+    CERTAIN,
+    LENGTH,
+    STEP,
+    YOUNGEST,
+    Breaking,
+    X,
+    gain_since_start,
+    is_fixed,
+    later,
+    reach_at,
+    survival,
+)
 from .records import Counts, Floats
 from .rules import GAUSS, GAUSS_MONOMIAL, NODE, WEIGHT, Q
 from .survival import Table, value_and_slope, value_at
@@ -160,8 +174,9 @@ def gather(
     """Nodes that may break from a time on while the slider is from `low` to `high`; the others are added up."""
     m0 = m1 = m2 = 0.0
     count, kinks = 0, 0
-    active, table, fixed = reading.active, breaking.thresholds, is_fixed(breaking)
-    tries = reading.way[LENGTH, 0] * breaking.attempts
+    active, table, fixed, step = reading.active, breaking.thresholds, is_fixed(breaking), reading.way[STEP]
+    step[YOUNGEST], step[ABOVE], step[BELOW] = np.inf, 0.0, 0.0
+    tries = step[LENGTH] * breaking.attempts
     by_time = breaking.width * math.log(tries) if tries > 0.0 else 0.0
     for g in range(used):
         if fixed and _is_kinked(cohorts, g, origin, breaking, low, high):
@@ -173,13 +188,15 @@ def gather(
             if m == 0.0:
                 continue
             d = cohorts[PLACE, g, j] - origin
-            r = cohorts[REACH, g, j]
+            r, age = cohorts[REACH, g, j], t - cohorts[SINCE, g, j]
+            step[YOUNGEST] = min(step[YOUNGEST], age)
+            step[ABOVE], step[BELOW] = max(step[ABOVE], high - d), max(step[BELOW], d - low)
             if r >= table.top:
                 continue
             whole = r < table.bottom and high - d < table.bottom and d - low < table.bottom
             if not fixed:
-                u, age, far = cohorts[CLOCK, g, j], t - cohorts[SINCE, g, j], max(high - d, d - low)
-                whole = whole and reach_at(breaking.growth, far, age) < table.bottom
+                u, far = cohorts[CLOCK, g, j], reach_at(breaking.growth, max(high - d, d - low), age)
+                whole = whole and far < table.bottom
                 if breaking.width > 0.0:
                     if u >= breaking.blurred.top:
                         continue
@@ -253,10 +270,10 @@ def _force_on_the_way(
         x, part, rises = y - d, 0.0, False
         if k > 0:
             before = active[5, i] if k > 1 else r
-            r = max(before, reach_at(breaking.growth, abs(x), active[4, i] + NODE[k] * way[LENGTH, 0]))
+            r = max(before, reach_at(breaking.growth, abs(x), active[4, i] + NODE[k] * way[STEP, LENGTH]))
             active[5, i], rises = r, r > before
             if A > 0.0:
-                gain = gain_since_start(way, breaking, d, active[6, i], k, low, high)
+                gain = gain_since_start(way, breaking, d, active[6, i], k, low, high, active[4, i])
                 active[6, i], u = gain, later(A, u, gain)
                 part = math.exp((gain - u) / A)
         J, by_clock, by_reach = survival(breaking, u, r)

@@ -1,7 +1,7 @@
 """One step of the master equation: positions and forces that agree at its nodes, and whether it is too long."""
 
 from ._jit import bare, inlined
-from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, NEVER, carried, is_fixed, run_clocks, survival
+from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, NEVER, STEP, carried, is_fixed, run_clocks, survival
 from .cohorts import force_at, gather
 from .drive import drive_at
 from .oscillator import is_rigid
@@ -243,7 +243,7 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     """
     nodes, motion, slider, tol = work.nodes, state.motion, case.slider, case.accuracy.tolerance
     state.used.steps += 1
-    work.reading.way[LENGTH, 0] = dt
+    work.reading.way[STEP, LENGTH] = dt
     known_reattachment(state, work, case.delays, dt)
     rigid = is_rigid(slider)
     nodes[0].known = 0.0

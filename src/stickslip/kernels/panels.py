@@ -19,7 +19,7 @@ import numpy as np
 
 from . import panel_state
 from ._jit import bare, jit
-from .breaking import NEVER, a_way, carried
+from .breaking import NEVER, Breaking, a_way, carried
 from .cohorts import (
     CLOCK,
     COHORT_ROWS,
@@ -464,14 +464,14 @@ def advance(
     rows = np.empty(times.size, MOTION).view(np.recarray)
     wanted = Wanted(until, stop, times, rows)
     state.used.sampled, state.used.left = 0, max_steps
-    while (reason := _run(state, _room_to_work(state), case, finite, wanted)) == NO_ROOM:
+    while (reason := _run(state, _room_to_work(state, case.breaking), case, finite, wanted)) == NO_ROOM:
         state = _with_room(state, case, finite)
     return state, rows[: state.used.sampled], reason
 
 
-def _room_to_work(state: State) -> Work:
+def _room_to_work(state: State, breaking: Breaking) -> Work:
     room = state.cohorts.shape[1]
-    reading = Reading(np.zeros((7, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64), a_way())
+    reading = Reading(np.zeros((7, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64), a_way(breaking))
     values, coefficients = np.zeros((P + 2, len(panel_state.AT_NODE))), np.zeros((P + 1, len(panel_state.AT_NODE)))
     nodes, curves = (matrix.view(panel_state.AT_NODE)[:, 0].view(np.recarray) for matrix in (values, coefficients))
     before, matrix = blank(MOTION, 1), np.zeros((2 * P + 1, P))

@@ -2,8 +2,7 @@
 
 A cohort is what attached in one step, at the same place and time. Each of its contacts keeps its strength, so that what
 survives is an average over strengths: a strength survives as ``exp(-H)``, with ``H`` the integral of the rate over the
-cohort's life. By `Bell`, where thresholds grow by an addend, ``H = G exp(-s/A)``, and two numbers say what survives, as
-in `breaking`. Otherwise ``H`` is followed at nodes of the strengths.
+cohort's life, which is followed at nodes of the strengths. Where two numbers say it all, `breaking` does with them.
 
 Within a step the slider moves one way and by less than a fraction of the width over which rates change; in a hold steps
 grow with time. What attaches in a step does so in its middle; what of it breaks within the step is passed on, so that
@@ -17,14 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import NEVER, Breaking, later, reach_at, survival
-from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join, longer
+from .cohort_store import ALIVE, MASS, PLACE, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
-from .hazard import EXPONENTIAL, Growth, Hazard, grown, rate, threshold_at
+from .hazard import EXPONENTIAL, Growth, Hazard, rate, threshold_at
 from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, spring_force, travel
 from .records import Floats, Record, blank, record
 from .rules import gauss
-from .survival import values_at
 
 MOTION = record(
     "position velocity contact_force attached stored work damped broken time",
@@ -36,9 +33,9 @@ to try next, the fraction that waits, and all that has re-attached."""
 COUNTS = record(counts="cohorts sampled left")
 """Cohorts in use; of a call, the samples that are filled, and the steps that are left."""
 
-SINCE, TRIAL_ALIVE, TRIAL_REACH = range(4, 7)
+SINCE, TRIAL_ALIVE = range(4, 6)
 """Rows of the cohorts behind those of the store: when they attached, and what a step under trial leaves."""
-ROWS = 7
+ROWS = 6
 
 EXTINCT = 1e-13  # a cohort of which a smaller fraction survives is dropped; its rest counts as broken
 UNTRIED = 1e-10  # a contact whose integrated rate is smaller is as good as whole, and with it all of larger strengths
@@ -51,8 +48,8 @@ class Model(NamedTuple):
     """How contacts break."""
 
     hazard: Hazard
-    breaking: Breaking
-    node: Floats  # shape (n,): strengths at which the hazard is followed; none where a clock and a reach are enough
+    growth: Growth
+    node: Floats  # shape (n,): strengths at which the hazard is followed
     weight: Floats  # shape (n,)
     width: float  # stretching over which rates change
 
@@ -70,7 +67,7 @@ class State(NamedTuple):
 
     motion: Record  # record of MOTION
     cohort: Floats  # shape (ROWS, room)
-    run: Floats  # shape (room, nodes or 1): by cohort the clock, or ``H`` at the nodes
+    run: Floats  # shape (room, nodes): by cohort ``H`` at the nodes
     trial: Floats  # the same at the end of a step under trial
     history: History
     used: Record  # record of COUNTS
@@ -133,39 +130,19 @@ def _integral(hazard: Hazard, growth: Growth, strength: float, age: float, dt: f
     return total
 
 
-@inlined
-def _gained(model: Model, age: float, dt: float, x: float, dx: float) -> float:
-    """Logarithm of what ``G`` grows by: the integral for a strength that does not overflow, scaled."""
-    strength = max(abs(x), abs(x + dx)) - grown(model.breaking.growth, age)[1]
-    integral = _integral(model.hazard, model.breaking.growth, strength, age, dt, x, dx)
-    return math.log(max(integral, 1e-300)) + strength / model.hazard.scale
-
-
-@inlined
+@bare
 def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, dX: float) -> float:
     """Take a cohort along: the fraction of it that survives."""
-    cohort = state.cohort
-    age, x = now - cohort[SINCE, j], X - cohort[PLACE, j]
-    if model.node.size > 0:
-        cohort[TRIAL_REACH, j] = cohort[REACH, j]
-        return _follow_nodes(state, model, j, age, dt, x, dX)
-    cohort[TRIAL_REACH, j] = reach = max(cohort[REACH, j], reach_at(model.breaking.growth, abs(x + dX), age + dt))
-    state.trial[j, 0] = later(model.hazard.scale, state.run[j, 0], model.hazard.scale * _gained(model, age, dt, x, dX))
-    return survival(model.breaking, state.trial[j, 0], reach)[0]
-
-
-@bare
-def _follow_nodes(state: State, model: Model, j: int, age: float, dt: float, x: float, dX: float) -> float:
-    """The same where the hazard is followed at nodes of the strengths."""
+    age, x = now - state.cohort[SINCE, j], X - state.cohort[PLACE, j]
     fraction = seen = 0.0
     end = abs(x + dX)
     for k in range(model.node.size):
         run = state.run[j, k]
         if run < 40.0:
-            if end >= threshold_at(model.breaking.growth, model.node[k], age + dt):
+            if end >= threshold_at(model.growth, model.node[k], age + dt):
                 run = math.inf
             else:
-                run += _integral(model.hazard, model.breaking.growth, model.node[k], age, dt, x, dX)
+                run += _integral(model.hazard, model.growth, model.node[k], age, dt, x, dX)
                 fraction += model.weight[k] * math.exp(-run)
         state.trial[j, k] = run
         seen += model.weight[k]
@@ -175,12 +152,6 @@ def _follow_nodes(state: State, model: Model, j: int, age: float, dt: float, x: 
             fraction += 1.0 - seen
             break
     return fraction
-
-
-@inlined
-def untouched(model: Model) -> float:
-    """What a newborn's clock, or ``H``, begins with."""
-    return NEVER if model.node.size == 0 else 0.0
 
 
 # ---------------- A step
@@ -218,8 +189,8 @@ def _arrive(state: State, case: Case, known: float, part: float, dt: float, load
         force += alive * (X1 - cohort[PLACE, j])
     # What attaches is the cohort behind the last.
     j, middle, when = state.used.cohorts, X + 0.5 * dX, now + 0.5 * dt
-    cohort[PLACE, j], cohort[SINCE, j], cohort[REACH, j] = middle, when, 0.0
-    state.run[j, :] = untouched(model)
+    cohort[PLACE, j], cohort[SINCE, j] = middle, when
+    state.run[j, :] = 0.0
     young = follow(state, model, j, when, 0.5 * dt, middle, 0.5 * dX)
     broken = (motion.attached - old + (1.0 - young) * known) / (1.0 - (1.0 - young) * part)
     attaching = known + part * broken
@@ -305,10 +276,10 @@ def _commit(state: State, case: Case, trial: _Trial, load: Load) -> None:
             part = alive / (cohort[ALIVE, kept - 1] + alive)
             cohort[SINCE, kept - 1] += part * (cohort[SINCE, j] - cohort[SINCE, kept - 1])
             cohort[MASS, kept - 1] += mass
-            join(cohort, kept - 1, place, alive, cohort[TRIAL_REACH, j])
+            join(cohort, kept - 1, place, alive, 0.0)
             continue
         cohort[PLACE, kept], cohort[SINCE, kept], cohort[MASS, kept] = place, cohort[SINCE, j], mass
-        cohort[ALIVE, kept], cohort[REACH, kept] = alive, cohort[TRIAL_REACH, j]
+        cohort[ALIVE, kept] = alive
         for k in range(state.run.shape[1]):
             state.run[kept, k] = state.trial[j, k]
         kept += 1
@@ -445,15 +416,10 @@ def initial_state(model: Model, delays: Delays, x: Floats, weight: Floats, since
     """Put a slider at 0 on contacts of these stretchings, whose thresholds lie beyond them; the rest is detached."""
     count = x.size
     state = _empty(model, delays, 2 * count + 256, 0.0)
-    cohort, reach = state.cohort, np.abs(x)
-    cohort[PLACE, :count], cohort[SINCE, :count] = -x, since
-    cohort[ALIVE, :count], cohort[REACH, :count] = weight, reach
-    state.run[:count] = untouched(model)
-    cohort[MASS, :count] = weight / np.maximum(values_at(model.breaking.thresholds, reach), 1e-12)
-    if model.node.size:
-        above = model.node > reach[:, None]
-        state.run[:count][~above] = np.inf
-        cohort[MASS, :count] = weight / np.maximum(above @ model.weight, 1e-12)
+    cohort, above = state.cohort, model.node > np.abs(x)[:, None]
+    cohort[PLACE, :count], cohort[SINCE, :count], cohort[ALIVE, :count] = -x, since, weight
+    state.run[:count] = np.where(above, 0.0, np.inf)
+    cohort[MASS, :count] = weight / np.maximum(above @ model.weight, 1e-12)
     return _summed(state, count, velocity)
 
 
@@ -462,21 +428,15 @@ def sliding_state(model: Model, delays: Delays, velocity: float, limits: Limits,
     mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
     state, distance = _empty(model, delays, 1024, 0.0), step
 
-    def begin() -> None:
-        state.run[0], state.cohort[REACH, 0] = untouched(model), 0.0
-
-    begin()
     while follow(state, model, 0, 0.0, distance / velocity, 0.0, distance) < 0.97 and distance > step / 16.0:
         distance *= 0.5  # most newborns should not break before the first step is over
-    begin()
-    x, alive, runs, reaches = [0.0], [1.0], [state.run[0].copy()], [0.0]
+    x, alive, runs = [0.0], [1.0], [np.zeros(model.node.size)]
     while alive[-1] > EXTINCT:
         fraction = follow(state, model, 0, x[-1] / velocity, distance / velocity, x[-1], distance)
-        state.run[0], state.cohort[REACH, 0] = state.trial[0], state.cohort[TRIAL_REACH, 0]
+        state.run[0] = state.trial[0]
         x.append(x[-1] + distance)
         alive.append(min(fraction, alive[-1]))
         runs.append(state.run[0].copy())
-        reaches.append(float(state.cohort[REACH, 0]))
         distance = min(1.2 * distance, step)
     place, left, count = np.array(x), np.array(alive[:-1]), len(x) - 1
     part = 0.5 * np.diff(place, prepend=0.0)
@@ -488,14 +448,14 @@ def sliding_state(model: Model, delays: Delays, velocity: float, limits: Limits,
     back, cohort = place[count - 1 :: -1], state.cohort
     cohort[PLACE, :count], cohort[SINCE, :count] = -back, -back / velocity
     cohort[MASS, :count], cohort[ALIVE, :count] = part[::-1] / cycle, (part * left)[::-1] / cycle
-    cohort[REACH, :count], state.run[:count] = reaches[count - 1 :: -1], runs[count - 1 :: -1]
+    state.run[:count] = runs[count - 1 :: -1]
     state.motion.slid = f_d
     return _summed(state, count, velocity)
 
 
 def _empty(model: Model, delays: Delays, room: int, rate_before: float) -> State:
     """Make room for a state; contacts broke at this rate before."""
-    run = np.zeros((room, max(model.node.size, 1)))
+    run = np.zeros((room, model.node.size))
     history, cohort = first_history(delays, rate_before, 1024), np.zeros((ROWS, room))
     state = State(blank(MOTION), cohort, run, run.copy(), history, blank(COUNTS), blank(MOTION, 1), np.zeros(1))
     state.motion.reattached = -rate_before * float((delays.time * delays.weight).sum())

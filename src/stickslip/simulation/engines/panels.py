@@ -10,10 +10,10 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
-from stickslip.kernels.breaking import NEVER, Breaking, is_fixed, survivals
+from stickslip.kernels.breaking import NEVER, Breaking, is_fixed, sliding_lives, survivals
 from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
 from stickslip.kernels.finite_population import counted
-from stickslip.kernels.lifetimes import reach, rule
+from stickslip.kernels.lifetimes import reach
 from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
 from stickslip.kernels.panels import advance
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
@@ -24,6 +24,7 @@ from stickslip.model import (
     DelayModel,
     ExponentialGrowth,
     Interface,
+    LogarithmicGrowth,
     MasterEquation,
     OnArrest,
     Population,
@@ -33,7 +34,7 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import GROWTH, Array, Beginning, Cohorts, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
 from stickslip.simulation.work import Course, Part, oscillation
 
@@ -52,10 +53,10 @@ with growth."""
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
-@solves(MasterEquation, temperature=(type(None), Bell))
-@solves(MasterEquation, *GROWTH)
-@solves(Population, temperature=(type(None), Bell))
-@solves(Population, *GROWTH)
+@solves(MasterEquation, type(None), LogarithmicGrowth, temperature=(type(None), Bell))
+@solves(MasterEquation, ExponentialGrowth)
+@solves(Population, type(None), LogarithmicGrowth, temperature=(type(None), Bell))
+@solves(Population, ExponentialGrowth)
 class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
@@ -278,32 +279,13 @@ def _lives_met(
         else:
             early = begin + width * 0.25 ** np.arange(1, 24)  # what breaks at a rate, or as it grows, does so at once
             x, weight = _on_panels({0.0, *early}, begin, end, width)
-        clock, most, age = _carried(breaking, begin, begun, x, velocity)
+        clock, most, age = sliding_lives(breaking, begin, begun, x, velocity)
         alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
         parts.append((x, mass * weight * alive, clock, most, age))
     x, weight, clock, most, age = (np.concatenate(part) for part in zip(*parts, strict=True))
     kept = weight.sum(axis=1) > 1e-17
     path = float(weight.sum())
     return x[kept], weight[kept] / weight[kept].sum(), (clock[kept], most[kept], age[kept]), path
-
-
-def _carried(breaking: Breaking, begin: float, begun: float, x: Array, velocity: float) -> tuple[Array, Array, Array]:
-    """Clocks, reaches and ages of contacts that steady sliding has stretched from `begin` to each of rising `x`."""
-    age = (x - begin) / velocity
-    factor, addend = rule(breaking.growth, age.ravel())[:2]
-    met = (np.abs(x.ravel()) - addend) / np.maximum(factor, 1e-300)
-    most = np.maximum(np.maximum.accumulate(met), begun).reshape(x.shape)
-    if (A := breaking.width) == 0.0:
-        return np.full(x.shape, NEVER), most, age
-    # The integral of exp(|x|/A) on the way back to 0, and on that ahead of it.
-    back, ahead = np.minimum(x, 0.0), np.maximum(x, 0.0)
-    with np.errstate(divide="ignore"):
-        first = (
-            -begin / A + np.log(-np.expm1((min(begin, 0.0) - back) / A)) if begin < 0.0 else np.full(x.shape, -np.inf)
-        )
-        second = ahead / A + np.log(-np.expm1((max(begin, 0.0) - ahead) / A))
-        gained = np.logaddexp(first, second) + math.log(breaking.attempts * A / velocity)
-    return np.maximum(A * gained, NEVER), most, age
 
 
 def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy) -> tuple[Array, Array]:

@@ -12,17 +12,17 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import GROWTH, Array, Beginning, Cohorts, Stretchings, slider_constants, solves
-from stickslip.simulation.engines.beginnings import breaking_of
 from stickslip.simulation.work import Course, Part, oscillation
-from stickslip.sliding.lifetimes import hazard_of
+from stickslip.sliding.lifetimes import growth_of, hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
 _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
-_COHORT = 2e-6, 1e-5  # seconds a cohort takes in a step: where one number says what is left of it, and at nodes
+_COHORT = 1e-5  # seconds a cohort takes in a step
 
 
 @solves(MasterEquation, type(None), temperature=(Parabolic, Barrier))
-@solves(MasterEquation, *GROWTH, temperature=(Bell, Parabolic, Barrier))
+@solves(MasterEquation, *GROWTH, temperature=(Parabolic, Barrier))
+@solves(MasterEquation, ExponentialGrowth, temperature=(Bell,))
 class ThermalPopulation(Cohorts):
     """Cohorts of contacts that attached together, of which nothing simpler says what is left: see `Panels`."""
 
@@ -34,10 +34,9 @@ class ThermalPopulation(Cohorts):
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         interface = beginning.interface
         self._method, self.slider = method, slider_constants(beginning.slider)
-        thresholds, width, nodes = interface.threshold_distribution, activation_width(interface), (np.empty(0),) * 2
-        if not _is_one_number(interface):
-            nodes = _threshold_nodes(thresholds, width)
-        model = kernel.Model(hazard_of(interface.temperature), breaking_of(interface), *nodes, width)
+        thresholds, width = interface.threshold_distribution, activation_width(interface)
+        hazard, growth = hazard_of(interface.temperature), growth_of(interface.ageing)
+        model = kernel.Model(hazard, growth, *_threshold_nodes(thresholds, width), width)
         # Second order: half a width makes 1e-5 of the force.
         coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
         reach = 0.5 * coarser
@@ -58,12 +57,12 @@ class ThermalPopulation(Cohorts):
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: a few steps and cohorts on a width, fewer where few contacts may break."""
         interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
-        width, one_number = activation_width(interface), _is_one_number(interface)
+        width = activation_width(interface)
         finer = max(1.0, math.sqrt(1e-4 / method.rtol))
         closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
         cohorts = float(closest * interface.threshold_distribution.support[1])
         steps = closest * mean * (course.distance + course.shaken) + 3.0 * course.rung
-        seconds, room = _COHORT[not one_number] * steps * cohorts, 16.0 * cohorts * (1 if one_number else _NODES)
+        seconds, room = _COHORT * steps * cohorts, 16.0 * cohorts * _NODES
         what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
         part = Part("interface.temperature", width, None, -2.0, what, seconds, room, instead="use Contacts(...), or ")
         return *oscillation(rig, course.turns), part
@@ -72,11 +71,6 @@ class ThermalPopulation(Cohorts):
         """Stretchings of the cohorts now."""
         place, alive = self.state.cohort[[PLACE, ALIVE], : self.state.used.cohorts]
         return Stretchings(self.state.motion.position - place, alive, cells=True)
-
-
-def _is_one_number(interface: Interface) -> bool:
-    """Whether one number says what a temperature has left of a cohort."""
-    return isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth)
 
 
 def activation_width(interface: Interface) -> float:
