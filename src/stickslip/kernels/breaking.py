@@ -52,8 +52,9 @@ and from the node before it, where the slider is above the contact, and the same
 how that up to it follows the slider's places at all nodes, on either side. If contacts grow at a temperature, at last
 the gain from node to node, less what they have grown by, as a sum of Chebyshev polynomials in their growth in the step;
 and these polynomials at their nodes."""
-LENGTH, YOUNGEST, ABOVE, BELOW = range(4)
-"""Of a step: its length in time, the age of the youngest contact, and how far the slider may be above and below them."""
+LENGTH, LOW, HIGH, YOUNGEST, ABOVE, BELOW = range(6)
+"""Of a step: its length in time; how far the slider may go back and ahead; the age of the youngest contact; whether
+it stays above some, or below."""
 
 _FEWEST_AGES, _AGES, _MOST_AGES = 12, 2.0, 60
 """Ages at which gains are tabulated: so many, and for each width that thresholds grow by in e-foldings of age."""
@@ -211,7 +212,7 @@ def _gain(
         if max(here, far) < top - _SURE:
             break
         size *= 2.0
-    total = moments[0]
+    total = max(moments[0], 1e-300)  # of a way that no step will take
     for i in range(many):
         moments[i] /= total
     time = way[STEP, LENGTH] * (span / ratio if ratio > 0.0 else span)
@@ -289,7 +290,8 @@ def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k:
         before = _gain(way, scratch, breaking, a, low, b, -sign, age) if low > a else NEVER
         return later(breaking.width, before, _gain(way, scratch, breaking, low, NODE[k], b, sign, age))
     sign = 1.0 if x0 + x1 >= 0.0 else -1.0
-    if begin > NODE[k - 1] or (age < 0.0 and _both(breaking)):
+    crosses = way[STEP, LOW] < b < way[STEP, HIGH]
+    if begin > NODE[k - 1] or (_both(breaking) and (crosses or age < 0.0)):
         return _gain(way, scratch, breaking, a, NODE[k], b, sign, age)
     if _both(breaking):
         return _aged(way, breaking, (AHEAD_AGED if sign > 0.0 else BACK_AGED) + k, age) - sign * b

@@ -16,7 +16,9 @@ from .breaking import (
     ABOVE,
     BELOW,
     CERTAIN,
+    HIGH,
     LENGTH,
+    LOW,
     STEP,
     YOUNGEST,
     Breaking,
@@ -175,7 +177,7 @@ def gather(
     m0 = m1 = m2 = 0.0
     count, kinks = 0, 0
     active, table, fixed, step = reading.active, breaking.thresholds, is_fixed(breaking), reading.way[STEP]
-    step[YOUNGEST], step[ABOVE], step[BELOW] = np.inf, 0.0, 0.0
+    step[LOW], step[HIGH], step[YOUNGEST], step[ABOVE], step[BELOW] = low, high, np.inf, 0.0, 0.0
     tries = step[LENGTH] * breaking.attempts
     by_time = breaking.width * math.log(tries) if tries > 0.0 else 0.0
     for g in range(used):
@@ -190,7 +192,10 @@ def gather(
             d = cohorts[PLACE, g, j] - origin
             r, age = cohorts[REACH, g, j], t - cohorts[SINCE, g, j]
             step[YOUNGEST] = min(step[YOUNGEST], age)
-            step[ABOVE], step[BELOW] = max(step[ABOVE], high - d), max(step[BELOW], d - low)
+            if d <= low:
+                step[ABOVE] = 1.0
+            elif d >= high:
+                step[BELOW] = 1.0
             if r >= table.top:
                 continue
             whole = r < table.bottom and high - d < table.bottom and d - low < table.bottom

@@ -1,5 +1,7 @@
 """One step of the master equation: positions and forces that agree at its nodes, and whether it is too long."""
 
+import math
+
 from ._jit import bare, inlined
 from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, NEVER, STEP, carried, is_fixed, run_clocks, survival
 from .cohorts import force_at, gather
@@ -172,7 +174,7 @@ def _newton(state: State, work: Work, case: Case, dt: float) -> float:
         y = V[r] if M == 0.0 else dt * dot(COLLOCATION[r], V)
         change = max(change, abs(y - nodes[r + 1].x))
         nodes[r + 1].x = y
-    return change
+    return change if math.isfinite(nodes[P].x) else math.inf
 
 
 @bare
@@ -220,16 +222,22 @@ def _gather(state: State, work: Work, case: Case, low: float, high: float) -> in
 
 @bare
 def _begin(state: State, work: Work, case: Case, dt: float) -> None:
-    """Put the slider at the nodes to where it went if nothing more broke; a rigid one to where it is driven."""
+    """Put the slider at the nodes to where it went if nothing more broke.
+
+    A rigid one is put to where it is driven, and one without mass to where it went at the same velocity: as it breaks
+    contacts it has next to no stiffness.
+    """
     nodes, motion = work.nodes, state.motion
     for k in range(1, P + 1):
         if is_rigid(case.slider):
             D, V = drive_at(case.drive, motion.time + NODE[k] * dt)
             nodes[k].x, nodes[k].v = D - motion.position, V
+        elif case.slider.mass == 0.0:
+            nodes[k].x, nodes[k].v = NODE[k] * dt * motion.velocity, motion.velocity
         else:
             nodes[k].force, nodes[k].slope, nodes[k].x = nodes[0].force, nodes[0].slope, 0.0
             nodes[k].ahead = nodes[k].back = 0.0
-    if not is_rigid(case.slider):
+    if case.slider.mass > 0.0 and not is_rigid(case.slider):
         _pull(state, work, case, dt)
         _newton(state, work, case, dt)
 
