@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
-from stickslip.errors import LARGEST, SMALLEST, InputError, printable
+from stickslip.errors import SMALLEST, InputError, extreme, printable
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import rig_of
@@ -38,13 +38,13 @@ _VARIABLES = {
 
 
 def check_numbers(place: str, variable: xr.DataArray) -> None:
-    """Raise `InputError` if a variable holds no numbers, or one that is too large to be multiplied."""
+    """Raise `InputError` if a variable holds no numbers, or such as are too large or too small to be multiplied."""
     if variable.dtype.kind not in "fiu":
         raise InputError(f"{place}: {variable.name} holds values of type {variable.dtype}, no numbers")
     values = np.asarray(variable.values, dtype=float)
     largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
-    if largest > LARGEST:
-        raise InputError(f"{place}: {variable.name} = {largest:g}: must be at most {LARGEST:g} in size")
+    if refusal := extreme(largest):
+        raise InputError(f"{place}: {variable.name} = {largest:g}: {refusal}")
 
 
 def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
