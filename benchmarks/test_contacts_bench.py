@@ -40,7 +40,7 @@ def test_plain_loop(benchmark, count, fraction, rounds):
 
 @pytest.mark.parametrize(("count", "promised", "rounds"), [(10_000, 60, 10), (1_000_000, 40, 1)], ids=["1e4", "1e6"])
 def test_contacts_engine(benchmark, count, promised, rounds):
-    """An event of 1e6 contacts takes little longer than one read from memory that no cache holds (`count_events.py`)."""
+    """An event of 1e6 contacts takes little more than a read from memory that no cache holds (`count_events.py`)."""
     engine(100, WARM)
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
     benchmark.extra_info.update(role="fast", promised=promised, what="contacts engine")

@@ -112,10 +112,19 @@ HOT = {
 }
 
 
-@pytest.mark.parametrize("name", [*HOT, "logarithmic growth"])
+HOT |= {
+    "logarithmic growth": {"ageing": LOGARITHMIC},
+    "Bell's rate of width 0.01, logarithmic growth": {
+        "ageing": LOGARITHMIC,
+        "temperature": ss.Bell(width=0.01, attempts=1e6),
+    },
+}
+
+
+@pytest.mark.parametrize("name", HOT)
 def test_master_equation_of_other_contacts(benchmark, name):
-    interface = replace(FIG4.interface, **HOT.get(name, {"ageing": LOGARITHMIC}))
-    of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 20)
+    interface = replace(FIG4.interface, **HOT[name])
+    of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 40)
     run(benchmark, FIG4C.replace(interface=interface, method=ss.MasterEquation(rtol=1e-4)), rounds=5)
 
 

@@ -105,7 +105,7 @@ def strings(run, name):
     [
         (lambda run: strings(run, "spring_force"), "no numbers"),
         (lambda run: strings(run, "velocity"), "no numbers"),
-        (lambda run: run.assign(spring_force=1e300 * run["spring_force"]), "at most 1e+30"),
+        (lambda run: run.assign(spring_force=1e300 * run["spring_force"]), "between 1e-30 and 1e+30"),
         (lambda run: run.assign(spring_force=np.nan * run["spring_force"]), "not finite"),
         (lambda run: run.assign_coords(time=np.nan * run["time"]), "not finite"),
         (lambda run: run.assign_coords(time=run["time"].assign_attrs(units="seconds since 1900-01-01")), ""),

@@ -77,8 +77,7 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     scatter = 4.0 * math.sqrt(2.0) * 3e-3 if "temperature" in mechanism else 1e-3
     assert there.mean() / length == pytest.approx(here.mean(), rel=scatter)
     there = rescaled_rig(rig, length, time)
-    grows = isinstance(rig.interface.ageing, ss.LogarithmicGrowth)  # which the master equation does not take
-    for method in (ss.Contacts(500),) if grows else (ss.Contacts(500), ss.MasterEquation()):
+    for method in (ss.Contacts(500), ss.MasterEquation()):
         seconds = [estimate(replace(each, method=method)).seconds for each in (rig, there)]
         assert seconds[1] == pytest.approx(seconds[0], rel=1e-6)
     force = ss.kinetic_friction(there.interface, there.velocity)

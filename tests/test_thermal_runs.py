@@ -112,6 +112,8 @@ NOT_FIXED = {
     "bell, sharp": {"temperature": ss.Bell(width=1e-4, attempts=1e6)},
     "logarithmic": {"ageing": GROWING},
     "exponential": {"ageing": ss.ExponentialGrowth(rate=2.0, newborn=0.3)},
+    "bell, logarithmic": {"temperature": BELL, "ageing": GROWING},
+    "bell, sharp, logarithmic": {"temperature": ss.Bell(width=1e-3, attempts=1e6), "ageing": GROWING},
 }
 THERE_AND_BACK = ss.constant(1.0, 1.5).then(ss.constant(0.0, 10.0)).then(ss.constant(-1.0, 1.5))
 
