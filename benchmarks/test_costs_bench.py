@@ -114,6 +114,7 @@ HOT = {
 
 HOT |= {
     "logarithmic growth": {"ageing": LOGARITHMIC},
+    "a parabolic barrier": {"temperature": Parabolic(temperature=0.01, attempts=1e6)},
     "Bell's rate of width 0.01, logarithmic growth": {
         "ageing": LOGARITHMIC,
         "temperature": ss.Bell(width=0.01, attempts=1e6),

@@ -114,6 +114,8 @@ NOT_FIXED = {
     "exponential": {"ageing": ss.ExponentialGrowth(rate=2.0, newborn=0.3)},
     "bell, logarithmic": {"temperature": BELL, "ageing": GROWING},
     "bell, sharp, logarithmic": {"temperature": ss.Bell(width=1e-3, attempts=1e6), "ageing": GROWING},
+    "parabolic": {"temperature": ss.model.Parabolic(temperature=0.01, attempts=1e6)},
+    "parabolic, sharp": {"temperature": ss.model.Parabolic(temperature=1e-3, attempts=1e6)},
 }
 THERE_AND_BACK = ss.constant(1.0, 1.5).then(ss.constant(0.0, 10.0)).then(ss.constant(-1.0, 1.5))
 

@@ -7,11 +7,11 @@ integral ``G`` of ``exp(|x|/A)`` over its life, whatever the strength. So the fr
 function of the two, which is one of ``u`` alone unless contacts are pulled faster than they break by heat.
 
 Where thresholds grow logarithmically, too, ``G`` is the integral of ``exp((|x| - g)/A)``, with ``g`` what they have
-grown by.
+grown by. By `Parabolic` the energies ``x^2/2`` and ``s^2/2`` stand for ``x`` and ``s``, and the temperature for ``A``.
 
 In a step the slider goes along a polynomial. On the side ahead of all that attached behind it ``G`` grows by an
-integral that they share, but for a factor; and on the other side by another. If they grow, it is a function of age that
-they share: of how much they grow in the step, it is smooth.
+integral that they share, but for a factor; and on the other side by another. If they grow, what they share is a
+function of age, smooth in how much they grow in the step; by `Parabolic` it is one of where they attached.
 """
 
 import math
@@ -42,29 +42,32 @@ class Breaking(NamedTuple):
     width: float  # activation width; 0: there is no temperature
     attempts: float
     growth: Growth
+    squared: bool = False  # the barrier falls with the square of the stretching
 
 
 X, CURVE, STEP, MOMENTS, AHEAD, AHEAD_SINCE, BACK, BACK_SINCE = range(8)
-AHEAD_PULLED, BACK_PULLED, AHEAD_AGED, BACK_AGED, FITS = 8, 9 + P, 10 + 2 * P, 11 + 3 * P, 12 + 4 * P
+AHEAD_PULLED, BACK_PULLED, SHARED, FITS = 8, 9 + P, 10 + 2 * P, 12 + 4 * P
 """Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at start and nodes, and
 coefficients of the polynomial through them; what is known of the step, and room. Then what clocks gain up to each node,
 and from the node before it, where the slider is above the contact, and the same where it is below; and for each node
-how that up to it follows the slider's places at all nodes, on either side. If contacts grow at a temperature, at last
-the gain from node to node, less what they have grown by, as a sum of Chebyshev polynomials in their growth in the step;
-and these polynomials at their nodes."""
-LENGTH, LOW, HIGH, YOUNGEST, ABOVE, BELOW = range(6)
-"""Of a step: its length in time; how far the slider may go back and ahead; the age of the youngest contact; whether
-it stays above some, or below."""
+how that up to it follows the slider's places at all nodes, on either side. If that is not all, at last the gain from
+node to node, on either side, as a sum of Chebyshev polynomials; and these polynomials at their nodes."""
+LENGTH, LOW, HIGH, LOWEST, HIGHEST, YOUNGEST = range(6)
+"""Of a step: its length in time; how far the slider may go back and ahead; between which places contacts attached, and
+the age of the youngest."""
 
-_FEWEST_AGES, _AGES, _MOST_AGES = 12, 2.0, 60
-"""Ages at which gains are tabulated: so many, and for each width that thresholds grow by in e-foldings of age."""
+_FEWEST_AGES, _AGES, _MOST_AGES, _PLACES = 12, 2.0, 60, 24
+"""Ages at which gains are tabulated: so many, and for each width that thresholds grow by in e-foldings of age; places.
+"""
 
 
 def a_way(breaking: Breaking) -> Floats:
     """Return room for a way."""
-    if breaking.width == 0.0 or breaking.growth.first == 0.0:
+    many = _PLACES
+    if breaking.width == 0.0 or not (breaking.squared or breaking.growth.first > 0.0):
         return np.zeros((FITS, P + 1))
-    many = min(_FEWEST_AGES + math.ceil(_AGES * breaking.growth.first / breaking.width), _MOST_AGES)
+    if not breaking.squared:
+        many = min(_FEWEST_AGES + math.ceil(_AGES * breaking.growth.first / breaking.width), _MOST_AGES)
     way = np.zeros((FITS + many, many))
     way[FITS:] = np.cos(np.pi / many * np.outer(np.arange(many), np.arange(many) + 0.5))
     return way
@@ -77,9 +80,15 @@ def is_fixed(breaking: Breaking) -> bool:
 
 
 @inlined
-def _both(breaking: Breaking) -> bool:
-    """Whether contacts grow, and break by heat."""
-    return bool(breaking.width > 0.0 and breaking.growth.first > 0.0)
+def _is_tabulated(breaking: Breaking) -> bool:
+    """Whether what clocks gain in a step is a function of age, or of where contacts attached."""
+    return bool(breaking.width > 0.0 and (breaking.growth.first > 0.0 or breaking.squared))
+
+
+@inlined
+def energy(breaking: Breaking, x: float) -> float:
+    """What a clock has in place of a stretching, or of a strength."""
+    return 0.5 * x * x if breaking.squared else x
 
 
 @inlined
@@ -106,7 +115,7 @@ def survival(breaking: Breaking, u: float, r: float) -> tuple[float, float, floa
     if breaking.width == 0.0:
         held, by_reach = value_and_slope(breaking.thresholds, max(r, 0.0))
         return held, 0.0, by_reach
-    d = (u - r) / breaking.width
+    d = (u - energy(breaking, r)) / breaking.width
     if r <= breaking.thresholds.bottom or d > CERTAIN:
         held, by_clock = value_and_slope(breaking.blurred, u)
         return held, by_clock, 0.0
@@ -124,8 +133,9 @@ def _beyond(breaking: Breaking, d: float, r: float, held: float) -> float:
     while begin < end:
         for k in range(_THREE.size):
             t = begin + size * _THREE[k]
-            s = d - t
-            left = value_at(breaking.thresholds, r + breaking.width * t)
+            s, more = d - t, breaking.width * t
+            strength = math.sqrt(r * r + 2.0 * more) if breaking.squared else r + more
+            left = value_at(breaking.thresholds, strength)
             total += size * _OF_THREE[k] * left * math.exp(s - math.exp(s))
         begin += size
         size = min(1.15 * size, 4.0) if begin > d + 2.0 else 0.5
@@ -155,6 +165,9 @@ class _Piece(NamedTuple):
     span: float  # of the part, or of the logarithm
     ratio: float  # length of the step over the age at its begin; 0 if nothing grows
     tilt: float  # what the exponent gains by it
+    b: float  # where contacts attached
+    factor: float  # of the exponent
+    squared: bool
 
 
 @inlined
@@ -164,8 +177,9 @@ def _place(piece: _Piece, s: float) -> float:
 
 
 @inlined
-def _exponent(way: Floats, piece: _Piece, s: float, b: float, factor: float) -> float:
-    return float(factor * (along(way[CURVE], _place(piece, s)) - b) + piece.tilt * s)
+def _exponent(way: Floats, piece: _Piece, s: float) -> float:
+    x = along(way[CURVE], _place(piece, s)) - piece.b
+    return float(piece.factor * (0.5 * x * x if piece.squared else x) + piece.tilt * s)
 
 
 @bare
@@ -179,21 +193,21 @@ def _gain(
     `moments` of the part of the step under it.
     """
     A, many, ratio, span, tilt, grown_by = breaking.width, moments.size, 0.0, end - begin, 0.0, 0.0
-    if _both(breaking) and age < math.inf:
+    if breaking.growth.first > 0.0 and age < math.inf:
         slope, time = breaking.growth.first / A, breaking.growth.second
         young = max(age + begin * way[STEP, LENGTH], 0.0)
         ratio = way[STEP, LENGTH] / (time + young)
         span = math.log1p(ratio * span)
         tilt, grown_by = (1.0 - slope) * span, slope * math.log1p(young / time)
-    piece, factor = _Piece(begin, span, ratio, tilt), sign / A
+    piece = _Piece(begin, span, ratio, tilt, b, (1.0 if breaking.squared else sign) / A, breaking.squared)
     for i in range(many):
         moments[i] = 0.0
-    first, last = _exponent(way, piece, 0.0, b, factor), _exponent(way, piece, 1.0, b, factor)
+    first, last = _exponent(way, piece, 0.0), _exponent(way, piece, 1.0)
     step, s, top, far = (1.0, 0.0, first, last) if first > last else (-1.0, 1.0, last, first)
     here, left, size = top, 1.0, 1.0
     while left > 1e-14:
         size = min(size, left)
-        there = _exponent(way, piece, s + size * step, b, factor)
+        there = _exponent(way, piece, s + size * step)
         if abs(there - here) > 4.0 + 0.5 * (top - max(here, there)) and size > 1e-9:
             size *= 0.5
             continue
@@ -203,7 +217,7 @@ def _gain(
             top = there
         for k in range(_EIGHT.size):
             at = s + size * step * _EIGHT[k]
-            power = size * _OF_EIGHT[k] * math.exp(min(_exponent(way, piece, at, b, factor) - top, 40.0))
+            power = size * _OF_EIGHT[k] * math.exp(min(_exponent(way, piece, at) - top, 40.0))
             part = _place(piece, at)
             for i in range(many):
                 moments[i] += power
@@ -232,7 +246,8 @@ def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> Non
     way[AHEAD, 0] = way[BACK, 0] = NEVER
     for k in range(1, P + 1):
         for row, pulled, sign in ((AHEAD, AHEAD_PULLED, 1.0), (BACK, BACK_PULLED, -1.0)):
-            way[row + 1, k] = gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], 0.0, sign, old)
+            at = -sign if breaking.squared else 0.0  # as where contacts are about to break
+            way[row + 1, k] = gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], at, sign, old)
             way[row, k] = total = later(breaking.width, way[row, k - 1], gain)
             part = math.exp((gain - total) / breaking.width)
             for i in range(P + 1):
@@ -240,34 +255,52 @@ def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> Non
                 for a in range(P + 1):
                     more += MONOMIAL[a, i] * moments[a]
                 way[pulled + k, i] = (1.0 - part) * way[pulled + k - 1, i] + part * more
-    if _both(breaking):
-        _run_aged(way, breaking)
+    if _is_tabulated(breaking):
+        _tabulate(way, breaking)
+
+
+@inlined
+def _limits(way: Floats, breaking: Breaking, side: int) -> tuple[float, float]:
+    """Between which numbers those lie that gains are a function of, of the contacts that the slider is above, or below.
+
+    They are the places where contacts attached, or ``ln(1 + dt/(t_0 + age))``.
+    """
+    step = way[STEP]
+    if breaking.squared:
+        return (step[LOWEST], step[LOW]) if side == 0 else (step[HIGH], step[HIGHEST])
+    return 0.0, math.log1p(step[LENGTH] / (breaking.growth.second + step[YOUNGEST]))
 
 
 @bare
-def _run_aged(way: Floats, breaking: Breaking) -> None:
-    """Tabulate what the clocks of contacts that grow gain from node to node, over their growth in the step."""
-    dt, growth, many, scratch = way[STEP, LENGTH], breaking.growth, way.shape[1], way[MOMENTS, :1]
-    most = math.log1p(dt / (growth.second + way[STEP, YOUNGEST]))
-    for row, side, sign in ((AHEAD_AGED, ABOVE, 1.0), (BACK_AGED, BELOW, -1.0)):
-        for k in range(1, P + 1 if way[STEP, side] > 0.0 else 1):
+def _tabulate(way: Floats, breaking: Breaking) -> None:
+    """Tabulate what clocks gain from node to node, less what contacts have grown by."""
+    step, growth, many, scratch = way[STEP], breaking.growth, way.shape[1], way[MOMENTS, :1]
+    for side in range(2):
+        row, sign, (begin, end) = SHARED + side * (P + 1), 1.0 - 2.0 * side, _limits(way, breaking, side)
+        there = step[LOWEST] <= step[LOW] if side == 0 else step[HIGHEST] >= step[HIGH]
+        for k in range(1, P + 1 if there else 1):
             for i in range(many):
-                age = dt / math.expm1(0.5 * most * (1.0 + way[FITS + 1, i])) - growth.second
-                gain = _gain(way, scratch, breaking, NODE[k - 1], NODE[k], 0.0, sign, age)
-                way[row, i] = gain + growth.first * math.log1p(age / growth.second)
+                at, age, grown_by = begin + 0.5 * (end - begin) * (1.0 + way[FITS + 1, i]), math.inf, 0.0
+                if not breaking.squared:
+                    age = step[LENGTH] / math.expm1(at) - growth.second
+                    at, grown_by = 0.0, growth.first * math.log1p(age / growth.second)
+                way[row, i] = _gain(way, scratch, breaking, NODE[k - 1], NODE[k], at, sign, age) + grown_by
             for j in range(many):
                 way[row + k, j] = (1.0 if j == 0 else 2.0) / many * dot(way[FITS + j], way[row])
 
 
 @inlined
-def _aged(way: Floats, breaking: Breaking, row: int, age: float) -> float:
-    """What the clock of contacts of an age at the start of a step gains, at a place at its origin."""
-    growth, dt = breaking.growth, way[STEP, LENGTH]
-    part = math.log1p(dt / (growth.second + age)) / math.log1p(dt / (growth.second + way[STEP, YOUNGEST]))
-    t, one, two = 2.0 * (2.0 * part - 1.0), 0.0, 0.0
+def _tabulated(way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float) -> float:
+    """What the clock of contacts of a place, and of an age at the start of a step, gains up to a node."""
+    growth, row, (begin, end) = breaking.growth, SHARED + side * (P + 1) + k, _limits(way, breaking, side)
+    at, less = b, 0.0
+    if not breaking.squared:
+        at = math.log1p(way[STEP, LENGTH] / (growth.second + age))
+        less = growth.first * math.log1p(age / growth.second) + (1.0 - 2.0 * side) * b
+    t, one, two = 2.0 * (2.0 * (at - begin) / max(end - begin, 1e-300) - 1.0), 0.0, 0.0
     for j in range(way.shape[1] - 1, 0, -1):
         one, two = way[row, j] + t * one - two, one
-    return float(way[row, 0] + 0.5 * t * one - two - growth.first * math.log1p(age / growth.second))
+    return float(way[row, 0] + 0.5 * t * one - two - less)
 
 
 @bare
@@ -279,7 +312,7 @@ def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k:
     a, x0, x1, scratch = NODE[k - 1], way[X, k - 1] - b, way[X, k] - b, way[MOMENTS, :1]
     if begin > a:
         a, x0 = begin, along(way[CURVE], begin) - b
-    if x0 * x1 < 0.0 and min(abs(x0), abs(x1)) > 1e-14:
+    if x0 * x1 < 0.0 and min(abs(x0), abs(x1)) > 1e-14 and not breaking.squared:
         low, high, sign = a, NODE[k], 1.0 if x1 > 0.0 else -1.0
         for _ in range(40):
             u = 0.5 * (low + high)
@@ -291,10 +324,10 @@ def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k:
         return later(breaking.width, before, _gain(way, scratch, breaking, low, NODE[k], b, sign, age))
     sign = 1.0 if x0 + x1 >= 0.0 else -1.0
     crosses = way[STEP, LOW] < b < way[STEP, HIGH]
-    if begin > NODE[k - 1] or (_both(breaking) and (crosses or age < 0.0)):
+    if begin > NODE[k - 1] or (_is_tabulated(breaking) and (crosses or age < 0.0)):
         return _gain(way, scratch, breaking, a, NODE[k], b, sign, age)
-    if _both(breaking):
-        return _aged(way, breaking, (AHEAD_AGED if sign > 0.0 else BACK_AGED) + k, age) - sign * b
+    if _is_tabulated(breaking):
+        return _tabulated(way, breaking, 0 if sign > 0.0 else 1, k, b, age)
     return float(way[AHEAD_SINCE, k] - b if sign > 0.0 else way[BACK_SINCE, k] + b)
 
 
@@ -303,9 +336,9 @@ def gain_since_start(
     way: Floats, breaking: Breaking, b: float, before: float, k: int, low: float, high: float, age: float
 ) -> float:
     """What the clock of contacts at a place gains up to a node: `before` up to the last one, on a way within bounds."""
-    if b <= low and not _both(breaking):
+    if b <= low and not _is_tabulated(breaking):
         return float(way[AHEAD, k] - b)
-    if b >= high and not _both(breaking):
+    if b >= high and not _is_tabulated(breaking):
         return float(way[BACK, k] + b)
     return later(breaking.width, before if k > 1 else NEVER, gain_of_interval(way, breaking, b, 0.0, k, age))
 

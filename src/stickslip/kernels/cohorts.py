@@ -13,16 +13,17 @@ import numpy as np
 
 from ._jit import bare, inlined
 from .breaking import (
-    ABOVE,
-    BELOW,
     CERTAIN,
     HIGH,
+    HIGHEST,
     LENGTH,
     LOW,
+    LOWEST,
     STEP,
     YOUNGEST,
     Breaking,
     X,
+    energy,
     gain_since_start,
     is_fixed,
     later,
@@ -177,7 +178,7 @@ def gather(
     m0 = m1 = m2 = 0.0
     count, kinks = 0, 0
     active, table, fixed, step = reading.active, breaking.thresholds, is_fixed(breaking), reading.way[STEP]
-    step[LOW], step[HIGH], step[YOUNGEST], step[ABOVE], step[BELOW] = low, high, np.inf, 0.0, 0.0
+    step[LOW], step[HIGH], step[LOWEST], step[HIGHEST], step[YOUNGEST] = low, high, np.inf, -np.inf, np.inf
     tries = step[LENGTH] * breaking.attempts
     by_time = breaking.width * math.log(tries) if tries > 0.0 else 0.0
     for g in range(used):
@@ -191,11 +192,8 @@ def gather(
                 continue
             d = cohorts[PLACE, g, j] - origin
             r, age = cohorts[REACH, g, j], t - cohorts[SINCE, g, j]
+            step[LOWEST], step[HIGHEST] = min(step[LOWEST], d), max(step[HIGHEST], d)
             step[YOUNGEST] = min(step[YOUNGEST], age)
-            if d <= low:
-                step[ABOVE] = 1.0
-            elif d >= high:
-                step[BELOW] = 1.0
             if r >= table.top:
                 continue
             whole = r < table.bottom and high - d < table.bottom and d - low < table.bottom
@@ -205,7 +203,8 @@ def gather(
                 if breaking.width > 0.0:
                     if u >= breaking.blurred.top:
                         continue
-                    whole = whole and later(breaking.width, u, far + by_time) < breaking.blurred.bottom
+                    u_end = later(breaking.width, u, energy(breaking, far) + by_time)
+                    whole = whole and u_end < breaking.blurred.bottom
                 active[3, count], active[4, count] = u, age
             if whole:
                 m0 += m
@@ -282,6 +281,8 @@ def _force_on_the_way(
                 active[6, i], u = gain, later(A, u, gain)
                 part = math.exp((gain - u) / A)
         J, by_clock, by_reach = survival(breaking, u, r)
+        if breaking.squared:
+            by_clock *= abs(x)
         mass += m * J
         force += m * J * x
         energy += m * J * x * x
@@ -366,7 +367,8 @@ def merged(cohorts: Floats, used: int, breaking: Breaking, width: float, toleran
 
     A slider that rings for long attaches contacts in many short panels on the same few places. What is joined is not
     integrated in parts: a knot that passes through it costs some percent of the square of its extent. At a temperature
-    the clock is to the reach what it is to the stretching, and has to be ahead of it; what grows with age stays apart.
+    the clock is to the reach what it is to the stretching, and has to be ahead of it; what grows with age stays apart,
+    and what has a parabolic barrier.
     """
     b, m, r, table = cohorts[PLACE, :used], cohorts[MASS, :used], cohorts[REACH, :used], breaking.thresholds
     met = np.zeros(used, dtype=np.bool_)
@@ -382,6 +384,7 @@ def merged(cohorts: Floats, used: int, breaking: Breaking, width: float, toleran
     extent = min(0.02 * width, (10.0 * tolerance) ** 0.5) if breaking.knots.size else 0.5 * width
     cell = np.floor(b / extent)
     alone = (kind == 3) | met | np.any(cell != cell[:, :1], axis=1) | (breaking.growth.first != 0.0)
+    alone |= breaking.squared
     keys = np.stack([np.where(alone, np.arange(used), -1), kind, np.round(level, 8), np.where(alone, 0.0, cell[:, 0])])
     _, first, which, size = np.unique(keys, axis=1, return_index=True, return_inverse=True, return_counts=True)
     made = cohorts[:, first]

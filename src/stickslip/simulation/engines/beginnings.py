@@ -8,7 +8,7 @@ import numpy as np
 from stickslip.kernels.boxes import Rule, lifetimes
 from stickslip.kernels.breaking import Breaking
 from stickslip.kernels.survival import Table, tabulate, values_at
-from stickslip.model import Bell, Delay, DelayModel, FixedGrowth, Interface, OnArrest
+from stickslip.model import Bell, Delay, DelayModel, FixedGrowth, Interface, OnArrest, Parabolic
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.drive import Piece
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
@@ -117,18 +117,22 @@ def survival_of(distribution: Distribution) -> Table:
 
 
 @lru_cache(maxsize=64)
-def _blurred(distribution: Distribution, width: float) -> Table:
-    known, low, high = survival_of(distribution), -38.0 * width, distribution.support[1] + 3.8 * width
+def _blurred(distribution: Distribution, width: float, squared: bool) -> Table:
+    known, end, knots = survival_of(distribution), distribution.support[1], np.array(distribution.knots)
+
+    def survival(at: Array) -> Array:
+        return values_at(known, np.sqrt(2.0 * at) if squared else at)
 
     def blurred(u: Array) -> Array:
-        return blurred_survival(lambda at: values_at(known, at), width, u, distribution.knots)
+        return blurred_survival(survival, width, u, tuple(0.5 * knots**2 if squared else knots))
 
-    return tabulate(blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=low)
+    high = (0.5 * end**2 if squared else end) + 3.8 * width
+    return tabulate(blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=-38.0 * width)
 
 
-def blurred_of(distribution: Distribution, width: float) -> Table:
+def blurred_of(distribution: Distribution, width: float, squared: bool = False) -> Table:
     """Return the survival of a newborn of any threshold at ``u = A ln G``, as kernels take it."""
-    table: Table = _blurred(hashable(distribution), width)
+    table: Table = _blurred(hashable(distribution), width, squared)
     return table
 
 
@@ -137,9 +141,11 @@ def breaking_of(interface: Interface) -> Breaking:
     distribution, temperature = interface.threshold_distribution, interface.temperature
     growth = growth_of(interface.ageing)
     table, knots = survival_of(distribution), np.empty(0)
-    if isinstance(temperature, Bell):
-        blurred = blurred_of(distribution, temperature.width)
-        return Breaking(table, knots, blurred, temperature.width, temperature.attempts, growth)
+    if isinstance(temperature, (Bell, Parabolic)):
+        squared = isinstance(temperature, Parabolic)
+        width = temperature.temperature if isinstance(temperature, Parabolic) else temperature.width
+        blurred = blurred_of(distribution, width, squared)
+        return Breaking(table, knots, blurred, width, temperature.attempts, growth, squared)
     if interface.ageing is None:
         knots = end_and_knots(distribution)[1]
     return Breaking(table, knots, table, 0.0, 0.0, growth)

@@ -27,6 +27,7 @@ from stickslip.model import (
     LogarithmicGrowth,
     MasterEquation,
     OnArrest,
+    Parabolic,
     Population,
     Slider,
 )
@@ -55,8 +56,10 @@ _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 @solves(MasterEquation, type(None), LogarithmicGrowth, temperature=(type(None), Bell))
 @solves(MasterEquation, ExponentialGrowth)
+@solves(MasterEquation, temperature=(Parabolic,))
 @solves(Population, type(None), LogarithmicGrowth, temperature=(type(None), Bell))
 @solves(Population, ExponentialGrowth)
+@solves(Population, temperature=(Parabolic,))
 class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
@@ -201,7 +204,8 @@ def _accuracy(distribution: Distribution, breaking: Breaking, rtol: float, count
     if breaking.knots.size or not is_fixed(breaking):  # where the order is lost, and again a delay later
         tolerance *= _AT_BENDS
     most = _WIDEST[0 if is_fixed(breaking) else 1] * distribution.moment(1)
-    width = _width(hashable(distribution), breaking.width, is_fixed(breaking), tolerance, most)
+    local = breaking.width / (distribution.moment(1) if breaking.squared else 1.0)
+    width = _width(hashable(distribution), local, is_fixed(breaking), tolerance, most)
     if not count:
         return Accuracy(tolerance, width)
     return Accuracy(tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4))

@@ -20,8 +20,8 @@ _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
 _COHORT = 1e-5  # seconds a cohort takes in a step
 
 
-@solves(MasterEquation, type(None), temperature=(Parabolic, Barrier))
-@solves(MasterEquation, *GROWTH, temperature=(Parabolic, Barrier))
+@solves(MasterEquation, type(None), *GROWTH, temperature=(Barrier,))
+@solves(MasterEquation, *GROWTH, temperature=(Parabolic,))
 @solves(MasterEquation, ExponentialGrowth, temperature=(Bell,))
 class ThermalPopulation(Cohorts):
     """Cohorts of contacts that attached together, of which nothing simpler says what is left: see `Panels`."""
