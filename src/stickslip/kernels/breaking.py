@@ -45,13 +45,13 @@ class Breaking(NamedTuple):
     squared: bool = False  # the barrier falls with the square of the stretching
 
 
-X, CURVE, STEP, MOMENTS, AHEAD, AHEAD_SINCE, BACK, BACK_SINCE = range(8)
-AHEAD_PULLED, BACK_PULLED, SHARED, FITS = 8, 9 + P, 10 + 2 * P, 12 + 4 * P
+X, CURVE, STEP, MOMENTS, PULLED, BACK = 0, 1, 2, 3, 4, P + 1
+SHARED, FITS = 4 + 2 * BACK, 4 + 4 * BACK
 """Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at start and nodes, and
-coefficients of the polynomial through them; what is known of the step, and room. Then what clocks gain up to each node,
-and from the node before it, where the slider is above the contact, and the same where it is below; and for each node
-how that up to it follows the slider's places at all nodes, on either side. If that is not all, at last the gain from
-node to node, on either side, as a sum of Chebyshev polynomials; and these polynomials at their nodes."""
+coefficients of the polynomial through them; what is known of the step, and room. Then for each node how what clocks
+gain up to it follows the slider's places at all nodes, where it is above the contact; and `BACK` rows on, where it is
+below. Then what they gain from the node before: one number, or a sum of Chebyshev polynomials; and these polynomials at
+their nodes."""
 LENGTH, LOW, HIGH, LOWEST, HIGHEST, YOUNGEST = range(6)
 """Of a step: its length in time; how far the slider may go back and ahead; between which places contacts attached, and
 the age of the youngest."""
@@ -98,6 +98,22 @@ def reach_at(growth: Growth, x: float, age: float) -> float:
         return x
     factor, addend, _, _ = grown(growth, age)
     return float((x - addend) / factor) if x > addend or factor > 0.0 else 0.0
+
+
+@inlined
+def begin_step(way: Floats, low: float, high: float) -> None:
+    """Note how far the slider may go in a step, of contacts that are still to be noted."""
+    step = way[STEP]
+    step[LOW], step[HIGH], step[LOWEST], step[HIGHEST], step[YOUNGEST] = low, high, np.inf, -np.inf, np.inf
+
+
+@inlined
+def note(way: Floats, breaking: Breaking, b: float, age: float) -> tuple[float, float]:
+    """Note contacts at a place, of an age at the start of a step: the most that their clock gains in it, and reach."""
+    step = way[STEP]
+    step[LOWEST], step[HIGHEST], step[YOUNGEST] = min(step[LOWEST], b), max(step[HIGHEST], b), min(step[YOUNGEST], age)
+    r, tries = reach_at(breaking.growth, max(step[HIGH] - b, b - step[LOW]), age), step[LENGTH] * breaking.attempts
+    return energy(breaking, r) + (breaking.width * math.log(tries) if tries > 0.0 else 0.0), r
 
 
 @inlined
@@ -243,18 +259,18 @@ def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> Non
         return
     fit(way[X, : P + 1], way[CURVE])
     moments, old = way[MOMENTS, : P + 1], math.inf  # of those that do not grow any more
-    way[AHEAD, 0] = way[BACK, 0] = NEVER
-    for k in range(1, P + 1):
-        for row, pulled, sign in ((AHEAD, AHEAD_PULLED, 1.0), (BACK, BACK_PULLED, -1.0)):
-            at = -sign if breaking.squared else 0.0  # as where contacts are about to break
-            way[row + 1, k] = gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], at, sign, old)
-            way[row, k] = total = later(breaking.width, way[row, k - 1], gain)
-            part = math.exp((gain - total) / breaking.width)
+    for side in range(2):
+        sign, total = 1.0 - 2.0 * side, NEVER
+        at = -sign if breaking.squared else 0.0  # as where contacts are about to break
+        for k in range(1, P + 1):
+            gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], at, sign, old)
+            row, total = side * BACK + k, later(breaking.width, total, gain)
+            part, way[SHARED + row, 0] = math.exp((gain - total) / breaking.width), gain
             for i in range(P + 1):
                 more = 0.0
                 for a in range(P + 1):
                     more += MONOMIAL[a, i] * moments[a]
-                way[pulled + k, i] = (1.0 - part) * way[pulled + k - 1, i] + part * more
+                way[PULLED + row, i] = (1.0 - part) * way[PULLED + row - 1, i] + part * more
     if _is_tabulated(breaking):
         _tabulate(way, breaking)
 
@@ -276,7 +292,7 @@ def _tabulate(way: Floats, breaking: Breaking) -> None:
     """Tabulate what clocks gain from node to node, less what contacts have grown by."""
     step, growth, many, scratch = way[STEP], breaking.growth, way.shape[1], way[MOMENTS, :1]
     for side in range(2):
-        row, sign, (begin, end) = SHARED + side * (P + 1), 1.0 - 2.0 * side, _limits(way, breaking, side)
+        row, sign, (begin, end) = SHARED + side * BACK, 1.0 - 2.0 * side, _limits(way, breaking, side)
         there = step[LOWEST] <= step[LOW] if side == 0 else step[HIGHEST] >= step[HIGH]
         for k in range(1, P + 1 if there else 1):
             for i in range(many):
@@ -290,25 +306,26 @@ def _tabulate(way: Floats, breaking: Breaking) -> None:
 
 
 @inlined
-def _tabulated(way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float) -> float:
-    """What the clock of contacts of a place, and of an age at the start of a step, gains up to a node."""
-    growth, row, (begin, end) = breaking.growth, SHARED + side * (P + 1) + k, _limits(way, breaking, side)
-    at, less = b, 0.0
-    if not breaking.squared:
+def _shared(way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float) -> float:
+    """What the clock of contacts of a place, and of an age at the start of a step, gains from a node to the next."""
+    growth, row, at, less = breaking.growth, way[SHARED + side * BACK + k], b, (1.0 - 2.0 * side) * b
+    if not _is_tabulated(breaking):
+        return float(row[0] - less)
+    begin, end = _limits(way, breaking, side)
+    if breaking.squared:
+        less = 0.0
+    else:
         at = math.log1p(way[STEP, LENGTH] / (growth.second + age))
-        less = growth.first * math.log1p(age / growth.second) + (1.0 - 2.0 * side) * b
+        less += growth.first * math.log1p(age / growth.second)
     t, one, two = 2.0 * (2.0 * (at - begin) / max(end - begin, 1e-300) - 1.0), 0.0, 0.0
-    for j in range(way.shape[1] - 1, 0, -1):
-        one, two = way[row, j] + t * one - two, one
-    return float(way[row, 0] + 0.5 * t * one - two - less)
+    for j in range(row.size - 1, 0, -1):
+        one, two = row[j] + t * one - two, one
+    return float(row[0] + 0.5 * t * one - two - less)
 
 
 @bare
-def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float) -> float:
-    """What the clock of contacts at a place gains before a node, from the node before it or from a later `begin`.
-
-    They have this age at the start of the step, or had it then if they attached in it.
-    """
+def _gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float) -> float:
+    """What the clock of contacts at a place gains before a node, from the node before it or from a later `begin`."""
     a, x0, x1, scratch = NODE[k - 1], way[X, k - 1] - b, way[X, k] - b, way[MOMENTS, :1]
     if begin > a:
         a, x0 = begin, along(way[CURVE], begin) - b
@@ -326,21 +343,21 @@ def gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k:
     crosses = way[STEP, LOW] < b < way[STEP, HIGH]
     if begin > NODE[k - 1] or (_is_tabulated(breaking) and (crosses or age < 0.0)):
         return _gain(way, scratch, breaking, a, NODE[k], b, sign, age)
-    if _is_tabulated(breaking):
-        return _tabulated(way, breaking, 0 if sign > 0.0 else 1, k, b, age)
-    return float(way[AHEAD_SINCE, k] - b if sign > 0.0 else way[BACK_SINCE, k] + b)
+    return _shared(way, breaking, 0 if sign > 0.0 else 1, k, b, age)
 
 
-@bare
-def gain_since_start(
-    way: Floats, breaking: Breaking, b: float, before: float, k: int, low: float, high: float, age: float
-) -> float:
-    """What the clock of contacts at a place gains up to a node: `before` up to the last one, on a way within bounds."""
-    if b <= low and not _is_tabulated(breaking):
-        return float(way[AHEAD, k] - b)
-    if b >= high and not _is_tabulated(breaking):
-        return float(way[BACK, k] + b)
-    return later(breaking.width, before if k > 1 else NEVER, gain_of_interval(way, breaking, b, 0.0, k, age))
+@inlined
+def followed(
+    way: Floats, breaking: Breaking, b: float, u: float, r: float, age: float, begin: float, k: int
+) -> tuple[float, float]:
+    """Clock and reach at a node of a step of contacts at a place that had these at the node before, or at a `begin`.
+
+    They have this age at the start of the step, or had it then if they attached in it.
+    """
+    r = max(r, reach_at(breaking.growth, abs(way[X, k] - b), age + NODE[k] * way[STEP, LENGTH]))
+    if breaking.width > 0.0:
+        u = later(breaking.width, u, _gain_of_interval(way, breaking, b, begin, k, age))
+    return u, r
 
 
 @bare
@@ -351,9 +368,7 @@ def carried(
     age -= begin * way[STEP, LENGTH]
     for i in range(1, k + 1):
         if NODE[i] > begin:
-            r = max(r, reach_at(breaking.growth, abs(way[X, i] - b), age + NODE[i] * way[STEP, LENGTH]))
-            if breaking.width > 0.0:
-                u = later(breaking.width, u, gain_of_interval(way, breaking, b, begin, i, age))
+            u, r = followed(way, breaking, b, u, r, age, begin, i)
     return u, r
 
 

@@ -12,26 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import (
-    CERTAIN,
-    HIGH,
-    HIGHEST,
-    LENGTH,
-    LOW,
-    LOWEST,
-    STEP,
-    YOUNGEST,
-    Breaking,
-    X,
-    energy,
-    gain_since_start,
-    is_fixed,
-    later,
-    reach_at,
-    survival,
-)
+from .breaking import CERTAIN, NEVER, Breaking, begin_step, followed, is_fixed, later, note, survival
 from .records import Counts, Floats
-from .rules import GAUSS, GAUSS_MONOMIAL, NODE, WEIGHT, Q
+from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
 from .survival import Table, value_and_slope, value_at
 
 COHORT_ROWS = 7
@@ -177,10 +160,8 @@ def gather(
     """Nodes that may break from a time on while the slider is from `low` to `high`; the others are added up."""
     m0 = m1 = m2 = 0.0
     count, kinks = 0, 0
-    active, table, fixed, step = reading.active, breaking.thresholds, is_fixed(breaking), reading.way[STEP]
-    step[LOW], step[HIGH], step[LOWEST], step[HIGHEST], step[YOUNGEST] = low, high, np.inf, -np.inf, np.inf
-    tries = step[LENGTH] * breaking.attempts
-    by_time = breaking.width * math.log(tries) if tries > 0.0 else 0.0
+    active, table, fixed, most, far = reading.active, breaking.thresholds, is_fixed(breaking), 0.0, 0.0
+    begin_step(reading.way, low, high)
     for g in range(used):
         if fixed and _is_kinked(cohorts, g, origin, breaking, low, high):
             kinks += 1
@@ -192,19 +173,18 @@ def gather(
                 continue
             d = cohorts[PLACE, g, j] - origin
             r, age = cohorts[REACH, g, j], t - cohorts[SINCE, g, j]
-            step[LOWEST], step[HIGHEST] = min(step[LOWEST], d), max(step[HIGHEST], d)
-            step[YOUNGEST] = min(step[YOUNGEST], age)
+            if not fixed:
+                most, far = note(reading.way, breaking, d, age)
             if r >= table.top:
                 continue
             whole = r < table.bottom and high - d < table.bottom and d - low < table.bottom
             if not fixed:
-                u, far = cohorts[CLOCK, g, j], reach_at(breaking.growth, max(high - d, d - low), age)
+                u = cohorts[CLOCK, g, j]
                 whole = whole and far < table.bottom
                 if breaking.width > 0.0:
                     if u >= breaking.blurred.top:
                         continue
-                    u_end = later(breaking.width, u, energy(breaking, far) + by_time)
-                    whole = whole and u_end < breaking.blurred.bottom
+                    whole = whole and later(breaking.width, u, most) < breaking.blurred.bottom
                 active[3, count], active[4, count] = u, age
             if whole:
                 m0 += m
@@ -265,20 +245,16 @@ def _force_on_the_way(
 ) -> tuple[float, float, float, float, float, float]:
     """The same of what may break by age or temperature."""
     active, way, A = reading.active, reading.way, breaking.width
-    low = high = 0.0
-    for i in range(1, k + 1):
-        low, high = min(low, way[X, i]), max(high, way[X, i])
     force = mass = slope = energy = ahead = back = 0.0
     for i in range(count):
         d, m, r, u = active[0, i], active[1, i], active[2, i], active[3, i]
         x, part, rises = y - d, 0.0, False
         if k > 0:
-            before = active[5, i] if k > 1 else r
-            r = max(before, reach_at(breaking.growth, abs(x), active[4, i] + NODE[k] * way[STEP, LENGTH]))
-            active[5, i], rises = r, r > before
+            gain, before = (active[6, i], active[5, i]) if k > 1 else (NEVER, r)
+            gain, r = followed(way, breaking, d, gain, before, active[4, i], 0.0, k)
+            active[6, i], active[5, i], rises = gain, r, r > before
             if A > 0.0:
-                gain = gain_since_start(way, breaking, d, active[6, i], k, low, high, active[4, i])
-                active[6, i], u = gain, later(A, u, gain)
+                u = later(A, u, gain)
                 part = math.exp((gain - u) / A)
         J, by_clock, by_reach = survival(breaking, u, r)
         if breaking.squared:

@@ -3,7 +3,7 @@
 import math
 
 from ._jit import bare, inlined
-from .breaking import AHEAD_PULLED, BACK_PULLED, LENGTH, NEVER, STEP, carried, is_fixed, run_clocks, survival
+from .breaking import BACK, LENGTH, NEVER, PULLED, STEP, carried, is_fixed, run_clocks, survival
 from .cohorts import force_at, gather
 from .drive import drive_at
 from .oscillator import is_rigid
@@ -144,7 +144,7 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
 def _slope(work: Work, k: int, c: int) -> float:
     """How the force at one node follows the slider's place at another."""
     nodes, way = work.nodes, work.reading.way
-    slope = nodes[k].ahead * way[AHEAD_PULLED + k, c] + nodes[k].back * way[BACK_PULLED + k, c]
+    slope = nodes[k].ahead * way[PULLED + k, c] + nodes[k].back * way[PULLED + BACK + k, c]
     return float(slope + nodes[k].slope if k == c else slope)
 
 
