@@ -349,7 +349,7 @@ print("CPU", time.process_time(), "peak", status[status.index("VmHWM:") + 1], "c
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize("columns", [1, 2])
-def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
+def test_five_million_rows_take_little_memory_and_a_few_times_what_numpy_reads_them_in(tmp_path, columns):
     rng, path = np.random.default_rng(1), tmp_path / "long.csv"
     with path.open("w") as file:
         for part in range(50):
@@ -363,7 +363,9 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
     assert lines[0].startswith("stick-slip")
     _, cpu, _, peak, _, code = lines[-1].split()
     assert code == "0"
-    assert float(cpu) <= 4.0
+    begun = time.process_time()
+    np.loadtxt(path, delimiter=";")
+    assert float(cpu) <= 8.0 * (time.process_time() - begun)  # read, judged and told
     assert int(peak) <= 600_000  # kB
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.signal import oaconvolve, savgol_coeffs
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
@@ -25,6 +24,8 @@ _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi  # part of half a cyc
 
 def slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     """Slopes by least squares over as many samples as tell a rate to a tenth; none if that takes over a twelfth."""
+    from scipy.signal import oaconvolve, savgol_coeffs  # slow to load, and not needed where the motion is known
+
     width = max(math.ceil((12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
