@@ -13,8 +13,9 @@ import stickslip as ss
 from stickslip.kernels import flight as flights
 from stickslip.kernels import hazard
 from stickslip.kernels.boxes import Rule, box_of, threshold_now
+from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.event_queue import clear, drop, first_slot, make_queue, peek, pop, push, size, used
-from stickslip.simulation.engines import Beginning, contacts
+from stickslip.simulation.engines import Beginning, Leg, contacts
 from stickslip.simulation.follow import follow
 
 # ------------------------------------------------------------------------------------------------ the bucket queue
@@ -194,3 +195,15 @@ def test_thresholds_below_the_rounding_of_positions_break(mechanism):
     means = run.spring_force[1:].to_numpy().reshape(20, -1).mean(axis=1)  # each of many memories of the force
     mean = ss.kinetic_friction(interface, 1.0) + slider.mass * slider.damping
     assert abs(means.mean() - mean) < 4.0 * means.std(ddof=1) / math.sqrt(20)
+
+
+def test_time_goes_on_where_a_slider_slips_as_fast_as_thresholds_grow():
+    """Long after the beginning, when the rounding of time is more than what is left of the way to a threshold."""
+    interface = ss.Interface(
+        thresholds=ss.Exponential(mean=1.0), ageing=ss.LogarithmicGrowth(slope=0.0554, time=0.0424)
+    )
+    slider, method = ss.Slider(stiffness=0.825, mass=1.87e-4, damping=11.0), ss.Contacts(160, seed=1)
+    engine = contacts.EventByEvent(Beginning(interface, slider, 0.1), method)
+    rest, drive = Quadratic(0.0, 0.0, 0.0, 0.0), Quadratic(1e4, 0.0, 0.1, 0.0)
+    assert engine.advance(Leg(rest, 1e4, np.empty(0), Stop())).over
+    assert engine.advance(Leg(drive, 1e4 + 200.0, np.empty(0), Stop())).over  # some 3e4 events

@@ -274,8 +274,8 @@ def _variate(m: Record, draws: Draws) -> float:
 
 @inlined
 def _rounding(m: Record) -> float:
-    """How well a stretching is known far from the origin: a few units in the last place of the slider's position."""
-    return _ULPS * abs(float(m.position))
+    """How well stretchings are known far from the origin, and thresholds that grow, long after the beginning."""
+    return float(_ULPS * (abs(m.position) + abs(m.velocity) * m.time))
 
 
 @bare
