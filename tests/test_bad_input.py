@@ -148,7 +148,6 @@ REFUSED = [
     (run_of(start=ss.FromSliding(), drive=ss.constant(0.0, 1.0)), r"^FromSliding: .* at velocity 0: .* above 0"),
     (run_of(start=ss.FromSliding(), interface=NEVER), r"^FromSliding: contacts that never re-attach"),
     (run_of(interface=TRACK, method=ss.Contacts(9)), "delay = .*above 0"),
-    (run_of(interface=replace(TRACK, areas="site"), method=ss.Contacts(9)), "0.1: contacts that keep their areas"),
     (run_of(interface=EQUAL), r"^Gaussian\.std = 0: .* or use the method Contacts"),
     (run_of(output=ss.Output(interval=1e-9)), r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
     (run_of(interface=replace(AGEING, thresholds=ss.Uniform(0.5, 1.5))), "Gaussian"),

@@ -190,7 +190,7 @@ def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(newborn,
     assert friction[back + 1] - friction[back] == pytest.approx(-let_go * (1.0 - attached[back]), abs=0.02)
 
 
-@pytest.mark.parametrize("areas", [None, "fresh"])
+@pytest.mark.parametrize("areas", [None, "fresh", "site"])
 def test_peaks_of_slips_follow_the_factor_of_their_track(areas):
     peaks = {}
     for scatter in (0.0, 0.15):
@@ -202,6 +202,33 @@ def test_peaks_of_slips_follow_the_factor_of_their_track(areas):
     assert peaks[0.0].std() < 0.02
     assert peaks[0.15].mean() == pytest.approx(peaks[0.0].mean(), abs=4 * 0.15 / math.sqrt(n))
     assert peaks[0.15].std() == pytest.approx(0.15 * peaks[0.0].mean(), rel=4 / math.sqrt(2 * n))
+
+
+def peaks_of_a_block(method, scatter):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.02), delay=ss.Delay(0.1), track_scatter=scatter)
+    alone = ss.Chain(blocks=2, coupling=1e-6, mass=1e-4, damping=100.0, leaf=0.3)
+    run = ss.simulate(ss.Rig(interface, alone, ss.constant(1.0, 150.0), method=method))
+    return ss.drops(run["friction_force"].isel(block=0).rename("spring_force").to_dataset())["force_before"][1:]
+
+
+@pytest.mark.parametrize("method", [ss.Contacts(200, seed=1), ss.QuasiStatic(200, seed=1)])
+def test_each_block_of_a_chain_goes_from_track_to_track(method):
+    peaks, none = peaks_of_a_block(method, 0.15), peaks_of_a_block(method, 0.0)
+    assert peaks.size > 25
+    assert float(none.std() / none.mean()) < 0.02
+    assert float(peaks.mean() / none.mean()) == pytest.approx(1.0, abs=4 * 0.15 / math.sqrt(peaks.size))
+    assert float(peaks.std() / none.mean()) == pytest.approx(0.15, rel=4 / math.sqrt(2 * peaks.size))
+
+
+def test_blocks_that_never_stop_keep_their_track():
+    """The friction of each is that of smooth sliding, times its factor."""
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.05), track_scatter=0.2)
+    loose = ss.Chain(blocks=60, coupling=1e-3, mass=1e-3, damping=200.0, leaf=20.0)
+    rig = ss.Rig(interface, loose, ss.constant(1.0, 6.0), method=ss.Contacts(300, seed=2), start=ss.FromSliding())
+    steady = ss.kinetic_friction(replace(interface, track_scatter=0.0), 1.0)
+    friction = ss.simulate(rig)["friction_force"].mean("time") / steady
+    assert float(friction.mean()) == pytest.approx(1.0, abs=4 * 0.2 / math.sqrt(60))
+    assert float(friction.std()) == pytest.approx(0.2, rel=4 / math.sqrt(120))
 
 
 # ------------------------------------------------------------------------------------------------ closed forms

@@ -16,18 +16,23 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .drive import DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece, Sampling
+from .drive import ARRESTED, DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece, Sampling
 from .leapfrog import Motion, Network, at_rest, begin_step, end_step, slide
 from .records import Counts, Floats
 from .tournament import enter, smallest, tournaments, winner
 
 
 class Draws(NamedTuple):
-    """Random numbers of each block in the order of use, shape (n, any); the delay of all, or NaN to take the drawn."""
+    """Random numbers of each block in the order of use, shape (n, any); the delay of all, or NaN to take the drawn.
+
+    Thresholds count `factor` times, shape (n,); with `tracks`, `advance` returns where a block stops after a break.
+    """
 
     thresholds: Floats
     delays: Floats
     fixed_delay: float
+    factor: Floats
+    tracks: bool
 
 
 class Contacts(NamedTuple):
@@ -46,6 +51,8 @@ class Contacts(NamedTuple):
     attached: Counts
     next_threshold: Counts
     next_delay: Counts
+    breaks_at_stop: Counts
+    heading: Floats  # velocity in the step before
 
 
 class State(NamedTuple):
@@ -67,10 +74,10 @@ def make_state(
     motion = at_rest(X, V, sliding, anchored)
     keys = np.where(attached, [birth + threshold, threshold - birth], np.inf)
     ahead, behind, attach = (tournaments(numbers) for numbers in (*keys, waiting))
-    breaks, thresholds, delays = np.zeros((3, n), np.int64)
+    breaks, thresholds, delays, stops = np.zeros((4, n), np.int64)
     first = ahead[:, 0].copy(), behind[:, 0].copy(), attach[:, 0].copy()
-    counts = breaks, attached.sum(axis=1), thresholds, delays
-    contacts = Contacts(birth, threshold, ahead, behind, attach, *first, np.zeros(n), *counts)
+    counts = breaks, attached.sum(axis=1), thresholds, delays, stops
+    contacts = Contacts(birth, threshold, ahead, behind, attach, *first, np.zeros(n), *counts, np.zeros(n))
     state = State(motion, contacts)
     motion.blocks.held[:] = attached.sum(axis=1) / N
     for j in range(n):
@@ -105,7 +112,7 @@ def next_threshold(contacts: Contacts, j: int, draws: Draws) -> float:
     if contacts.next_threshold[j] == draws.thresholds.shape[1]:
         return math.nan
     contacts.next_threshold[j] += 1
-    return float(draws.thresholds[j, contacts.next_threshold[j] - 1])
+    return float(draws.thresholds[j, contacts.next_threshold[j] - 1] * draws.factor[j])
 
 
 @inlined
@@ -117,6 +124,14 @@ def next_delay(contacts: Contacts, j: int, draws: Draws) -> float:
         return math.nan
     contacts.next_delay[j] += 1
     return float(draws.delays[j, contacts.next_delay[j] - 1])
+
+
+@inlined
+def has_broken(contacts: Contacts, j: int) -> bool:
+    """Whether contacts of a block that stops have broken since it did so last."""
+    last = contacts.breaks_at_stop[j]
+    contacts.breaks_at_stop[j] = contacts.breaks[j]
+    return bool(contacts.breaks[j] > last)
 
 
 @inlined
@@ -222,6 +237,11 @@ def advance(
         h = now.step
         soon = now.time + h
         for j in range(now.block, n):
+            if draws.tracks:
+                before, contacts.heading[j] = contacts.heading[j], blocks.V[j]
+                if before * blocks.V[j] < 0.0 and has_broken(contacts, j):
+                    now.block = j
+                    return ARRESTED
             X = blocks.X[j] + h * blocks.V[j]
             if contacts.ahead[j] > X and contacts.behind[j] > -X and soon < contacts.next_attach[j]:
                 blocks.X[j] = X

@@ -13,7 +13,7 @@ import math
 
 from . import drive
 from ._jit import bare, inlined
-from .blocks import Draws, State, attach_contact, break_contact, look_ahead, next_delay, next_threshold
+from .blocks import Draws, State, attach_contact, break_contact, has_broken, look_ahead, next_delay, next_threshold
 from .drive import NOWHERE, Piece, Sampling, drive_at, holds
 from .leapfrog import Network, element, fill_row, slide, stretch
 from .records import Floats
@@ -249,6 +249,10 @@ def advance(
             if why != drive.ON_THE_WAY:
                 return why
             continue
+        for j in range(n if draws.tracks else 0):
+            if has_broken(state.contacts, j):
+                now.block = j
+                return drive.ARRESTED
         # As far as the drive goes one way, or to the next re-attachment.
         time = now.time
         D, v = drive_at(piece.drive, time)

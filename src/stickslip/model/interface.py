@@ -46,7 +46,7 @@ class Interface(Record):
         Scatter from slip to slip of all thresholds alike: the standard deviation of the factor, of mean 1, that the
         thresholds drawn between two arrests of the slider have in common. The factor is log-normal, as the strength of
         a track is the product of many influences: it is positive, and half as strong is as likely as twice. Of contacts
-        of different areas it is the areas that have it in common.
+        of different areas it is the areas that have it in common, with "site" those of the contacts that attach then.
     areas : {"fresh", "site"}, optional
         Contacts of different areas ``a``: `thresholds` is then the distribution of areas, in units of one whose
         threshold force and stiffness are 1. The threshold force goes with the area and the stiffness with its root,

@@ -45,6 +45,14 @@ def first_contacts(
     return with_detached(beginning, count, rng, x, _thresholds_of(interface, rng, x, factor))
 
 
+def track_factor(interface: Interface, rng: np.random.Generator) -> float:
+    """Draw the factor that thresholds have in common until the next arrest."""
+    if interface.track_scatter == 0.0:
+        return 1.0
+    variance = math.log1p(interface.track_scatter**2)
+    return math.exp(math.sqrt(variance) * rng.standard_normal() - 0.5 * variance)
+
+
 def newborns(
     interface: Interface, size: int, factor: float, newborns: np.random.Generator, thresholds: np.random.Generator
 ) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,17 +27,17 @@ from stickslip.model import (
     QuasiStatic,
 )
 from stickslip.model.body import coupling_matrix
-from stickslip.model.newborn import stretching_nodes
+from stickslip.model.newborn import stretching_nodes, thresholds_beyond
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import first_contacts, lifetimes_in, survival_of
+from stickslip.simulation.engines.beginnings import first_contacts, lifetimes_in, survival_of, track_factor
 from stickslip.simulation.work import Course, Part, breaking
 
 ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
 _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
 _POOL = 256
 """Random numbers drawn at once for a block. The same seed gives another run with another length."""
-_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 1e-8, 3e-8, 8e-9, 7e-7, 4e-8
+_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 2e-8, 3e-8, 4.5e-9, 7e-7, 4e-8
 """Seconds a step of a block takes where no contact breaks, and with cohorts; each of these at the end of a stage; a
 break; and a block at each break in balance."""
 _CONTACT = 64.0  # bytes of a contact
@@ -113,17 +114,21 @@ class Streams:
         delay, self._seed = interface.delay, seed
         fixed = delay.time if isinstance(delay, Delay) else math.nan
         thresholds, delays = np.empty((blocks, _POOL)), np.empty((blocks, _POOL if math.isnan(fixed) else 0))
-        self.draws = Draws(thresholds, delays, fixed)
-        self._pools = {1: (thresholds, interface.threshold_distribution.sample), 2: (delays, delay.sample)}
+        self.draws = Draws(thresholds, delays, fixed, np.ones(blocks), interface.track_scatter > 0.0)
+        self._pools: dict[int, tuple[Array, Callable[[np.random.Generator, int], Array | float]]] = {
+            1: (thresholds, interface.threshold_distribution.sample),
+            2: (delays, delay.sample),
+            3: (self.draws.factor, lambda rng, _: track_factor(interface, rng)),
+        }
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
 
     def of(self, block: int, kind: int) -> np.random.Generator:
-        """Begin one of a block's streams: of initial stretchings, of thresholds, and of delays."""
+        """Begin one of a block's streams: of initial stretchings, of thresholds, of delays, and of tracks."""
         # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the others.
         return np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(block, kind)))
 
     def refill(self, block: int, kind: int) -> None:
-        """Draw thresholds (1) or delays (2) for a block."""
+        """Draw thresholds (1) or delays (2) for a block, or its next track (3)."""
         if (block, kind) not in self._generators:
             self._generators[block, kind] = self.of(block, kind)
         pool, sample = self._pools[kind]
@@ -140,11 +145,15 @@ def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: A
     still = replace(beginning, start=FromRest())
     for j in range(body.size):
         rng = streams.of(j, 0)
+        if streams.draws.tracks:
+            streams.refill(j, 3)
+        factor = float(streams.draws.factor[j])
         if isinstance(beginning.start, Prestressed):
             x[j] = prestress[j]
-            threshold[j] = distribution.sample_beyond(rng, np.abs(x[j]))
+            threshold[j] = thresholds_beyond(distribution, rng, x[j], factor)
         else:
-            x[j], threshold[j], pending = first_contacts(still if j < beginning.at_rest else beginning, count, rng)
+            sliding = still if j < beginning.at_rest else beginning
+            x[j], threshold[j], pending = first_contacts(sliding, count, rng, factor)
             waiting[j, count - pending.size :] = pending
     return x, threshold, waiting
 
@@ -192,10 +201,13 @@ class ElasticEngine(Engine):
             steps = body.size * rig.drive.duration / step
         if isinstance(method, MasterEquation):
             cells, delay, moving = cells_of(method), rig.interface.delay.moment(1), _STEP_OF_COHORTS
+            distribution = rig.interface.threshold_distribution
             steps *= max(1.0, cells / _CELLS)
-            stages = cells * course.distance * rig.interface.threshold_distribution.moment(1)
-            stages += _STAGES * cells / _CELLS * rig.drive.duration / delay if delay > 0 else 0.0
-            what, each = f"{stages:.2g} stages of {cells:.2g} cohorts on each block", cells * body.size
+            way = course.distance * distribution.moment(1)
+            stages = cells * way
+            stages += _STAGES * cells / _CELLS * rig.drive.duration / delay if delay > 0 else math.inf
+            stages, cohorts = min(stages, steps / body.size), cells * min(survival_of(distribution).top, way)
+            what, each = f"{stages:.2g} stages of {cohorts:.2g} cohorts on each block", cohorts * body.size
             contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, _COHORT * each * stages, _CONTACT * each)
         else:
             count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
@@ -266,6 +278,8 @@ class BlocksOfContacts(ElasticEngine):
     from event to event: `stickslip.kernels.quasistatic`.
     """
 
+    mechanisms = frozenset({"sliding_force", "track_scatter"})
+
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         super().__init__(beginning, method)
         body, self._balanced = self.slider, isinstance(method, QuasiStatic)
@@ -305,13 +319,14 @@ class BlocksOfContacts(ElasticEngine):
                 f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
+        kinds = {drive.THRESHOLDS_USED_UP: 1, drive.DELAYS_USED_UP: 2, drive.ARRESTED: 3}
+        if why in kinds:
+            self._streams.refill(block, kinds[why])
         if why == drive.THRESHOLDS_USED_UP:
-            self._streams.refill(block, 1)
             contacts.next_threshold[block] = 0
         elif why == drive.DELAYS_USED_UP:
-            self._streams.refill(block, 2)
             contacts.next_delay[block] = 0
-        return why in (drive.THRESHOLDS_USED_UP, drive.DELAYS_USED_UP)
+        return why in kinds
 
 
 @solves(MasterEquation, elastic=True)

@@ -45,7 +45,7 @@ class EventByEvent(base.Engine):
         self._initial, self._thresholds, self._delays, self._newborns, self._tracks, self._chances = (
             beginnings.generators(method.seed, 6)
         )
-        self._factor = self._next_track()
+        self._factor = beginnings.track_factor(interface, self._tracks)
         self.slider = base.slider_constants(beginning.slider)
         self._rule = beginnings.rule_of(interface)
         x, strength, pending, since = self._first(beginning, method.count)
@@ -69,12 +69,6 @@ class EventByEvent(base.Engine):
         """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
         if interface.temperature is not None:
             base.check_newborns(interface)
-        if interface.areas == "site" and interface.track_scatter > 0:
-            raise InputError(
-                f"Interface.track_scatter = {interface.track_scatter:g}: contacts that keep their areas draw no "
-                'thresholds that a track could have in common; leave it out, or give areas = "fresh"',
-                "Interface.track_scatter",
-            )
         if interface.newborn is None:
             return
         if isinstance(interface.ageing, ExponentialGrowth):
@@ -138,14 +132,6 @@ class EventByEvent(base.Engine):
         pending = (length[order] - gone)[held:] / velocity
         return (begun[order] + gone), strength[order], pending, -gone / velocity
 
-    def _next_track(self) -> float:
-        """Draw the factor that the thresholds have in common until the next arrest."""
-        scatter = self._interface.track_scatter
-        if scatter == 0.0:
-            return 1.0
-        variance = math.log1p(scatter * scatter)
-        return math.exp(math.sqrt(variance) * self._tracks.standard_normal() - 0.5 * variance)
-
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
         """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
         count = min(_BLOCK, max(2 * self._state.size, 64)) if self._interface.track_scatter else _BLOCK
@@ -195,9 +181,10 @@ class EventByEvent(base.Engine):
 
     def _arrest(self) -> None:
         """The slider has stopped after a break: contacts attach to another track."""
-        self._factor = self._next_track()
+        before, self._factor = self._factor, beginnings.track_factor(self._interface, self._tracks)
         self._draws = self._with_thresholds(self._draws)
         if self._boxes is not None and self._interface.areas:  # those of a strong track are stiffer, too
+            self._boxes.own[:] *= math.sqrt(self._factor / before)
             stiffest = max(self._boxes.stiffest, self._stiffest * math.sqrt(self._factor))
             self._boxes = self._boxes._replace(stiffest=stiffest)
 
