@@ -210,15 +210,15 @@ class Rig(Answer):
         changed = replace(self, **fields)
         for name in [name for name in changes if name not in fields]:
             known = parameter_named(name, place="replace")
-            changed = known.set(changed, changed._in_natural_units(name, changes[name], known, above=None, at_least=0))
+            changed = known.set(changed, changed.read(name, changes[name], known.unit, above=None, at_least=0))
         return changed
 
-    def _in_natural_units(self, place: str, value: object, parameter: Parameter, **bounds: Any) -> float:
-        """A value of a parameter, in the rig's own unit or a text with a unit, in its natural unit."""
-        unit = self.unit_name(parameter.unit)
+    def read(self, place: str, value: object, natural: str, **bounds: Any) -> float:
+        """Return a number in the rig's own unit, or a text with a unit, in the natural unit; errors name the place."""
+        unit = self.unit_name(natural)
         if isinstance(value, str) and self.scales is None:
             raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
-        return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(parameter.unit)
+        return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(natural)
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
         """Return the range of a factor `USUAL_RANGE` above and below the value in the rig, in natural units."""
@@ -232,8 +232,8 @@ class Rig(Answer):
         ends = sequence("between", between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
             raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
-        low = self._in_natural_units("between[0]", ends[0], parameter, above=0)
-        high = self._in_natural_units("between[1]", ends[1], parameter, above=low * self.unit(parameter.unit))
+        low = self.read("between[0]", ends[0], parameter.unit, above=0)
+        high = self.read("between[1]", ends[1], parameter.unit, above=low * self.unit(parameter.unit))
         return low, high
 
     def __str__(self) -> str:

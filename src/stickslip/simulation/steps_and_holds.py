@@ -8,11 +8,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError, instance, number, sequence, shown, whole
+from stickslip.errors import InputError, instance, sequence, shown, whole
 from stickslip.io import datasets as store
 from stickslip.model import FixedGrowth, FromSliding, Interface, MasterEquation, Method, Rig, Slider
 from stickslip.model.drive import constant
-from stickslip.model.quantities import read_quantity
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.follow import follow
 from stickslip.simulation.result import labelled
@@ -73,9 +72,9 @@ def velocity_step(
     0.01
     """
     told = _rig_of("velocity_step", rig, method)
-    v = _natural(told, "velocity_step: before", before, "x_s/time")
-    w = _natural(told, "velocity_step: after", after, "x_s/time")
-    way = _natural(told, "velocity_step: distance", distance, "x_s")
+    v = told.read("velocity_step: before", before, "x_s/time")
+    w = told.read("velocity_step: after", after, "x_s/time")
+    way = told.read("velocity_step: distance", distance, "x_s")
     count = whole("velocity_step: points", points, at_least=10, at_most=10_000_000)
     engine, origin, _ = _sliding(told, v, "velocity_step", stiffness)
     first = max(round(_APPROACH * count), 2)
@@ -144,9 +143,9 @@ def slide_hold_slide(
     [0.089, 0.134]
     """
     who, told = "slide_hold_slide", _rig_of("slide_hold_slide", rig, method)
-    v = _natural(told, f"{who}: velocity", velocity, "x_s/time")
+    v = told.read(f"{who}: velocity", velocity, "x_s/time")
     listed = sequence(f"{who}: holds", holds, "times, such as (1.0, 10.0, 100.0)")
-    times = np.array([_natural(told, f"{who}: holds[{i}]", value, "time") for i, value in enumerate(listed)])
+    times = np.array([told.read(f"{who}: holds[{i}]", value, "time") for i, value in enumerate(listed)])
     if not times.size:
         raise InputError(f"{who}: holds: must hold at least one time, such as (1.0, 10.0, 100.0)")
     mean = told.interface.threshold_distribution.moment(1)
@@ -190,20 +189,11 @@ def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
     return rig
 
 
-def _natural(rig: Rig, place: str, value: float | str, unit: str) -> float:
-    """Read a number above 0 in the units of the rig."""
-    if isinstance(value, str):
-        if rig.scales is None:
-            raise InputError(f"{place} = {value!r}: must be a plain number, as there are no units but natural ones")
-        value = read_quantity(value, rig.unit_name(unit), place)
-    return number(place, value, above=0) / rig.unit(unit)
-
-
 def _sliding(rig: Rig, velocity: float, who: str, stiffness: float | str) -> tuple[Engine, float, float]:
     """Return an engine in steady sliding, where the drive is, and the stiffness of its spring."""
     slider, spring, interface = None, math.inf, rig.interface
     if not (isinstance(stiffness, float) and stiffness == math.inf):
-        spring = _natural(rig, f"{who}: stiffness", stiffness, "k")
+        spring = rig.read(f"{who}: stiffness", stiffness, "k")
         slider = Slider(stiffness=spring, mass=0.0, damping=0.0)
         growing = isinstance(rig.method, MasterEquation) and isinstance(interface.ageing, FixedGrowth)
         if interface.temperature is None and not growing:  # without mass it would slip in no time
