@@ -5,6 +5,7 @@ import re
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import stickslip as ss
@@ -13,11 +14,14 @@ from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
 from stickslip.progress import bar
 from stickslip.simulation import estimate
+from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.follow import follow
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5))
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, duration=10.0), method=ss.Contacts(100, seed=1))
+GROWTH = ss.LogarithmicGrowth(slope=0.05, time=0.01)
 TOO_MUCH = {
     "slider.mass": RIG.replace(mass=1e-28),
     "simulation.contacts": RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1000.0)),
@@ -170,18 +174,43 @@ def test_stiff_dashpots_ask_for_short_steps(method):
 
 
 def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
-    """At a temperature nothing looser than 1e-4 is cheaper; steps and cohorts go as 1/width, and as 1/sqrt(rtol).
+    """At a temperature nothing looser than 4e-4 is cheaper; steps and cohorts go as 1/width, and as 1/sqrt(rtol).
 
     Where a clock says what is left, the width does not matter.
     """
 
     def work(width, rtol=1e-4, temperature=None):
         temperature = temperature or ss.model.Parabolic(temperature=width, attempts=1e3)
-        interface = replace(INTERFACE, temperature=temperature)
+        interface = replace(INTERFACE, temperature=temperature, ageing=GROWTH)
         return estimate(RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol)))
 
     assert work(1e-3).seconds > 100 * work(1e-3, temperature=ss.Bell(width=1e-3, attempts=1e3)).seconds
-    assert work(1e-3, rtol=1e-2).seconds == work(1e-3).seconds
+    assert work(1e-3, rtol=1e-2).seconds == work(1e-3, rtol=4e-4).seconds
     assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100  # steps of ringing are not finer
     with pytest.raises(ss.InputError, match=r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give at"):
         work(1e-5).check()
+
+
+BELL = ss.Bell(width=0.02, attempts=1e4)
+ON_PANELS = {
+    "slips": {},
+    "slides": {"slider": ss.Slider(stiffness=20.0, mass=1e-4, damping=1000.0)},
+    "rings": {"slider": ss.Slider(stiffness=2.0, mass=1e-5, damping=42.4)},
+    "on arrest": {"interface": replace(INTERFACE, delay=ss.OnArrest())},
+    "newborns": {"interface": replace(INTERFACE, newborn=ss.Uniform(low=-0.1, high=0.3))},
+    "growth": {"interface": replace(INTERFACE, ageing=GROWTH)},
+    "heat": {"interface": replace(INTERFACE, temperature=BELL), "drive": ss.ramp(0.5, 1.5, 20.0)},
+    "counted": {"method": ss.Population(1_000_000, rtol=1e-3), "drive": ss.ramp(0.5, 1.5, 40.0)},
+}
+
+
+@pytest.mark.parametrize("name", ON_PANELS)
+def test_a_run_takes_as_many_steps_as_were_said(name):
+    """Whether it slips or slides smoothly, which only a run tells: the first part of it that was tried."""
+    tried = RIG.replace(method=ss.MasterEquation(rtol=1e-5), drive=ss.constant(1.0, 40.0)).replace(**ON_PANELS[name])
+    (said,) = (part.what for part in estimate(tried).parts if part.key == "simulation.rtol")
+    beginning = Beginning(tried.interface, tried.slider, tried.velocity, tried.start)
+    engine = engine_of(tried.interface, tried.method)(beginning, tried.method)
+    follow(engine, tried.drive, beginning.drive_position(engine.contact_force()), np.zeros(1))
+    steps = float(re.fullmatch(r"about (.*) steps of cohorts", said)[1])
+    assert steps / 2 < engine.state.used.steps < 2 * steps

@@ -102,14 +102,12 @@ class Course(NamedTuple):
     """What contacts and slider go through in a run; pieces of the drive that end on a condition are taken as a whole.
 
     `distance` is the way of the drive and `shaken` that of a slider that a perturbation has set ringing, in mean
-    thresholds. The slider turns by so many radians, and rings for `ringing` and `rung` of them, before it smooths out
-    and where it sticks.
+    thresholds. The slider turns by so many radians, and rings for `rung` of them, where it sticks.
     """
 
     distance: float
     shaken: float = 0.0
     turns: float = 0.0
-    ringing: float = 0.0
     rung: float = 0.0
 
 
@@ -124,13 +122,12 @@ def course_of(rig: Rig) -> Course:
     # A slip leaves the slider ringing, the longer, the less it is damped.
     damping_ratio = slider.damping / (2.0 * frequency)
     turns, rings = frequency * duration, 1.0 / damping_ratio if damping_ratio > 0 else math.inf
-    ringing = min(turns, 10.0 * rings * (1.0 + distance)) if damping_ratio < 1 else 0.0
     shaken = 0.0
     if isinstance(rig.start, FromSliding):
         largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
         shaken = largest / (mean * frequency) * min(turns, rings)
     slips = 1.0 + distance * min(slider.stiffness, 1.0)
-    return Course(distance, shaken, turns, ringing, min(turns, 10.0 * rings * slips))
+    return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
 
 
 def way_of(piece: Piece) -> float:

@@ -22,8 +22,8 @@ from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
 _STEP = 0.02  # largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements
-_AGE, _BREAK, _HOT_BREAK = 2e-7, 2.6e-6, 5e-6
-"""Seconds a contact takes in a time of ageing, whether it breaks or not, and a break, at a temperature more."""
+_COLD, _HOT = (3e-7, 1.2e-6), (9e-6, 2.5e-5)
+"""Seconds a contact takes in a time of ageing, whether it breaks or not, and a break; at a temperature none sleeps."""
 _CONTACT = 150.0  # bytes of a contact
 _POOL = 65_536  # delays drawn for contacts to choose from; one will do if all are the same
 _AGED = 9.6e-3  # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order
@@ -89,8 +89,9 @@ def _start(beginning: base.Beginning, rate: float) -> float:
 def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]:
     """Return the work of a run, by part; a time of ageing takes the seconds `aged`, at rest as in motion."""
     assert isinstance(rig.interface.ageing, Langevin)
-    rate = rig.interface.ageing.rate
-    ages = rig.drive.duration * rate**2
+    case, rate = rig.natural, rig.interface.ageing.rate
+    begin = _start(base.Beginning(case.interface, case.slider, case.velocity, case.start), rate)
+    ages = (rig.drive.duration - begin) * rate**2
     ageing = Part("interface.ageing.time", rate**-2, "time", -1.0, f"{ages:.2g} times of ageing", aged * ages)
     return *oscillation(rig, course.turns), part, ageing
 
@@ -127,8 +128,8 @@ class LangevinContacts(Steps):
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
         hot, count = rig.interface.temperature is not None, method.count
-        how, each = (" by thermal activation", _HOT_BREAK) if hot else ("", _BREAK)
-        return _cost(rig, course, _AGE * count, breaking(count, lifetimes_in(rig, course)[0], each, _CONTACT, how))
+        how, (age, each) = (" by thermal activation", _HOT) if hot else ("", _COLD)
+        return _cost(rig, course, age * count, breaking(count, lifetimes_in(rig, course)[0], each, _CONTACT, how))
 
     def stretchings(self) -> base.Stretchings:
         """Stretchings of the attached contacts now."""
@@ -179,7 +180,7 @@ class LangevinDensity(Steps):
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        path, aged = course.distance + course.shaken + 0.01 * course.ringing, _AGED * 1e-4 / method.rtol
+        path, aged = course.distance + course.shaken + 0.01 * course.rung, _AGED * 1e-4 / method.rtol
         part = Part("simulation.rtol", method.rtol, None, -1.0, f"a path of {path:.2g} mean thresholds", aged * path)
         return _cost(rig, course, aged, part)
 

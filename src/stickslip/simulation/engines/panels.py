@@ -12,15 +12,16 @@ from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.breaking import NEVER, Breaking, is_fixed, sliding_lives, survivals
 from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
+from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.lifetimes import reach
 from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
 from stickslip.kernels.panels import advance
+from stickslip.kernels.records import Record
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
 from stickslip.kernels.survival import EMPTY, tabulate, widest
 from stickslip.model import (
     Bell,
-    Delay,
     DelayModel,
     ExponentialGrowth,
     Interface,
@@ -37,7 +38,7 @@ from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
-from stickslip.simulation.work import Course, Part, oscillation
+from stickslip.simulation.work import Course, Part
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
@@ -47,10 +48,15 @@ _WIDEST = 0.3, 0.1
 _BROKEN = 0.02  # fraction of all contacts that may break in a step where they are counted, for an error of 1e-4
 _GRAIN = 0.15
 """Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
-_PANELS = 1e-4, 1.5e-5  # seconds over a mean threshold, and over a radian in which the slider rings after a slip
-_OF_RANDOM_DELAYS, _OF_CORNERS, _OF_CLOCKS = 5.0, 3.0, 10.0
-"""So many times that with random delays, with a distribution of thresholds that has corners, and with a temperature or
-with growth."""
+_PATH = 2.5e-3, 10.0  # seconds over a mean threshold, about, and how many times that where cohorts have clocks
+_STEP, _SWEEP, _DRAW = 1e-5, 3e-6, 1.4e-7
+"""Seconds that a step takes, and each sweep of Newton's method in it; and a node of counted contacts in a step."""
+_NODE, _PULLED = (7e-8, 6e-7, 1e-6), 1e-5
+"""Seconds of a node in a sweep: of fixed thresholds; where these have knots, or grow; and at a temperature; and so much
+more where contacts are pulled too fast for heat to break them."""
+_WORTH, _TRIED = 0.05, (0.15, 6.0, 0.1, 0.3)
+"""Seconds from which a run is tried; for how many at most, over how many mean thresholds, and the least and the largest
+part of the run that it may be."""
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
@@ -113,19 +119,47 @@ class Panels(Cohorts):
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation | Population, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run, by part: panels are of fifth order."""
-        interface, finer = rig.interface, 1e-4 / method.rtol
-        harder = 1.0 if isinstance(interface.delay, Delay) else _OF_RANDOM_DELAYS
-        if any(0.0 < knot < math.inf for knot in interface.threshold_distribution.knots):
-            harder *= _OF_CORNERS
-        if interface.mechanisms & {"ageing", "temperature"}:
-            harder *= _OF_CLOCKS
-        ringing = course.ringing if interface.delay.moment(1) > 0 else 0.0
-        steps = _PANELS[0] * (course.distance + course.shaken) + _PANELS[1] * ringing
-        path = course.distance + course.shaken + 0.01 * course.ringing
-        what, seconds = f"a path of {path:.2g} mean thresholds", harder * finer ** (1 / 6) * steps
-        part = Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds)
-        return *oscillation(rig, course.turns), part
+        """Return the work of a run: no theory says how many slips there are, so one worth it is tried for a while."""
+        interface, path = rig.interface, course.distance + course.shaken
+        seconds = _PATH[0] * path * (_PATH[1] if interface.mechanisms & {"ageing", "temperature"} else 1.0)
+        what = f"a path of {path:.2g} mean thresholds"
+        if seconds > _WORTH:
+            case = rig.natural
+            beginning = Beginning(interface, case.slider, case.velocity, case.start)
+            seconds, steps = Panels(beginning, method)._tried(beginning, rig, course)
+            what = f"about {steps:.2g} steps of cohorts"
+        return (Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds),)
+
+    def _tried(self, beginning: Beginning, rig: Rig, course: Course) -> Array:
+        """Seconds of a run by count, and steps: at the mean velocity of its drive, from a first part and its end."""
+        duration, way = rig.drive.duration, course.distance * rig.interface.threshold_distribution.moment(1)
+        drive = Quadratic(0.0, beginning.drive_position(self.contact_force()), way / duration, 0.0)
+        most, some, least, largest = _TRIED
+        case, part = self._case._replace(drive=drive), min(max(least, some / max(course.distance, 1.0)), largest)
+        passed, spent, why = [0.0], [np.zeros(2)], PAUSED
+        while why == PAUSED and passed[-1] < part and spent[-1][0] < most:
+            before = self.state.used
+            self.state, _, why = advance(self.state, case, duration, np.empty(0), Stop(), 20)
+            passed.append(self.here()[0] / duration)
+            spent.append(spent[-1] + self._spent(before))
+        late = int(np.searchsorted(passed, 0.4 * passed[-1], side="right")) - 1  # the first slip is not as others are
+        rate = (spent[-1] - spent[late]) / (passed[-1] - passed[late] or math.inf)  # none where the run will fail, too
+        return spent[-1] + rate * (1.0 - passed[-1])
+
+    def _spent(self, before: Record) -> Array:
+        """Seconds and steps since there were these counts, by those there are now."""
+        used, breaking = self.state.used, self._case.breaking
+        nodes, (clock, most) = Q * used.cohorts, self.state.cohorts[[CLOCK, REACH], : used.cohorts]
+        each, hard, counted = _NODE[0], 0, self._case.finite is not None
+        if breaking.width > 0.0:
+            energy = 0.5 * most**2 if breaking.squared else most
+            pulled = np.abs((clock - energy) / breaking.width + 16.0) < 20.0  # where `survival` is an integral
+            each, hard = _NODE[2], int(np.count_nonzero(pulled & (breaking.thresholds.bottom < most)))
+        elif not is_fixed(breaking) or (breaking.knots.size and not counted):
+            each = _NODE[1]
+        steps, sweeps = used.steps - before.steps, used.sweeps - before.sweeps
+        seconds = steps * (_STEP + _DRAW * nodes * counted) + sweeps * (_SWEEP + each * nodes + _PULLED * hard)
+        return np.array([seconds, steps])
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""

@@ -12,12 +12,14 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import GROWTH, Array, Beginning, Cohorts, Stretchings, slider_constants, solves
-from stickslip.simulation.work import Course, Part, oscillation
+from stickslip.simulation.engines.beginnings import lifetimes_in
+from stickslip.simulation.work import Course, Part
 from stickslip.sliding.lifetimes import growth_of, hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
 _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
-_COHORT = 1e-5  # seconds a cohort takes in a step
+_COHORT, _NODE = 7e-7, 2e-7  # seconds a cohort takes in a step, and each of its nodes that is about to break
+_BAND = 25.0  # that is within so many widths
 
 
 @solves(MasterEquation, type(None), *GROWTH, temperature=(Barrier,))
@@ -57,15 +59,16 @@ class ThermalPopulation(Cohorts):
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: a few steps and cohorts on a width, fewer where few contacts may break."""
         interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
-        width = activation_width(interface)
-        finer = max(1.0, math.sqrt(1e-4 / method.rtol))
-        closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
-        cohorts = float(closest * interface.threshold_distribution.support[1])
-        steps = closest * mean * (course.distance + course.shaken) + 3.0 * course.rung
-        seconds, room = _COHORT * steps * cohorts, 16.0 * cohorts * _NODES
+        width, (lives, _) = activation_width(interface), lifetimes_in(rig, course)
+        finer, way = max(0.5, math.sqrt(1e-4 / method.rtol)), mean * (course.distance + course.shaken)
+        moving = finer * max(2.0 * way / width, lives / _BROKEN)
+        steps, cohorts = moving + 3.0 * course.rung, 2.0 * moving / max(lives, 1.0)  # some last twice as long as most
+        node = _threshold_nodes(interface.threshold_distribution, width)[0]
+        breaking = node.size * min(_BAND * width / (mean + float(np.ptp(node))), 1.0)
+        seconds, room = (_COHORT + _NODE * breaking) * steps * cohorts, 16.0 * cohorts * node.size
         what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
         part = Part("interface.temperature", width, None, -2.0, what, seconds, room, instead="use Contacts(...), or ")
-        return *oscillation(rig, course.turns), part
+        return (part,)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts now."""
