@@ -506,7 +506,7 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
         (lambda d: d.isel(time=slice(5)), {}, "5 samples"),
         (lambda d: d.assign(spring_force=d.spring_force.where(d.time != 3.0)), {}, "spring_force = nan at t = 3"),
         (lambda d: d.assign_coords(time=d.time.values[::-1]), {}, "rising"),
-        (lambda d: d.assign_coords(time=1e-308 * d.time.values), {}, "in another unit"),
+        (lambda d: d.assign_coords(time=1e-308 * d.time.values), {}, "between 1e-30 and"),
         (lambda d: d.assign(displacement=d.spring_force.expand_dims(seed=2).T), {}, "displacement has shape"),
         (lambda d: d, {"after": 500.0}, "after = 500"),
         (lambda d: d, {"minimum_drop": 0.0}, "minimum_drop"),

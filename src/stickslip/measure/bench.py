@@ -67,9 +67,12 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
     """Samples between others, and farther from all of these than they ever are from one another: -9999, or a spark."""
     found = ~np.isfinite(force)
     for side in (1.0, -1.0, 1.0):
-        values = np.sort(side * force[~found])
-        few = values[: int(FEW * values.size) + 1]
-        below = np.flatnonzero(np.diff(few) > values[-1] - few[1:]) if values.size >= FEWEST_READINGS else few[:0]
+        values = side * force[~found]
+        if values.size < FEWEST_READINGS:
+            break
+        values.partition(many := int(FEW * values.size))
+        few = np.sort(values[: many + 1])
+        below = np.flatnonzero(np.diff(few) > values.max() - few[1:])
         if below.size:
             found |= side * force <= few[below[-1]]
     inner = np.flatnonzero(~found)
