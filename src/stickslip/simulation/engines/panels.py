@@ -38,7 +38,7 @@ from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
-from stickslip.simulation.work import Course, Part
+from stickslip.simulation.work import Course, Part, course_of
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
@@ -49,14 +49,14 @@ _BROKEN = 0.02  # fraction of all contacts that may break in a step where they a
 _GRAIN = 0.15
 """Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
 _PATH = 2.5e-3, 10.0  # seconds over a mean threshold, about, and how many times that where cohorts have clocks
-_STEP, _SWEEP, _DRAW = 1e-5, 3e-6, 1.4e-7
-"""Seconds that a step takes, and each sweep of Newton's method in it; and a node of counted contacts in a step."""
-_NODE, _PULLED = (7e-8, 6e-7, 1e-6), 1e-5
-"""Seconds of a node in a sweep: of fixed thresholds; where these have knots, or grow; and at a temperature; and so much
-more where contacts are pulled too fast for heat to break them."""
-_WORTH, _TRIED = 0.05, (0.15, 6.0, 0.1, 0.3)
-"""Seconds from which a run is tried; for how many at most, over how many mean thresholds, and the least and the largest
-part of the run that it may be."""
+_STEP, _DRAW, _NODE, _AT_RISK, _PULLED = 1.7e-5, 1.3e-7, 7.5e-8, (5e-7, 1e-6), 9e-6
+"""Seconds that a step takes, and a node of counted contacts in it; in a sweep of Newton's method a node, and so much
+more where thresholds have knots or grow, or, at a temperature, it may break; and where it is pulled too fast for heat
+to break it."""
+_WORTH = 0.05  # seconds from which a run is tried
+_TRIED = (0.15, 6.0, 0.3), (0.1, 0.03, 1.0)
+"""As far as this part of it, or these mean thresholds, but no further than that part; and for so many seconds, or this
+part of what it takes, but no longer than that."""
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
@@ -124,42 +124,38 @@ class Panels(Cohorts):
         seconds = _PATH[0] * path * (_PATH[1] if interface.mechanisms & {"ageing", "temperature"} else 1.0)
         what = f"a path of {path:.2g} mean thresholds"
         if seconds > _WORTH:
-            case = rig.natural
-            beginning = Beginning(interface, case.slider, case.velocity, case.start)
-            seconds, steps = Panels(beginning, method)._tried(beginning, rig, course)
+            seconds, steps = _tried(hashable(rig.natural))
             what = f"about {steps:.2g} steps of cohorts"
         return (Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds),)
 
-    def _tried(self, beginning: Beginning, rig: Rig, course: Course) -> Array:
-        """Seconds of a run by count, and steps: at the mean velocity of its drive, from a first part and its end."""
-        duration, way = rig.drive.duration, course.distance * rig.interface.threshold_distribution.moment(1)
-        drive = Quadratic(0.0, beginning.drive_position(self.contact_force()), way / duration, 0.0)
-        most, some, least, largest = _TRIED
-        case, part = self._case._replace(drive=drive), min(max(least, some / max(course.distance, 1.0)), largest)
-        passed, spent, why = [0.0], [np.zeros(2)], PAUSED
-        while why == PAUSED and passed[-1] < part and spent[-1][0] < most:
+    def tried(self, drive: Quadratic, end: float, part: float) -> Array:
+        """Seconds of a run by count, and steps: of a first part, and then as at its end."""
+        case, passed, spent, why, total = self._case._replace(drive=drive), [0.0], [np.zeros(2)], PAUSED, np.zeros(2)
+        least, share, most = _TRIED[1]
+        while why == PAUSED and passed[-1] < part and spent[-1][0] < min(max(least, share * total[0]), most):
             before = self.state.used
-            self.state, _, why = advance(self.state, case, duration, np.empty(0), Stop(), 20)
-            passed.append(self.here()[0] / duration)
+            self.state, _, why = advance(self.state, case, end, np.empty(0), Stop(), 20)
+            passed.append(self.here()[0] / end)
             spent.append(spent[-1] + self._spent(before))
-        late = int(np.searchsorted(passed, 0.4 * passed[-1], side="right")) - 1  # the first slip is not as others are
-        rate = (spent[-1] - spent[late]) / (passed[-1] - passed[late] or math.inf)  # none where the run will fail, too
-        return spent[-1] + rate * (1.0 - passed[-1])
+            late = int(np.searchsorted(passed, 0.4 * passed[-1], side="right")) - 1  # first slips are not as others
+            rate = (spent[-1] - spent[late]) / (passed[-1] - passed[late] or math.inf)  # none where the run will fail
+            total = spent[-1] + rate * (1.0 - passed[-1])
+        return total
 
     def _spent(self, before: Record) -> Array:
         """Seconds and steps since there were these counts, by those there are now."""
-        used, breaking = self.state.used, self._case.breaking
+        used, breaking, counted = self.state.used, self._case.breaking, self._case.finite is not None
         nodes, (clock, most) = Q * used.cohorts, self.state.cohorts[[CLOCK, REACH], : used.cohorts]
-        each, hard, counted = _NODE[0], 0, self._case.finite is not None
+        may_break, pulled = (breaking.thresholds.bottom <= most) | (breaking.blurred.bottom <= clock), np.zeros(1)
         if breaking.width > 0.0:
             energy = 0.5 * most**2 if breaking.squared else most
             pulled = np.abs((clock - energy) / breaking.width + 16.0) < 20.0  # where `survival` is an integral
-            each, hard = _NODE[2], int(np.count_nonzero(pulled & (breaking.thresholds.bottom < most)))
-        elif not is_fixed(breaking) or (breaking.knots.size and not counted):
-            each = _NODE[1]
+            pulled &= breaking.thresholds.bottom < most
+        elif is_fixed(breaking):
+            may_break[:] = breaking.knots.size > 0 and not counted
+        each = _NODE * nodes + _AT_RISK[breaking.width > 0.0] * may_break.sum() + _PULLED * pulled.sum()
         steps, sweeps = used.steps - before.steps, used.sweeps - before.sweeps
-        seconds = steps * (_STEP + _DRAW * nodes * counted) + sweeps * (_SWEEP + each * nodes + _PULLED * hard)
-        return np.array([seconds, steps])
+        return np.array([steps * (_STEP + _DRAW * nodes * counted) + sweeps * each, steps])
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
@@ -208,6 +204,18 @@ class Panels(Cohorts):
             past[:, 2 : 3 + P] -= lost  # it re-attaches with what breaks in the next step
             turned._case = turned._case._replace(breaking=breaking, accuracy=accuracy)
         return turned
+
+
+@lru_cache(maxsize=256)
+def _tried(rig: Rig) -> Array:
+    """Seconds of a run by count, and steps, at the mean velocity of its drive."""
+    method, course, duration, (least, some, most) = rig.method, course_of(rig), rig.drive.duration, _TRIED[0]
+    assert isinstance(method, MasterEquation | Population)
+    beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
+    engine = Panels(beginning, method)
+    velocity = course.distance * rig.interface.threshold_distribution.moment(1) / duration
+    drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0)
+    return engine.tried(drive, duration, min(max(least, some / max(course.distance, 1.0)), most))
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:

@@ -18,7 +18,7 @@ from stickslip.sliding.lifetimes import growth_of, hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
 _BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
-_COHORT, _NODE = 7e-7, 2e-7  # seconds a cohort takes in a step, and each of its nodes that is about to break
+_COHORT, _NODE = 7e-7, 3e-7  # seconds a cohort takes in a step, and each of its nodes that is about to break
 _BAND = 25.0  # that is within so many widths
 
 
