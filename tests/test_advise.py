@@ -116,6 +116,9 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     assert re.search(r"at 20 mm/s: stick-slip, 170 Hz, force ±1\.(19|2)\d* kN", str(found))
     assert found.verdict.endswith("; linearly unstable from 1.1 to 154 mm/s")
     assert len(found.headline) <= 100
+    bold = found.text(40, "\033[1m{}\033[0m")  # a terminal shows no signs for bold
+    assert bold.startswith("\033[1mBrake pad, creep groan\033[0m: at 20 mm/s:\n")
+    assert re.sub("\033\\[[01]m", "", bold) == found.text(40)
     natural = ss.predict(rig.natural, fast=True)
     assert found.critical_stiffness == pytest.approx(natural.critical_stiffness * rig.unit("k"))
     assert found.frequency == pytest.approx(natural.frequency / rig.scales.time)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -44,15 +45,18 @@ class Foretold(Answer):
     def __str__(self) -> str:
         return self.text()
 
-    def text(self, width: int = 10_000, bold: str = "{}") -> str:
-        """Return all that is told: sentences wrapped, the lines of a table kept whole, titles in a format."""
-        wrapped = partial(wrap, width=width, break_on_hyphens=False)
-        lines = wrapped(f"{bold.format(printable(self.rig.name))}: {self.headline}")
-        for title, rest, rows in self.told:
-            lines += ["", *wrapped(bold.format(title) + rest if title else "")] if rows else []
-            wide = [
-                max(map(len, cells)) for cells in zip(*(row for row in rows if not isinstance(row, str)), strict=True)
-            ]
+    def text(self, width: int | None = None, bold: str = "{}") -> str:
+        """Return all that is told: sentences wrapped, if to a width, tables kept whole, titles in a format."""
+        wrapped = partial(wrap, width=sys.maxsize if width is None else width, break_on_hyphens=False)
+
+        def headed(title: str, rest: str) -> list[str]:  # by their width as it is seen
+            first, *more = wrapped(title + rest)
+            return [bold.format(first[: len(title)]) + first[len(title) :], *more]
+
+        lines = headed(printable(self.rig.name), f": {self.headline}")
+        for _, title, rest, rows in self.told:
+            lines += ["", *(headed(title, rest) if title else [])] if rows else []
+            wide = [max(map(len, cells)) for cells in zip(*(r for r in rows if not isinstance(r, str)), strict=True)]
             mark = "- " if title else ""
             for row in rows:
                 if isinstance(row, str):
@@ -64,16 +68,15 @@ class Foretold(Answer):
     @property
     def verdict(self) -> str:
         """The whole answer in one sentence."""
-        rows = (row for title, _, rows in self.sections if title in ("At this speed", "Speeds") for row in rows)
-        return "; ".join([self.headline, *rows])
+        told = (rows for name, _, _, rows in self.sections if name in ("here", "speeds"))
+        return "; ".join([self.headline, *chain.from_iterable(told)])
 
     @property
     def told(self) -> list[say.Section]:
         """The sections, and what of the rig was assumed or fitted."""
-        assumed = [f"{key}: {item}" for key, item in self.rig.assumed.items()]
-        fitted = [f"{key}: {item}" for key, item in self.rig.fitted.items()]
-        rests_on = ("Assumed", ", not measured", assumed), ("Fitted", " to a trace, with 90 % intervals", fitted)
-        return [*self.sections, *rests_on]
+        about = {"assumed": ", not measured", "fitted": " to a trace, with 90 % intervals"}
+        rests_on = {name: [f"{key}: {item}" for key, item in getattr(self.rig, name).items()] for name in about}
+        return [*self.sections, *((name, name.title(), about[name], rests_on[name]) for name in about)]
 
     def _repr_html_(self) -> str:
         found: Any = self
@@ -84,7 +87,7 @@ class Foretold(Answer):
 
     def tables(self) -> str:
         """Return all that is told beneath the headline as HTML, a table each."""
-        told = [(f"<b>{title}</b>{escaped(rest)}", table(rows)) for title, rest, rows in self.told if rows]
+        told = [(f"<b>{title}</b>{escaped(rest)}", table(rows)) for _, title, rest, rows in self.told if rows]
         return "".join(f"<p>{head}</p>{rows}" for head, rows in told)
 
     def to_dict(self) -> dict[str, Any]:
@@ -263,11 +266,8 @@ class Prediction(Foretold):
         edges = [sign * end / unit for band in self.bands for end in band.ends for sign in (1.0, -1.0)]
         for piece in self.rig.drive.pieces:
             rate, whole = piece.acceleration, piece.duration
-            cuts = [
-                0.0,
-                *sorted((e - piece.start) / rate for e in edges if 0.0 < (e - piece.start) * rate < whole * rate**2),
-            ]
-            for first, last in pairwise([*cuts, whole]):
+            cuts = sorted((e - piece.start) / rate for e in edges if 0.0 < (e - piece.start) * rate < whole * rate**2)
+            for first, last in pairwise([0.0, *cuts, whole]):
                 speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
                 kind, bistable = next(((b.kind, b.bistable) for b in self.bands if speed in b), ("unknown", False))
                 if bistable and found and found[-1].kind in ("smooth sliding", "stable"):

@@ -73,7 +73,11 @@ class Doubt(Answer):
         if not (fitted or varied):
             return None
         count = min([_DRAWS, *map(len, fitted.values())])
-        rigs = [*islice(_drawn(rig), count)] if fitted else [rig] * count
+        rigs = [rig] * count
+        if fitted:
+            from stickslip.fitting import rigs_drawn  # some .1 s that no other rig needs
+
+            rigs = [*islice(rigs_drawn(rig), count)]
         # A Latin hypercube, the same each time: of each parameter every 64th of its range once.
         ranks = np.random.default_rng(0).permuted(np.tile(np.arange(count), (len(varied), 1)), axis=1)
         ends = (np.log(rig.assumed[key].factors or (1.0 / WIDEST, WIDEST)) for key in varied)
@@ -117,13 +121,6 @@ class Doubt(Answer):
         if self.assumed:
             keys = ", ".join(key for key, _ in self.matters if key in self.assumed)
             yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
-
-
-def _drawn(rig: Rig) -> Iterator[Rig]:
-    """The rigs of the draws that its file holds."""
-    from stickslip.fitting import rigs_drawn  # some .1 s that no other rig needs
-
-    return rigs_drawn(rig)
 
 
 def _oscillates(rig: Rig, trials: Trials) -> float:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from stickslip.advise.answer import ElasticPrediction, Prediction
     from stickslip.advise.mitigations import Mitigation
 
-Section = tuple[str, str, Sequence[str] | Sequence[tuple[str, ...]]]
-"""Title, the rest of its line, and sentences, or the rows of a table; the first row of one with a title is its head."""
+Section = tuple[str, str, str, Sequence[str] | Sequence[tuple[str, ...]]]
+"""Name, title, the rest of its line, and sentences, or rows of a table, whose first, below a title, is its head."""
 
 SEEN = 0.05  # root mean square of a fluctuation over the mean force, by convention, that a rig is asked to stay below
 
@@ -150,19 +150,21 @@ def _over_its_range(found: Prediction, low: float, high: float) -> str:
 
 def sections(found: Prediction) -> Iterator[Section]:
     """What is said beneath the verdict."""
-    yield "At this speed", "", here(found)
-    yield "Speeds", "", list(speeds(found))
-    yield "", "", str(found.regime).splitlines() if found.judged else []
-    yield "", "", list(numbers(found))
+    yield "here", "At this speed", "", here(found)
+    yield "speeds", "Speeds", "", list(speeds(found))
+    yield "regime", "", "", str(found.regime).splitlines() if found.judged else []
+    yield "numbers", "", "", list(numbers(found))
     if found.margins:
         about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
         head = ("parameter", "now", "stability limit below", "stability limit above")
-        yield "Margins", about, [head, *margins(found)]
-    yield "Noise", "", list(noise(found))
-    yield "Mitigations", f" {_where(found)}, the smallest change first; simulated", list(mitigations(found))
-    yield "Tried", ", within the range searched", list(attempts(found))
-    yield "Left out", "", list(not_searched(found))
-    yield "Doubt", ", all that was fitted or assumed varied at once", list(found.doubt.said()) if found.doubt else []
+        yield "margins", "Margins", about, [head, *margins(found)]
+    yield "noise", "Noise", "", list(noise(found))
+    smallest = f" {_where(found)}, the smallest change first; simulated"
+    yield "mitigations", "Mitigations", smallest, list(mitigations(found))
+    yield "attempts", "Tried", ", within the range searched", list(attempts(found))
+    yield "not_searched", "Left out", "", list(not_searched(found))
+    doubt = found.doubt.said() if found.doubt else ()
+    yield "doubt", "Doubt", ", all that was fitted or assumed varied at once", list(doubt)
 
 
 def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
@@ -277,7 +279,7 @@ def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig, told = found.rig, list[str]()
     where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
-    yield "Speeds", "", [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"]
+    yield "speeds", "Speeds", "", [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"]
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:
@@ -291,4 +293,4 @@ def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
     if (distance := distance_to_the_first_break(rig)) is not None:
         what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
         told.append(f"from rest, {what} when the drive has gone about {rig.in_units(distance, 'length', 3)}")
-    yield "By wavelength", ", the softest first (linear stability)", told
+    yield "waves", "By wavelength", ", the softest first (linear stability)", told
