@@ -22,7 +22,7 @@ from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
 _STEP = 0.02  # largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements
-_COLD, _HOT = (3e-7, 1.2e-6), (9e-6, 2.5e-5)
+_COLD, _HOT = (3e-7, 1.2e-6), (9e-6, 8e-6)
 """Seconds a contact takes in a time of ageing, whether it breaks or not, and a break; at a temperature none sleeps."""
 _CONTACT = 150.0  # bytes of a contact
 _POOL = 65_536  # delays drawn for contacts to choose from; one will do if all are the same
