@@ -50,9 +50,8 @@ class Box(NamedTuple):
 @inlined
 def threshold_now(rule: Rule, strength: float, age: float) -> float:
     """Stretching at which a contact of this strength and age breaks."""
-    if rule.as_stiff:  # the rule of growth is one of forces
-        return threshold_at(rule.growth, strength * strength, age) / strength
-    return threshold_at(rule.growth, strength, age)
+    k = strength if rule.as_stiff else 1.0  # then the rule of growth is one of forces
+    return threshold_at(rule.growth, k * strength, age) / k
 
 
 @inlined
@@ -80,8 +79,7 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, roun
     A threshold that sinks shortens its time, until it reaches half of the way to the threshold: more than the rounding,
     or the contact would leave it where it stands.
     """
-    x = abs(x)
-    growth, hazard = rule.growth, rule.hazard
+    x, growth, hazard = abs(x), rule.growth, rule.hazard
     threshold = threshold_now(rule, strength, age)
     if threshold <= 0.0 and x == 0.0 and can_hold(rule, strength, speed):
         # At constant speed the stretching leads again only after twice as many times of growth as this.
@@ -135,14 +133,11 @@ def lifetimes(
             end = min(box.reach, x + velocity * box.time)
             used += 1
             wait = -math.log(1.0 - variates[used - 1]) / box.most if box.most > 0.0 else np.inf
-            on = x + velocity * wait
-            if on >= end:
-                x = end
-                continue
-            x = on
-            used += 1
-            threshold = threshold_now(rule, strength[i], (x - start[i]) / velocity)
-            if variates[used - 1] * box.most < rate(rule.hazard, x, threshold):
-                break
+            x = min(x + velocity * wait, end)
+            if x < end:
+                used += 1
+                threshold = threshold_now(rule, strength[i], (x - start[i]) / velocity)
+                if variates[used - 1] * box.most < rate(rule.hazard, x, threshold):
+                    break
         reached[i] = x
     return strength.size, boxes

@@ -304,9 +304,7 @@ def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
     x, strength = m.position - contact["birth"], contact["threshold"]
     threshold = threshold_now(boxes.rule, strength, m.time - own["since"])
     if boxes.times[contact["slot"] - state.size] <= m.time and own["most"] != 0.0:
-        if own["most"] < 0.0:
-            return True
-        return bool(_variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
+        return bool(own["most"] < 0.0 or _variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
     return is_met(x, threshold, strength, _rounding(m))
 
 

@@ -39,10 +39,11 @@ def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, 
     if hazard.kind == PARABOLIC:
         return 0.5 * (x - threshold) * (x + threshold) / scale, x / scale, -threshold / scale
     left, p = max(1.0 - x / threshold, TOP), hazard.power
-    along = scale * p * left ** (p - 1.0) / threshold
-    exponent = -scale * left**p
+    log_left = math.log(left)
+    height = scale * math.exp(p * log_left)  # half the time of a power
+    exponent, along = -height, p * height / (left * threshold)
     if hazard.kramers != 0.0 and p > 1.0:
-        exponent += (p - 1.0) * math.log(left)
+        exponent += (p - 1.0) * log_left
         along -= (p - 1.0) / (threshold * left)
     return exponent, along, -along * x / threshold
 
@@ -56,11 +57,11 @@ def rate(hazard: Hazard, x: float, threshold: float) -> float:
 @inlined
 def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
     """Largest rate of contacts stretched by no more than ``x`` on thresholds of at least `threshold`."""
-    if hazard.kind == BARRIER and hazard.kramers != 0.0:
-        # With the prefactor the rate falls again on the last bit of the way.
+    exponent, along, _ = log_rate(hazard, x, threshold)
+    if along < 0.0:  # with Kramers' prefactor the rate falls again on the last bit of the way
         top = ((hazard.power - 1.0) / (hazard.power * hazard.scale)) ** (1.0 / hazard.power)
-        return rate(hazard, min(x, threshold * (1.0 - min(top, 1.0))), threshold)
-    return rate(hazard, x, threshold)
+        exponent = log_rate(hazard, threshold * (1.0 - min(top, 1.0)), threshold)[0]
+    return hazard.attempts * math.exp(exponent)
 
 
 @inlined
@@ -71,7 +72,7 @@ def stretching_at(hazard: Hazard, rate: float, threshold: float) -> float:
         return threshold + hazard.scale * exponent
     if hazard.kind == PARABOLIC:
         return math.sqrt(max(threshold * threshold + 2.0 * hazard.scale * exponent, 0.0))
-    return float(threshold * (1.0 - (-exponent / hazard.scale) ** (1.0 / hazard.power)))
+    return threshold * (1.0 - math.exp(math.log(max(-exponent, 1e-300) / hazard.scale) / hazard.power))
 
 
 @inlined
@@ -82,8 +83,8 @@ def steepness(hazard: Hazard, x: float, threshold: float) -> float:
         return hazard.scale
     if hazard.kind == PARABOLIC:
         return hazard.scale / max(x, math.sqrt(hazard.scale))
-    left = max(1.0 - x / threshold, (1.0 / hazard.scale) ** (1.0 / hazard.power))
-    return float(threshold / (hazard.scale * hazard.power * left ** (hazard.power - 1.0)))
+    log_left = max(math.log(max(1.0 - x / threshold, TOP)), -math.log(hazard.scale) / hazard.power)
+    return threshold / (hazard.scale * hazard.power * math.exp((hazard.power - 1.0) * log_left))
 
 
 EXPONENTIAL, LOGARITHMIC = range(2)
@@ -111,6 +112,8 @@ def grown(growth: Growth, age: float) -> tuple[float, float, float, float]:
         old = -np.expm1(-growth.first * age)
         young = 1.0 - old
         return old, growth.second * young, growth.first * young, -growth.first * growth.second * young
+    if growth.first == 0.0:
+        return 1.0, 0.0, 0.0, 0.0
     return 1.0, growth.first * np.log1p(age / growth.second), 0.0, growth.first / (growth.second + age)
 
 

@@ -26,6 +26,7 @@ from .tournament import enter, play, smallest, tournaments, winner
 
 _LAG = 30.0  # widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again
 _SPAN = 0.25, 1e3  # widths from the slider to an edge of the window, at least and about at most
+_FAR = 36.0  # exponents beyond which the smaller of two terms is less than the rounding of the other
 _NEVER = 1e-15  # breaks, of all contacts until the window is laid anew, that do not come
 
 
@@ -105,9 +106,11 @@ def chance(clock: Clock, side: int, rule: Rule, X: float, x: float) -> float:
 def _reading(clock: Clock, side: int, rest: float, width: float, time: float, variate: float) -> float:
     """Draw the reading at which a contact is proposed whose threshold is at `rest`, mirrored behind."""
     dial = clock.dials[side]
-    now = dial.reading + width * math.log1p(dial.pace * (time - clock.window[0].since))
-    ratio = (rest - now) / width + math.log(-math.log1p(-variate))
-    return float(now + width * (ratio if ratio > 36.0 else math.log1p(math.exp(ratio))))
+    passed, ratio = dial.pace * (time - clock.window[0].since), math.log(-math.log1p(-variate))
+    if (rest - dial.reading) / width + ratio - passed > _FAR:  # then what has passed is less than rounding
+        return float(rest + width * ratio)
+    now = dial.reading + width * math.log1p(passed)
+    return float(now + width * math.log1p(math.exp((rest - now) / width + ratio)))
 
 
 @inlined

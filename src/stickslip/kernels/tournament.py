@@ -55,13 +55,14 @@ def _least(tree: Floats, node: int) -> float:
 def enter(tree: Floats, slots: int, slot: int, value: float) -> None:
     """Give a slot another number."""
     node = tree.size - slots + slot
-    tree[node] = value
-    while node > 0:
+    old, tree[node] = tree[node], value
+    while node > 0 and value != old:
         node = (node - 1) // 8
-        least = _least(tree, node)
-        if tree[node] == least:
+        least = tree[node]
+        if min(old, value) > least:
             break
-        tree[node] = least
+        tree[node] = value if value < least else _least(tree, node)
+        old, value = least, tree[node]
 
 
 @bare
