@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from test_contacts_bench import FIG4, plain
+from test_costs_bench import COUNT, LONG, MECHANISMS, SHORT, sliding
 
 import stickslip as ss
 from stickslip.kernels._jit import jit
@@ -71,6 +72,20 @@ def seconds_and_events(
     return time.process_time() - begin, int(engine._state.motion[0][what])
 
 
+def lives_and_events(mechanism: dict[str, Any]) -> tuple[float, float, float]:
+    """Lives of a contact in steady sliding by a breaking displacement, events in a life, and ns in an event."""
+    rig, method = sliding(mechanism), ss.Contacts(COUNT, seed=1)
+    engine: Any = engine_of(rig.interface, method)(Beginning(rig.interface, rig.slider, 1.0, rig.start), method)
+    m, seen = engine._state.motion[0], []
+    for end in (SHORT, LONG):
+        begin = time.process_time()
+        while not engine.advance(Leg(Quadratic(0.0, 0.0, 1.0, 0.0), end, np.array([end]), Stop())).over:
+            pass
+        seen.append((int(m["breaks"]), int(m["events"]), time.process_time() - begin))
+    (lives, events), taken = np.subtract(seen[1], seen[0])[:2], seen[1][2]
+    return lives / (COUNT * (LONG - SHORT)), events / lives, 1e9 * taken / events
+
+
 def main() -> None:
     slider, out = FIG4.slider, np.zeros(1)
     flights = 1_000_000
@@ -102,6 +117,10 @@ def main() -> None:
             costs.append(1e9 * taken / count)
         cold, warm = costs
         print(f"{what[:-1]}: {cold:.0f} ns, with temperature {warm:.0f} ns, {warm / cold:.2f} times as much")
+    print("lives a breaking displacement  events a life  ns/event")
+    for name, (mechanism, _) in {"plain": ({}, 0.0), **MECHANISMS}.items():
+        if "Langevin" not in name:
+            print(f"{'{:<30.2f} {:<14.2f} {:<9.0f}'.format(*lives_and_events(mechanism))} {name}")
 
 
 if __name__ == "__main__":

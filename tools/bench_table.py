@@ -44,7 +44,8 @@ def tables(record: dict[str, Any]) -> dict[str, str]:
 
 
 def _least(item: dict[str, Any]) -> float:
-    return float(item["stats"]["min"] * item["extra_info"].get("scale", 1.0))
+    info = item["extra_info"]
+    return float((item["stats"]["min"] - info.get("start", 0.0)) * info.get("scale", 1.0))
 
 
 def seconds(value: float) -> str:
