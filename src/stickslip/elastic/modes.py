@@ -25,7 +25,7 @@ from stickslip.errors import InputError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.model.body import coupling_matrix
 from stickslip.stability.critical import critical_spring
-from stickslip.stability.modes import rightmost_root
+from stickslip.stability.modes import growth_rate
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -90,7 +90,7 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     wanted = whole("count", count, at_least=1, hint="number of modes")
     stiffness, coupling, wavelength, each = sliders_of(body, wanted)
     natural = rig.natural
-    of = cache(lambda slider: rightmost_root(replace(natural, slider=slider)))  # modes come in pairs of one stiffness
+    of = cache(lambda slider: growth_rate(replace(natural, slider=slider)))  # modes come in pairs of one stiffness
     root = np.array([of(slider) for slider in each])
     columns = {
         "stiffness": (stiffness, "k", "stiffness of the mode"),

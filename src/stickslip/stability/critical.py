@@ -14,12 +14,13 @@ import numpy as np
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.errors import UndecidedError, instance, number
+from stickslip.errors import UndecidedError, instance
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
 from stickslip.sliding.response import ComplexArray
 from stickslip.stability.impedances import impedance
+from stickslip.stability.modes import rig_parts
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 
 _DEPTH = 6  # how often points about a hidden pair of crossings are set eight times as close
@@ -215,15 +216,12 @@ def critical_spring(rig: Rig) -> float:
     UndecidedError
         If there is no such spring as far as one can see: a rig without damping.
     """
-    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    natural = rig.natural
-    speed = number("velocity", natural.velocity, above=0, hint="in x_s per time")
-    z = impedance(natural.slider)
-    base = float(getattr(natural.slider, "stiffness", 0.0))
+    speed, response, z = rig_parts(rig)
+    base = float(getattr(z, "stiffness", 0.0))
     # The softer the springs considered, the longer the scan of a rig without losses: stop at the first that suffices.
     for softest in (1e-1, 1e-3, 1e-6):
         try:
-            (neutral,) = neutral_frequencies(respond(natural.interface), [(z, speed)], softest=softest)
+            (neutral,) = neutral_frequencies(response, [(z, speed)], softest=softest)
         except UndecidedError as error:
             raise UndecidedError(f"no critical spring above {softest:g} could be decided: {error}") from error
         spring = base + float(np.max(neutral.extra, initial=-math.inf))

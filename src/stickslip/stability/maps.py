@@ -17,7 +17,7 @@ from stickslip.sliding import respond
 from stickslip.stability import roots
 from stickslip.stability.critical import Line, Point
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import rightmost_root
+from stickslip.stability.modes import growth_rate
 from stickslip.stability.neutral import Neutral
 
 Window = tuple[Ends, Ends]
@@ -193,7 +193,7 @@ class _Grid(NamedTuple):
                         break
                 else:
                     try:
-                        found[i, j] = rightmost_root(here)
+                        found[i, j] = growth_rate(here)
                     except UndecidedError:
                         known = known[:0]
         return found

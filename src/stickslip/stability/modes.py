@@ -113,14 +113,8 @@ def growth_rate(rig: Rig) -> complex:
     With thresholds that age growing modes are confirmed by their count; a negative real part is that of the mode
     nearest to the axis among those found.
     """
-    instance("growth_rate: rig", rig, Rig, "a Rig(interface, slider, drive)")
-    return rightmost_root(rig.natural) * rig.unit("1/time")
-
-
-def rightmost_root(rig: Rig) -> complex:
-    """Return the `growth_rate` of a rig in natural units."""
     speed, response, z = rig_parts(rig)
-    return roots.rightmost(response, z, speed)
+    return roots.rightmost(response, z, speed) * rig.unit("1/time")
 
 
 def rig_parts(rig: Rig) -> tuple[float, Response, Impedance]:

@@ -5,12 +5,11 @@ is neutral for exactly one extra spring, ``-Re(Z + kappa)``.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import elementwise
 
 from stickslip.sliding.response import Array, ComplexArray, Response
 from stickslip.stability.impedances import Impedance
@@ -50,32 +49,39 @@ def neutral_frequencies(
     # All rigs at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
-    omega = extra = left
-    if left.size:
-        alike = {id(body): k for k, (body, _) in enumerate(rigs)}
-        bodies, speed = (np.repeat(each, counts) for each in zip(*((alike[id(z)], v) for z, v in rigs), strict=True))
+    whose, speed = (np.repeat(each, counts) for each in zip(*((id(body), v) for body, v in rigs), strict=True))
 
-        def impedances(w: Array, bodies: Array) -> ComplexArray:
-            z = np.empty(w.shape, dtype=complex)
-            for k in np.unique(bodies):
-                z[bodies == k] = rigs[int(k)][0](1j * w[bodies == k])
-            return z
+    def impedances(w: Array) -> ComplexArray:
+        z = np.empty(w.shape, dtype=complex)
+        for body in {id(body): body for body, _ in rigs}.values():
+            z[whose == id(body)] = body(1j * w[whose == id(body)])
+        return z
 
-        def lost(w: Array, bodies: Array, speed: Array) -> Array:
-            return loss(impedances(w, bodies), response.parts(speed, 1j * w))
-
-        zeros = elementwise.find_root(lost, (left, right), args=(bodies, speed)).x
-        omega = np.where(np.isnan(zeros), left, zeros)  # a bracket of which an end is 0 but for rounding
-        extra = -(impedances(omega, bodies) + response.stiffness(speed, 1j * omega)).real
-    answers = []
-    ends = np.cumsum([0, *counts])
-    for k, (seen, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
-        w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
-        if seen[1].size and seen[1][-1] < 0 and (beyond := _beyond(response, *rigs[k], seen[0][-1], softest)):
+    omega = _zeros(lambda w: loss(impedances(w), response.parts(speed, 1j * w)), left, right)
+    extra = -(impedances(omega) + response.stiffness(speed, 1j * omega)).real
+    answers, ends = [], np.cumsum(counts)[:-1]
+    known = (scans, brackets, np.split(omega, ends), np.split(extra, ends))
+    for rig, seen, (_, _, rising), w, e in zip(rigs, *known, strict=True):
+        modes = np.where(rising, 2, -2)
+        if seen[1].size and seen[1][-1] < 0 and (beyond := _beyond(response, *rig, seen[0][-1], softest)):
             w, e, modes = (np.append(found, more) for found, more in zip((w, e, modes), beyond, strict=True))
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
     return answers
+
+
+def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
+    """Zeros in brackets, by secants that keep them (Illinois); an end where rounding left no change of sign."""
+    before, last = f(left), f(right)
+    for _ in range(60):  # at the very worst as many as halving takes
+        step = np.divide(last * (right - left), last - before, out=np.zeros_like(last), where=before * last < 0)
+        if np.all(np.abs(step) <= 1e-12 * right):  # kappa is known to that at best
+            break
+        here = f(right - step)
+        # An end that stays does so with half its weight.
+        left, before = np.where(here * last > 0, (left, 0.5 * before), (right, last))
+        right, last = right - step, here
+    return right
 
 
 def _brackets(
