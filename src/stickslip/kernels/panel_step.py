@@ -283,14 +283,16 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     for k in range(P + 1):
         nodes[k].young = 0.0
     nodes[FIRST] = nodes[0]
+    moved = math.inf
     for sweep in range(MOST_SWEEPS):
         state.used.sweeps += 1
         _observe(state, work, count, case, dt)
         change = _newborn(state, work, case, dt)
         if not rigid:
             _pull(state, work, case, dt)
-            change = max(change, _newton(state, work, case, dt) * (slider.stiffness + 1.0))
-            if not change < 1e3:
+            moved, before = _newton(state, work, case, dt) * (slider.stiffness + 1.0), moved
+            change = max(change, moved)
+            if not change < 1e3 or moved > max(before, case.accuracy.width):  # it goes away
                 return NOT_CONVERGED
             low1, high1 = reach(nodes)
             if low1 < low or high1 > high:

@@ -54,9 +54,9 @@ _STEP, _DRAW, _NODE, _AT_RISK, _PULLED = 1.7e-5, 1.3e-7, 7.5e-8, (5e-7, 1e-6), 9
 more where thresholds have knots or grow, or, at a temperature, it may break; and where it is pulled too fast for heat
 to break it."""
 _WORTH = 0.05  # seconds from which a run is tried
-_TRIED = (0.15, 6.0, 0.3), (0.1, 0.03, 1.0)
-"""As far as this part of it, or these mean thresholds, but no further than that part; and for so many seconds, or this
-part of what it takes, but no longer than that."""
+_TRIED = (0.15, 6.0, 0.4), (0.1, 0.03, 1.0)
+"""As far as this part of it, or these mean thresholds once the spring is loaded, but no further than that part; and for
+so many seconds, or this part of what it takes, but no longer than that."""
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
@@ -128,11 +128,13 @@ class Panels(Cohorts):
             what = f"about {steps:.2g} steps of cohorts"
         return (Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds),)
 
-    def tried(self, drive: Quadratic, end: float, part: float) -> Array:
-        """Seconds of a run by count, and steps: of a first part, and then as at its end."""
+    def tried(self, drive: Quadratic, end: float, part: float, loaded: float) -> Array:
+        """Seconds of a run by count, and steps: of a first part, until its spring is loaded and more, then as there."""
         case, passed, spent, why, total = self._case._replace(drive=drive), [0.0], [np.zeros(2)], PAUSED, np.zeros(2)
         least, share, most = _TRIED[1]
-        while why == PAUSED and passed[-1] < part and spent[-1][0] < min(max(least, share * total[0]), most):
+        while why == PAUSED and passed[-1] < part and spent[-1][0] < most:
+            if passed[-1] > loaded and spent[-1][0] > max(least, share * total[0]):
+                break
             before = self.state.used
             self.state, _, why = advance(self.state, case, end, np.empty(0), Stop(), 20)
             passed.append(self.here()[0] / end)
@@ -215,7 +217,8 @@ def _tried(rig: Rig) -> Array:
     engine = Panels(beginning, method)
     velocity = course.distance * rig.interface.threshold_distribution.moment(1) / duration
     drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0)
-    return engine.tried(drive, duration, min(max(least, some / max(course.distance, 1.0)), most))
+    loaded = 1.0 / (rig.slider.stiffness * max(course.distance, 1.0))  # contacts hold no more than their thresholds
+    return engine.tried(drive, duration, min(max(least, some / max(course.distance, 1.0) + loaded), most), loaded)
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
