@@ -33,14 +33,16 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
 
     The speed is in units of that of sound; to 1e-7 down to a hundredth of it.
     """
-    kappa, leaf, alpha, zeta = groups = _groups(body)
-    period = 1.0 / speed
+    # Contacts, leaf springs, damping and viscosity against the bulk.
+    impedance, period = math.sqrt(body.mass * body.coupling), 1.0 / speed
+    kappa, leaf = 1.0 / body.coupling, body.leaf / body.coupling
+    alpha, zeta = body.damping * body.mass / impedance, body.viscosity / impedance
     # G has a zero of this order at s = 0, which belongs to G+; it is divided out as s/(s + 1).
     order = 0 if leaf > 0 else 1 if alpha > 0 else 2
     slope = (leaf, alpha, 1.0 - period * period)[order]
     if slope <= 0:  # nothing resists behind the front, and nothing drains what it radiates ahead
         return 0.0
-    edges, rough = _panels(groups, period)
+    edges, rough = _panels(kappa, leaf, alpha, zeta, period)
 
     def phase(w: Array) -> Array:
         wave = np.where(w > rough, 2.0, 4.0 * np.sin(0.5 * w * period) ** 2)
@@ -55,16 +57,8 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
     return math.sqrt(slope / (leaf + kappa)) * math.exp((inside + beyond) / math.pi)
 
 
-def _groups(body: ElasticBody) -> tuple[float, float, float, float]:
-    """``kappa``, ``Kh``, ``alpha`` and ``zeta``: contacts, leaf springs, damping and viscosity against the bulk."""
-    impedance = math.sqrt(body.mass * body.coupling)
-    contacts, leaf = 1.0 / body.coupling, body.leaf / body.coupling
-    return contacts, leaf, body.damping * body.mass / impedance, body.viscosity / impedance
-
-
-def _panels(groups: tuple[float, float, float, float], period: float) -> tuple[Array, float]:
+def _panels(kappa: float, leaf: float, alpha: float, zeta: float, period: float) -> tuple[Array, float]:
     """Frequencies between which the phase is smooth, from 0 on, and the one beyond which it is averaged."""
-    kappa, leaf, alpha, zeta = groups
     turns = np.empty(0)
     if period > 1.0:  # where the real part of L0 turns back: w = T sin(wT)
         grid = np.linspace(0.0, period, int(8 * period * period) + 200)[1:]

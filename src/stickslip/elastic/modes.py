@@ -107,7 +107,22 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
 def sliders_of(body: ElasticBody, count: int) -> tuple[Array, Array, Array, list[Slider]]:
     """Stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of modes, softest first."""
-    stiffness, coupling, wavelength = _springs(body, count)
+    ring = body.ends == "periodic"
+    if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
+        row, bulk = _row(body.size // body.rows, body.coupling, body.side, ring, count)
+        beside, _ = _row(body.rows, body.shear if isinstance(body, Sheet) else 0.0, 0.0, ring, count)
+        total = (row[:, None] + beside).ravel()
+        chosen = np.argsort(total, kind="stable")[:count]
+        stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]
+        along = np.repeat(row, beside.size)[chosen]
+    else:
+        stiffness, coupling = _of_network(body, count)
+        along = stiffness
+    # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the spring.
+    sine = np.sqrt(along / (4.0 * body.coupling))
+    with np.errstate(divide="ignore"):
+        wavelength = np.where(sine > 1, np.nan, np.pi / np.arcsin(np.minimum(sine, 1.0)))
+    stiffness = stiffness + body.leaf
     if not stiffness[0] > 0:
         raise InputError(
             f"Rig.slider = {body!r}: nothing holds the slider, a mode has no stiffness; give leaf or side springs"
@@ -155,16 +170,15 @@ def critical_length(rig: Rig) -> CriticalLength:
         held = critical_spring(replace(natural, slider=_mode(body, 1.0, coupling)))
         return held - body.leaf - coupling
 
-    softest = spare(0.0)
-    critical = softest + body.leaf
-    if softest <= 0:
-        return CriticalLength(stiffness=critical * rig.unit("k"), wavelength=math.inf, length=math.inf, blocks=0)
-    # Viscosity adds damping, which may lower K_c and cannot raise the stiffness that the bulk itself needs.
-    reach = rising(lambda coupling: -spare(coupling), softest, softest, 2.0) if body.viscosity > 0 else softest
-    critical = body.leaf + reach
+    reach = spare(0.0)
+    if body.viscosity > 0 and reach > 0:  # it adds damping, which may lower K_c and cannot raise what the bulk needs
+        reach = rising(lambda coupling: -spare(coupling), reach, reach, 2.0)
+    stiffness = (body.leaf + reach) * rig.unit("k")
+    if reach <= 0:
+        return CriticalLength(stiffness=stiffness, wavelength=math.inf, length=math.inf, blocks=0)
     sine = math.sqrt(reach / (4.0 * body.coupling))
     return CriticalLength(
-        stiffness=critical * rig.unit("k"),
+        stiffness=stiffness,
         wavelength=math.pi / math.asin(sine) if sine < 1 else 2.0,
         length=0.5 * math.pi * math.sqrt(body.coupling / reach),
         blocks=_first_unstable(body, reach) if body.side > 0 and body.leaf == 0 and body.ends == "free" else 0,
@@ -182,26 +196,6 @@ def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
     """Return the rigid slider that a mode amounts to."""
     viscous = body.viscosity / body.coupling * coupling
     return Slider(stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass)
-
-
-def _springs(body: ElasticBody, count: int) -> tuple[Array, Array, Array]:
-    """Stiffness of each mode, the bulk's part of it, and its wavelength along the drive, softest first."""
-    ring = body.ends == "periodic"
-    if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
-        row, bulk = _row(body.size // body.rows, body.coupling, body.side, ring, count)
-        beside, _ = _row(body.rows, body.shear if isinstance(body, Sheet) else 0.0, 0.0, ring, count)
-        total = (row[:, None] + beside).ravel()
-        chosen = np.argsort(total, kind="stable")[:count]
-        stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]
-        along = np.repeat(row, beside.size)[chosen]
-    else:
-        stiffness, coupling = _of_network(body, count)
-        along = stiffness
-    # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the spring.
-    sine = np.sqrt(along / (4.0 * body.coupling))
-    with np.errstate(divide="ignore"):
-        wavelength = np.where(sine > 1, np.nan, np.pi / np.arcsin(np.minimum(sine, 1.0)))
-    return stiffness + body.leaf, coupling, wavelength
 
 
 def _of_network(body: ElasticBody, count: int) -> tuple[Array, Array]:

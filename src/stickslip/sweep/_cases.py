@@ -26,7 +26,7 @@ Function = Callable[..., Mapping[str, Any]]
 
 ERROR, STATUS = "error", "status"
 """Variables of every result of a sweep; no measured name may be one of them."""
-DIED = "WorkerDied: the worker process ended while it ran this case (killed, out of memory, or a crash)"
+DIED = {"error": "WorkerDied: the worker process ended while it ran this case (killed, out of memory, or a crash)"}
 
 
 def case_key(values: Mapping[str, AxisValue]) -> str:
@@ -168,12 +168,8 @@ def _run(job: Job, key: str) -> str:
         return json.dumps({"result": packed})
     except (Exception, SystemExit) as error:
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        return failed(f"{type(error).__name__}: {error} ({os.path.basename(frame.filename)}:{frame.lineno})")
-
-
-def failed(error: str) -> str:
-    """What came of a case that failed."""
-    return json.dumps({"error": error})
+        said = f"{type(error).__name__}: {error} ({os.path.basename(frame.filename)}:{frame.lineno})"
+        return json.dumps({"error": said})
 
 
 def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | None:

@@ -32,11 +32,7 @@ from stickslip.sweep._refine import Refinement, Span, search, spans_of
 from stickslip.sweep._run import Options, Progress, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
-STATES = ("not run", "done", "failed")
-"""What can become of a case; the place is the code in the results."""
-
-Head = Mapping[str, Any]
-"""What a sweep is made of, as it stands in its table: axes or a search, attributes, categories, notes."""
+STATES = ("not run", "done", "failed")  # what can become of a case; the place is the code in the results
 
 
 def run_cases(
@@ -128,7 +124,8 @@ def run_cases(
         head["search"] = {"box": {name: vars(span) for name, span in spans.items()}, **vars(refinement)}
     with closing(Table(None if store is None else Path(store), head)) as table:
         if options.retry_failed:
-            table.forget_failed()
+            # On the disk the rows of failed cases stay until others replace them.
+            table.rows = {key: row for key, row in table.rows.items() if not table.has_failed(key)}
         runner = Runner(table, job, Threads() if executor is None else executor, total, progress)
         if refinement is None:
             runner.run(_keys_of(table))
@@ -264,7 +261,7 @@ def dataset_of(table: Table) -> xr.Dataset:
     return _with_crossings(found, head) if "search" in head else found
 
 
-def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
+def _with_crossings(found: xr.Dataset, head: Mapping[str, Any]) -> xr.Dataset:
     """Add the points of the boundary, half way between two runs, with what came of these, once all runs are there."""
     sought = head["search"]
     pairs = head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
@@ -285,7 +282,7 @@ def _with_crossings(found: xr.Dataset, head: Head) -> xr.Dataset:
     return found.assign(more)
 
 
-def _column(head: Head, name: str, values: Sequence[Any]) -> tuple[NDArray[Any], dict[str, Any]]:
+def _column(head: Mapping[str, Any], name: str, values: Sequence[Any]) -> tuple[NDArray[Any], dict[str, Any]]:
     """What stands under a name, as an array with its attributes: codes of words, texts, or numbers."""
     about = {"long_name": name.replace("_", " "), "units": "1"} | head["attributes"].get(name, {})
     words = STATES if name == STATUS else ("no result", *head["categories"].get(name, ()))

@@ -14,8 +14,7 @@ from stickslip.errors import InputError, number, whole
 from stickslip.sweep._cases import AxisValue, case_key
 from stickslip.sweep._run import Runner
 
-Point = tuple[float, float]
-"""A place in the box, as fractions of the way along its two axes."""
+Point = tuple[float, float]  # a place in the box, as fractions of the way along its two axes
 Line = tuple[Point, Point]
 
 EXPLORE, FIND, TOGETHER = 0.25, 0.55, 0.05

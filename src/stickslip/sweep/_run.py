@@ -4,6 +4,7 @@ A Dask client is one more executor: ``client.get_executor()``.
 """
 
 import importlib
+import json
 import math
 import multiprocessing
 import os
@@ -21,7 +22,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from stickslip.errors import InputError, instance, whole
-from stickslip.sweep._cases import DIED, Job, failed, name_of, run_batch
+from stickslip.sweep._cases import DIED, Job, name_of, run_batch
 from stickslip.sweep._table import EVERY, Table
 
 SECONDS = 0.5  # longest that a batch takes, unless one case does: long beside the cost of handing it out
@@ -241,7 +242,7 @@ class Runner:
     def _lost(self, keys: list[str], times: int) -> None:
         """Put back the cases of a batch whose worker died, last those that are to run alone; one lost then is named."""
         if len(keys) == 1 and self._losses[keys[0]] >= 2:
-            self._note(keys[0], failed(DIED))
+            self._note(keys[0], json.dumps(DIED))
             return
         for key in reversed(keys):
             self._losses[key] += times

@@ -68,10 +68,6 @@ class Table:
         """Whether a finished case has ended with an error."""
         return self.rows[key].startswith('{"error"')
 
-    def forget_failed(self) -> None:
-        """Take failed cases for not run; on the disk their rows stay until others replace them."""
-        self.rows = {key: row for key, row in self.rows.items() if not self.has_failed(key)}
-
     def add(self, key: str, row: str) -> None:
         """Note what came of a case; it is on the disk after the next commit."""
         self.rows[key] = row

@@ -37,10 +37,8 @@ from stickslip.sweep._refine import Refinement, Span, spans_of
 from stickslip.sweep._run import Options, Progress, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
-SHORTEST = 120.0
-"""``x_s`` that a run lasts at least unless something else is asked for: transients last 40 to 100 ``x_s``."""
-NOTE = "sweep"
-"""Attribute of the results that holds the plan."""
+SHORTEST = 120.0  # x_s that a run lasts at least unless something else is asked for: transients last 40 to 100 x_s
+NOTE = "sweep"  # attribute of the results that holds the plan
 PER_CONTACT = ("peak_to_peak", "mean_force", "drop", "stiffness", "mass")
 """What is that of a contact in natural units, and of the whole interface in SI units."""
 OTHERS = {"contacts": "number of contacts", "seed": "seed of the contacts", "start": "start of the run"}
