@@ -24,8 +24,7 @@ class PaperCase:
 
 CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER = 2.989, 3.548
 """``K*/N`` of the interface of Figs. 4 to 7 by Eq. (8): contacts re-attach at once, or never."""
-PERIOD = 1.487
-"""Of stick-slip in Fig. 4, ``K = 2 k``, delay .2."""
+PERIOD = 1.487  # of stick-slip in Fig. 4, K = 2 k, delay .2
 V1, V1_FREQUENCY = 1.388221, 7.265139
 """Fig. 7a: where smooth sliding loses stability, and the angular frequency of its mode there."""
 

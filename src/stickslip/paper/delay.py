@@ -21,7 +21,6 @@ from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, 
 STIFFNESSES = (5.0, 2.0)
 _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
 _DELAYS = (0.0, 0.085, 0.09, 0.1, 0.105, 0.2, 0.3)
-_SOLVERS = ("contacts", "master equation")
 
 _SHOWN = 20.0
 _BEGIN, _END = 60.0, 120.0  # what is evaluated; early windows tell how fast a transient decays
@@ -46,7 +45,7 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
         "master equation": ss.MasterEquation(rtol=1e-4 if quick else 1e-5),
     }
     counts = (1_000, 4_000) if quick else (1_000, 4_000, 16_000)
-    first, second = portions(progress, len(_SOLVERS) * len(STIFFNESSES) * len(_DELAYS), len(counts))
+    first, second = portions(progress, len(methods) * len(STIFFNESSES) * len(_DELAYS), len(counts))
     output = ss.Output(interval=0.002)
 
     def run(solver: str, stiffness: float, delay: float, progress: Progress) -> dict[Any, Any]:
@@ -68,7 +67,7 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
         rig = FIG4.rig.replace(stiffness=stiffness, delay=delay)
         return theory.driving_force(rig.interface, rig.slider, FIG4.velocity)
 
-    seen = grid(run, first, solver=_SOLVERS, stiffness=STIFFNESSES, delay=_DELAYS)
+    seen = grid(run, first, solver=methods, stiffness=STIFFNESSES, delay=_DELAYS)
     traces = seen[_TRACES].sel(solver="contacts", drop=True)
     smoothly = table(smooth, stiffness=STIFFNESSES, delay=_DELAYS)
     scattered = grid(scatter, second, contacts=counts)["scatter"]

@@ -197,10 +197,9 @@ class Reproduction:
 
     def __str__(self) -> str:
         parts = [f"{self.figure.name}: {self.figure.title}. {self.figure.caption}\n"]
-        parts += [f"{claim}\n" for claim in self.claims]
-        parts += [*(f"picture: {picture}" for picture in self.pictures), f"data: {self.data}"]
-        if not self.ok:
-            failed = sum(not claim.ok for claim in self.claims)
+        parts += [*(f"{claim}\n" for claim in self.claims), *(f"picture: {picture}" for picture in self.pictures)]
+        parts.append(f"data: {self.data}")
+        if failed := sum(not claim.ok for claim in self.claims):
             parts.append(f"{failed} of {len(self.claims)} claims did not come out as expected")
         return "\n".join(parts)
 

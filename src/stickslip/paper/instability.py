@@ -22,8 +22,6 @@ from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portion
 from stickslip.plot.style import DASHED
 from stickslip.rigid import effective_stiffness
 
-# ---------------------------------------------------------------- figure 1
-
 _FAR = 8.0
 _POINTS = 1600  # of the curves
 _STARTS, _WIDTHS = (0.0, 0.01, 0.03, 0.1, 0.3), (0.1, 0.3)  # standard deviations of initial forces and of thresholds
@@ -187,11 +185,7 @@ def _sketch(ax: Axes) -> None:
         ax.text(x, y, words, ha=side, va="center", fontsize=8)
 
 
-# ---------------------------------------------------------------- figure 2
-
-STIFF = 5.0
-"""Stiffness of a spring that follows the fall of the force, as in Fig. 4."""
-
+STIFF = 5.0  # of a spring that follows the fall of the force, as in Fig. 4
 _WAY = 2.0
 _ONSET = 0.01  # fraction of contacts that have broken where, to the eye, the force leaves the straight line
 
@@ -322,8 +316,6 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
     ax.set_ylabel(r"$V_\mathrm{eff}$", fontsize=7, labelpad=1)
 
 
-# ---------------------------------------------------------------- figure 3
-
 _PRINTED = 3.59  # ``K*/N`` as the paper prints it, for standard deviations .1 of thresholds and .01 at the start
 _PAPER = {"initial_std": 0.01, "threshold_std": 0.1}
 
@@ -346,10 +338,6 @@ def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
     def critical(how: str, initial: float, threshold: float) -> float:
         return ss.critical_stiffness(interface(initial, threshold), reattachment=how == "at once")
 
-    def critical_delay(std: float) -> float:
-        rig = FIG4.rig.replace(interface=interface(threshold=std))
-        return ss.stability.onset(rig, "delay", between=(1e-3, 1e2))
-
     def run(name: str, progress: Progress) -> dict[str, Any]:
         std, delay, start, duration, _ = _RUNS[name]
         drive = ss.constant(FIG4.velocity, duration)
@@ -360,7 +348,8 @@ def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
 
     steady = table(lambda std: ss.critical_stiffness(interface(None, std)), threshold_std=stds)
     estimate = table(lambda *pair: theory.critical_stiffness_estimate(interface(*pair)), **pairs)
-    delays = [critical_delay(std) for std in (0.1, 0.3)]
+    rigs = [FIG4.rig.replace(interface=interface(threshold=std)) for std in (0.1, 0.3)]
+    delays = [ss.stability.onset(rig, "delay", between=(1e-3, 1e2)) for rig in rigs]
     stiffness = table(critical, reattachment=("at once", "never"), **pairs)
     seen = grid(run, progress, run=_RUNS)
     return dataset(
@@ -399,13 +388,12 @@ def _claims_3(data: xr.Dataset) -> Iterator[Claim]:
     )
 
     at_once, never = data["critical_stiffness"].sel(_PAPER).to_numpy().tolist()
-    half_a_digit = 0.005
     yield weighed(
         6,
         f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
         near("K*, contacts re-attach at once", at_once, CRITICAL_STIFFNESS, 0.003, "k"),
         near("K*, contacts never re-attach", never, CRITICAL_STIFFNESS_NEVER, 0.003, "k"),
-        printed=any(abs(K - _PRINTED) <= half_a_digit for K in (at_once, never)),
+        printed=any(abs(K - _PRINTED) <= 0.005 for K in (at_once, never)),  # half a digit
         exact=f"{CRITICAL_STIFFNESS} k if broken contacts re-attach at once, {CRITICAL_STIFFNESS_NEVER} k if never",
         evidence="largest K_eff by Eq. (8); the figure printed is 1 % off the nearer of the two",
     )
@@ -459,13 +447,10 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
     axes[0].legend(handles[count:], names[count:], **above)
 
 
-# ---------------------------------------------------------------- figure 5
-
 _TRACES = ["displacement", "velocity", "spring_force", "friction_force"]
 _DAMPINGS = {"200": FIG5.slider.damping, "0.3 Omega": 0.3 * FIG5.slider.frequency, "0": 0.0}
 """Damping of the slider of Fig. 5, of that of Figs. 6 and 7, and none."""
-_AROUND = 1.0
-"""``Omega dt`` up to which Eq. (12), the first terms of a series in it, can be meant."""
+_AROUND = 1.0  # Omega dt up to which Eq. (12), the first terms of a series in it, can be meant
 
 
 def _data_5(progress: Progress, quick: bool) -> xr.Dataset:

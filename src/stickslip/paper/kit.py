@@ -17,7 +17,7 @@ from stickslip.progress import part
 
 Picture = matplotlib.figure.Figure
 
-_WORDS = {
+_WORDS = {  # for variables of several figures
     "contacts": "number of contacts [1]",
     "delay": "delay [time]",
     "initial_std": "standard deviation of initial forces [f_s]",
@@ -26,7 +26,6 @@ _WORDS = {
     "threshold_std": "standard deviation of thresholds [f_s]",
     "v1_linear": "v1: smooth sliding loses stability (linear) [x_s/time]",
 }
-"""Words for variables of several figures."""
 
 
 def dataset(

@@ -17,13 +17,11 @@ from stickslip.cycles import cycle_branch
 from stickslip.model import Start
 from stickslip.paper.cases import FIG7, FIG9, FIG10, V1, aged
 from stickslip.paper.figure import Claim, Figure, at_least, between, extremes, near, weighed
-from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, power, second_axis, shade, table
+from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, power, second_axis, shade
 from stickslip.plot.style import DASHED
 
-LEVEL = 0.6
-"""Peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s."""
-V1_SCALED, V2_SCALED = (0.34, 0.50), (1.05, 1.25)
-"""Bands of v1 and v2 over ``beta^2``."""
+LEVEL = 0.6  # peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s
+V1_SCALED, V2_SCALED = (0.34, 0.50), (1.05, 1.25)  # bands of v1 and v2 over beta^2
 _FOUND = ("v1", "v2", "v2_down", "v1_down", "up", "down")
 _STRONG = 0.8  # spring force, in f_s, that stands as high as the largest velocity
 
@@ -230,10 +228,7 @@ def _drawing_7(picture: Picture, data: xr.Dataset) -> None:
     shade(ax, (data["v1_down_fold"], data["v1_linear"]), "both\nstable", 1.07)
     ax.set_ylim(0.0, 1.25)
     ax.legend(loc="lower right")
-    _draw_windows(axes["e"], data)
-
-
-def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
+    ax = axes["e"]
     names = data["case"].to_numpy().tolist()
     persists: dict[str, Any] = {"color": plot.BLUE, "linewidth": 6, "solid_capstyle": "butt"}
     unstable: dict[str, Any] = {"color": plot.VERMILLION, "linewidth": 1.6}
@@ -316,11 +311,9 @@ def _data_10(progress: Progress, quick: bool) -> xr.Dataset:
         run = ramped(aged(FIG10, rate).replace(drive=drive), method, progress, interval=0.02 / unit, level=LEVEL)
         return run[["v1", "v2"]]
 
-    def linear(rate: float) -> float:
-        return ss.stability.onset(aged(FIG10, rate), "velocity", between=(0.25 * rate**2, 0.6 * rate**2))
-
     seen = grid(ends, progress, rate=rates, seed=(1, 2))  # of one ramp v2 scatters by .02 beta^2
-    return dataset(dict(seen) | {"v1_linear": table(linear, rate=rates)})
+    linear = [ss.stability.onset(aged(FIG10, r), "velocity", between=(0.25 * r**2, 0.6 * r**2)) for r in rates]
+    return dataset(dict(seen) | {"v1_linear": ("rate", linear)})
 
 
 def _claims_10(data: xr.Dataset) -> Iterator[Claim]:
