@@ -108,7 +108,7 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
         speed=speed * body.sound_speed,
         sound_speed=body.sound_speed,
         prestress=tau,
-        threshold=_threshold(body, interface),
+        threshold=front_threshold(rig),
         screening_length=length,
         blocks="lattice" if alike else "continuum",
         caveats=_caveats(speed * body.sound_speed, length, interface.delay.moment(1)),
@@ -146,10 +146,7 @@ def front_threshold(rig: Rig) -> float:
     >>> round(ss.elastic.front_threshold(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 6)
     0.449444
     """
-    return _threshold(*elastic_parts(rig, "front_threshold"))
-
-
-def _threshold(body: ElasticBody, interface: Interface) -> float:
+    body, interface = elastic_parts(rig, "front_threshold")
     thresholds, sliding = interface.threshold_distribution, interface.sliding_force
     if thresholds.single:
         return math.sqrt(body.leaf / (1.0 + body.leaf))

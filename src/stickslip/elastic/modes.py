@@ -87,9 +87,8 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     ([3.0, 4.1716], [-0.0538, -0.0957])
     """
     body = elastic_body(rig, "modes")
-    wanted = whole("count", count, at_least=1, hint="number of modes")
-    stiffness, coupling, wavelength, each = sliders_of(body, wanted)
-    natural = rig.natural
+    count, natural = whole("count", count, at_least=1, hint="number of modes"), rig.natural
+    stiffness, coupling, wavelength, each = sliders_of(body, count)
     of = cache(lambda slider: growth_rate(replace(natural, slider=slider)))  # modes come in pairs of one stiffness
     root = np.array([of(slider) for slider in each])
     columns = {

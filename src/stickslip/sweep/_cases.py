@@ -24,8 +24,7 @@ from stickslip.errors import InputError
 AxisValue = float | int | bool | str
 Function = Callable[..., Mapping[str, Any]]
 
-ERROR, STATUS = "error", "status"
-"""Variables of every result of a sweep; no measured name may be one of them."""
+ERROR, STATUS = "error", "status"  # variables of every result of a sweep; no measured name may be one of them
 DIED = {"error": "WorkerDied: the worker process ended while it ran this case (killed, out of memory, or a crash)"}
 
 

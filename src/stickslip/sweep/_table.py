@@ -43,7 +43,10 @@ class Table:
         with ExitStack() as held, _in_one_line(path):
             if path is not None and head is not None:
                 held.enter_context(_locked(path))
-            there = path is not None and _is_there(path)
+            if path is not None and path.exists() and not path.is_file():
+                raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
+            # A file without a page is one whose making was cut short.
+            there = path is not None and path.exists() and path.stat().st_size > 0
             if not there and head is None:
                 raise InputError(f"store = {str(path)!r}: there is no such file")
             place = path.absolute() if path else ":memory:"
@@ -130,13 +133,6 @@ def writer_of(path: Path) -> str | None:
         except BlockingIOError:
             return file.read(100) or "another process"
     return None
-
-
-def _is_there(path: Path) -> bool:
-    """Whether there is a file at a path, or nothing; a file without a page is one whose making was cut short."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
-    return path.exists() and path.stat().st_size > 0
 
 
 def _checksum(key: str, row: str) -> str:

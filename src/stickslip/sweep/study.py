@@ -13,9 +13,7 @@ from stickslip.simulation import simulate
 KINDS: tuple[str, ...] = get_args(Kind)  # what a regime can be; its place here is its code in the results
 FROM_REST, FROM_SLIDING = "from rest", "sliding"
 """How a run can start: at rest with relaxed contacts, or in steady smooth sliding."""
-PERTURBATION = 0.02
-"""Fraction of the velocity by which the start of the master equation in smooth sliding is perturbed; contacts perturb
-themselves."""
+PERTURBATION = 0.02  # of the velocity, where the master equation starts in smooth sliding; contacts perturb themselves
 
 
 @dataclass(frozen=True, kw_only=True)
