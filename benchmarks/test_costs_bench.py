@@ -138,7 +138,7 @@ HOT |= {
 @pytest.mark.parametrize("name", HOT)
 def test_master_equation_of_other_contacts(benchmark, name):
     interface = replace(FIG4.interface, **HOT[name])
-    of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 40)
+    of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 25)
     run(benchmark, FIG4C.replace(interface=interface, method=ss.MasterEquation(rtol=1e-4)), rounds=5)
 
 
