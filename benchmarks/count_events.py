@@ -115,8 +115,8 @@ def main() -> None:
             seconds_and_events(100, 0.01, interface)
             taken, count = min(seconds_and_events(10_000, 6.0, interface, what) for _ in range(5))
             costs.append(1e9 * taken / count)
-        cold, warm = costs
-        print(f"{what[:-1]}: {cold:.0f} ns, with temperature {warm:.0f} ns, {warm / cold:.2f} times as much")
+        cold, hot = costs
+        print(f"{what[:-1]}: {cold:.0f} ns, with temperature {hot:.0f} ns, {hot / cold:.2f} times as much")
     print("lives a breaking displacement  events a life  ns/event")
     for name, (mechanism, _) in {"plain": ({}, 0.0), **MECHANISMS}.items():
         if "Langevin" not in name:

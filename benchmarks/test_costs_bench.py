@@ -119,25 +119,18 @@ def test_master_equation_to_a_tolerance(benchmark, rtol, promised):
     run(benchmark, FIG4C.replace(method=ss.MasterEquation(rtol=rtol)), rounds=5)
 
 
-HOT = {
-    f"Bell's rate of width {width:g}": {"temperature": ss.Bell(width=width, attempts=1e6)}
-    for width in (0.1, 0.01, 0.001)
-}
-
-
-HOT |= {
+HOT = {width: ss.Bell(width=width, attempts=1e6) for width in (0.1, 0.01, 0.001)}
+OTHERS: dict[str, dict[str, Any]] = {
+    **{f"Bell's rate of width {width:g}": {"temperature": bell} for width, bell in HOT.items()},
     "logarithmic growth": {"ageing": LOGARITHMIC},
     "a parabolic barrier": {"temperature": Parabolic(temperature=0.01, attempts=1e6)},
-    "Bell's rate of width 0.01, logarithmic growth": {
-        "ageing": LOGARITHMIC,
-        "temperature": ss.Bell(width=0.01, attempts=1e6),
-    },
+    "Bell's rate of width 0.01, logarithmic growth": {"ageing": LOGARITHMIC, "temperature": HOT[0.01]},
 }
 
 
-@pytest.mark.parametrize("name", HOT)
+@pytest.mark.parametrize("name", OTHERS)
 def test_master_equation_of_other_contacts(benchmark, name):
-    interface = replace(FIG4.interface, **HOT[name])
+    interface = replace(FIG4.interface, **OTHERS[name])
     of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 25)
     run(benchmark, FIG4C.replace(interface=interface, method=ss.MasterEquation(rtol=1e-4)), rounds=5)
 
