@@ -118,7 +118,7 @@ def test_the_rig_stands_on_the_map_where_its_fields_say(document, over):
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
-    document = documents.turned(documents.warm(), {"stiffness": 500.0})
+    document = documents.turned(preset("Teaching bench, contacts broken by heat"), {"stiffness": 500.0})
     assert document["interface"]["temperature"]["temperature"] == "293 K"
     natural = documents.in_units(document, "natural")["document"]
     assert natural["interface"]["temperature"]["width"] == pytest.approx(0.00809, rel=1e-3)
@@ -199,7 +199,7 @@ def test_a_run_that_is_undecided_goes_on_by_itself():
 
 
 def test_the_law_of_friction_turns_where_theory_says():
-    document = documents.warm()
+    document = preset("Teaching bench, contacts broken by heat")
     (told,) = simulate.law({"document": document}, silent)
     x_s, (strength, unit) = 5e-4, document["interface"]["contact_strength"].split()
     assert document["interface"]["breaking_displacement"] == "500 um"
@@ -268,7 +268,7 @@ def test_a_master_equation_is_drawn_with_contacts_that_are_said_to_be_others():
 
 
 def bar(title, **parts):
-    return changed(preset(title, documents.bars()), parts)
+    return changed(preset(title, documents.begun()["bars"]), parts)
 
 
 def test_a_front_that_a_push_sets_off_runs_through_the_bar():

@@ -230,17 +230,23 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
 @lru_cache(maxsize=1)
 def presets() -> tuple[dict[str, Any], ...]:
     """Return every preset: a group, a title and a document."""
-    found: list[dict[str, Any]] = [{"group": "Begin", "title": "Teaching bench", "document": first()}]
+    bench = first()
     short = paper(cases.FIG4, "Sliding or stick-slip")
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
-    found.append({"group": "Begin", "title": "Sliding or stick-slip? (natural units)", "document": short})
-    found.append({"group": "Begin", "title": "Teaching bench, contacts broken by heat", "document": warm()})
+    warm = first() | {"name": "Warm teaching bench"}
+    warm["interface"]["temperature"] = _table("presets")["heat"]
+    titles = {
+        "Teaching bench": bench,
+        "Sliding or stick-slip? (natural units)": short,
+        "Teaching bench, contacts broken by heat": warm,
+    }
+    found = [{"group": "Begin", "title": title, "document": document} for title, document in titles.items()]
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(rigs.example, rigs.example_names())
         # A slow fault whose contacts heat breaks slips twice in what a page waits for: too few for a verdict.
-        if rig.name != first()["name"] and rig.interface.temperature is None
+        if rig.name != bench["name"] and rig.interface.temperature is None
     ]
     for figure, words in _table("presets")["figures"].items():
         title, document = f"Fig. {figure}: {words}", paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
@@ -250,13 +256,8 @@ def presets() -> tuple[dict[str, Any], ...]:
 
 def begun() -> dict[str, Any]:
     """Return what a page begins with: presets, bars, the questions of the tour, and what each quantity and field is."""
-    return {"presets": presets(), "bars": bars(), "tour": _table("presets")["tour"], **_table("glossary")}
-
-
-def bars() -> list[dict[str, Any]]:
-    """Return the elastic sliders that the page Fronts begins with: a title and a document."""
-    found: list[dict[str, Any]] = _table("presets")["bars"]
-    return found
+    told = _table("presets")
+    return {"presets": presets(), "bars": told["bars"], "tour": told["tour"], **_table("glossary")}
 
 
 def _table(name: str) -> dict[str, Any]:
@@ -267,14 +268,6 @@ def first() -> Document:
     """Return the rig that the app begins with: a bench for teaching, in a shorter run so that it answers at once."""
     document = of(rigs.example("teaching_bench"))
     document["drive"]["distance"] = "60 mm"
-    return document
-
-
-def warm() -> Document:
-    """Return the bench with contacts that heat breaks before their threshold (Bell)."""
-    document = first()
-    document["name"] = "Warm teaching bench"
-    document["interface"]["temperature"] = _table("presets")["heat"]
     return document
 
 

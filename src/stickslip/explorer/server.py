@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import asynccontextmanager, suppress
 from functools import partial
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -132,7 +133,7 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> Any:
-        threading.Thread(target=workers.start, daemon=True).start()
+        threading.Thread(target=forkserver.ensure_running, daemon=True).start()
         yield
         house.quick.close()
         house.slow.close()

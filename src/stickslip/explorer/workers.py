@@ -16,7 +16,6 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
@@ -126,11 +125,6 @@ class _Worker:
 
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(["stickslip.explorer.warm"])
-
-
-def start() -> None:
-    """Begin to load what workers need."""
-    forkserver.ensure_running()
 
 
 class _StoppedError(Exception):
