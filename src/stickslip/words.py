@@ -62,12 +62,12 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
 
 
 def engineering(value: float, unit: str, digits: int = 4) -> str:
-    """A value with its unit in so many digits and with the prefix that suits it; no unit for ``"1"`` or ``""``.
+    """A value in so many digits, with its unit and the prefix that suits it; ``"1"`` is no unit, "time" time units.
 
     Examples
     --------
     >>> engineering(4e6, "N/m"), engineering(2.094e5, "mN"), engineering(1180, "kg/m^3"), engineering(0.0756, "kg")
     ('4 MN/m', '209.4 N', '1180 kg/m^3', '75.6 g')
     """
-    divisor, name = prefixed(value, "" if unit == "1" else unit, digits)
+    divisor, name = prefixed(value, {"1": "", "time": "time units"}.get(unit, unit), digits)
     return f"{number(value / divisor, digits)} {name}".rstrip()

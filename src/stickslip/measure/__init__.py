@@ -14,17 +14,5 @@ from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
 from stickslip.measure.verdict import Regime, regime
 
-__all__ = [
-    "Criterion",
-    "Cycles",
-    "Kinematics",
-    "Regime",
-    "counted",
-    "drops",
-    "events",
-    "find_cycles",
-    "fronts",
-    "kinematics",
-    "motion",
-]
-__all__ += ["read_trace", "regime", "regime_and_drops", "statistics", "transitions"]
+__all__ = ["Criterion", "Cycles", "Kinematics", "Regime", "counted", "drops", "events", "find_cycles", "fronts"]
+__all__ += ["kinematics", "motion", "read_trace", "regime", "regime_and_drops", "statistics", "transitions"]

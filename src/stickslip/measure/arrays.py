@@ -18,7 +18,6 @@ from stickslip.errors import SMALLEST, InputError, extreme, printable
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import rig_of
-from stickslip.words import engineering
 
 FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
@@ -159,11 +158,6 @@ class Trace:
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
         known = {name: values for name in _VARIABLES if (values := getattr(self, name)) is not None}
         return replace(self, **{name: values[inside] for name, values in known.items()})
-
-
-def in_words(value: float, unit: str, digits: int = 4) -> str:
-    """A value with its unit, of time too."""
-    return engineering(value, "time units" if unit == "time" else unit, digits)
 
 
 def without_drift(values: Array) -> Array:

@@ -11,9 +11,9 @@ from scipy import ndimage
 
 from stickslip.errors import InputError, instance
 from stickslip.measure.arrays import Array, check_numbers, slope
-from stickslip.measure.arrays import in_words as in_unit
 from stickslip.model import Chain
 from stickslip.simulation import labelled, rig_of
+from stickslip.words import engineering
 
 _WAIT, _BEFORE = 10.0, 20  # a front has stopped where the next wait is so many times the median of so many before
 _WINDOW = 2  # blocks on either side from which the speed at a block is read
@@ -216,16 +216,16 @@ def in_words(run: xr.Dataset) -> list[str]:
             if body.spacing is not None:
                 speed = f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
             said.append(
-                f"front from t = {in_unit(row['start'], unit)}: blocks {row['first_block']} to {row['last_block']}, "
-                f"{stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of sound"
+                f"front from t = {engineering(row['start'], unit)}: blocks {row['first_block']} to {row['last_block']}"
+                f", {stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of sound"
             )
     large = [row for row in rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _LARGE]
     text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_LARGE} blocks"
     if large:
         longest = max(large, key=lambda row: float(row["blocks"]))
         text += (
-            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {in_unit(longest['start'], unit)}, "
-            f"force drop {in_unit(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"
+            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {engineering(longest['start'], unit)}, "
+            f"force drop {engineering(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"
         )
     elif (distance := distance_to_the_first_break(rig)) is not None:
         text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"

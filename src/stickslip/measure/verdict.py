@@ -22,7 +22,6 @@ from stickslip.measure.arrays import (
     Array,
     Trace,
     dataset_of,
-    in_words,
     mean_and_std,
     slope,
 )
@@ -126,15 +125,15 @@ class Regime(Answer):
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
         told = ((self.mean_force, 4), (self.peak_to_peak, 3), (self.noise, 2), (self.drop, 3))
-        mean, swing, noise, drop = (in_words(value, self.force_unit, digits) for value, digits in told)
-        over = f"evaluated over t = {words.number(begin)} to {in_words(end, unit)}"
+        mean, swing, noise, drop = (words.engineering(value, self.force_unit, digits) for value, digits in told)
+        over = f"evaluated over t = {words.number(begin)} to {words.engineering(end, unit)}"
         about = f"{self.quantity} {mean} on average, peak to peak {swing}, noise {noise}"
         lines = [f"{self.kind}: {self.reason}", f"{over}; {about}"]
         if self.mean_mu is not None and self.static_mu is not None:
             kinetic, static = (words.number(mu, 3) for mu in (self.mean_mu, self.static_mu))
             lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
         if self.cycles:
-            period = f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
+            period = f", period {words.engineering(self.period, self.time_unit)}{_variation(self.period_variation)}"
             phase = (
                 f", slip phase: {100 * self.slip_phase:.0f} % of the cycle" if math.isfinite(self.slip_phase) else ""
             )
@@ -273,12 +272,12 @@ def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
     def text(part: Regime) -> str:
         drops = part.cycles and part.kind != SMOOTH
         name, value = ("drop", part.drop) if drops else (f"mean {part.quantity}", part.mean_force)
-        return f"{name} {in_words(value, part.force_unit, 3)}" if alike else part.kind
+        return f"{name} {words.engineering(value, part.force_unit, 3)}" if alike else part.kind
 
     runs = [(said, [*each][-1]) for said, each in itertools.groupby(parts, key=text)]
     begin, end = parts[0].window[0], parts[-1].window[1]
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
-    told = [f"{said} to t = {in_words(last.window[1], last.time_unit, digits)}" for said, last in runs[:-1]]
+    told = [f"{said} to t = {words.engineering(last.window[1], last.time_unit, digits)}" for said, last in runs[:-1]]
     return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
 
 
@@ -358,9 +357,9 @@ def _in_words(seen: Window) -> dict[str, object]:
     return said | {
         "ample": f"the force fluctuates by {said['part']}, with{'out' * (not seen.cycles)} a period",
         "moves": "oscillates" if seen.cycles else "fluctuates",
-        "line": in_words(seen.line[0], trace.time_unit, 2),
+        "line": words.engineering(seen.line[0], trace.time_unit, 2),
         "count": f"{seen.count} of the {FEWEST_CYCLES}",
-        "drift": f"{'rises' if drift > 0 else 'falls'}, by {in_words(abs(drift), trace.force_unit, 3)}",
+        "drift": f"{'rises' if drift > 0 else 'falls'}, by {words.engineering(abs(drift), trace.force_unit, 3)}",
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": seen.slips[-1],
@@ -368,5 +367,5 @@ def _in_words(seen: Window) -> dict[str, object]:
         "sticks": sticks,
         "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a factor {trend:.2g} from one half "
         "of the window to the other",
-        "more": f"about {in_words(needed, trace.time_unit, 2)} more would decide",
+        "more": f"about {words.engineering(needed, trace.time_unit, 2)} more would decide",
     }

@@ -98,5 +98,5 @@ def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) ->
     """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales."""
     if scales is None:
         natural = natural_unit(unit)
-        return engineering(value, {"time": "time units", "f_s time^2/x_s": ""}.get(natural, natural), digits)
+        return engineering(value, "" if natural == "f_s time^2/x_s" else natural, digits)
     return engineering(scales.si(value, unit), si_unit(unit), digits)

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from stickslip.measure import Regime, counted, regime, regime_and_drops
-from stickslip.measure.arrays import in_words
 from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
 from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.style import along_time, dress, house_style, legend_above, new_axes, panel, variable
-from stickslip.words import prefixed
+from stickslip.words import engineering, prefixed
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
 _ZOOM = 6  # slips of a measured trace that are drawn by themselves
@@ -207,9 +206,9 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
             return f"drive from {_speed(low, run)} to {_speed(high, run)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
-    seconds, period = ratio(seen.time_unit, "s"), f"period {in_words(seen.period, seen.time_unit, 3)}"
-    how_often = in_words(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
-    return f"{seen.kind}, {how_often}, drop {in_words(seen.drop, seen.force_unit, 3)}"
+    seconds, period = ratio(seen.time_unit, "s"), f"period {engineering(seen.period, seen.time_unit, 3)}"
+    how_often = engineering(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
+    return f"{seen.kind}, {how_often}, drop {engineering(seen.drop, seen.force_unit, 3)}"
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
