@@ -208,6 +208,8 @@ def test_the_longest_waves_grow_and_viscosity_of_the_bulk_shortens_none(blocks, 
     assert shortest.wavelength > dry.wavelength if viscosity else shortest.wavelength == pytest.approx(25.31, abs=5e-3)
     assert dry.stiffness == pytest.approx(2.226362, abs=1e-6)
     assert "stable at every wavelength" in str(elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0)))
+    bar = ss.read_rig("pmma_bar")  # whose blocks have a length
+    assert str(elastic.critical_length(bar)) == "waves longer than 10 mm grow; pulled at one end, unstable from 5 mm on"
 
 
 @pytest.mark.parametrize(("coupling", "side", "blocks"), [(80.0, 40.0, 8), (400.0, 400.0, 21)])

@@ -276,7 +276,7 @@ def _noisy(rig: Rig, margins: Sequence[Margin], trials: Trials) -> tuple[str, fl
 
 def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds."""
-    from stickslip.elastic.modes import critical_length, sliders_of  # some .13 s that no rigid rig needs
+    from stickslip.elastic.modes import critical_length, length_in_words, sliders_of  # slow to load
 
     low, high = _speeds_searched(rig)
     found = ElasticPrediction(rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity))
@@ -289,8 +289,9 @@ def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
         i, (growth, frequency) = sliders.index(slider), by_theory.fastest_mode(sliding[slider])
         report((i + 1) / (i + 2))
         bands = stability_along(sliding[slider], VELOCITY, low, high)
+        length = length_in_words(rig, float(wavelength[i]), 3)
         return WaveAnswer(
-            name=_name(float(wavelength[i]), float(coupling[i]), rig.slider),
+            name=_name(float(wavelength[i]), float(coupling[i]), rig.slider, length),
             wavelength=float(wavelength[i]),
             stiffness=float(stiffness[i]) * rig.unit("k"),
             growth=growth,
@@ -308,12 +309,12 @@ def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     return replace(found, growing=sum(grows[slider] for slider in sliders), waves=waves, critical=critical)
 
 
-def _name(wavelength: float, coupling: float, body: ElasticBody) -> str:
+def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
     if math.isnan(wavelength):
         return "a mode localised at the driven end"
     if isinstance(body, Chain) and body.size < wavelength < math.inf:
         # No wave is longer than what carries it.
         return "the bar nearly as a whole" if wavelength > 3.0 * body.size else "half a wave along the bar"
     if math.isfinite(wavelength):
-        return f"waves of {wavelength:.3g} blocks"
+        return f"waves of {length}"
     return "the uniform mode" if coupling == 0.0 else "waves across the drive"

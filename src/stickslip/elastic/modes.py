@@ -42,13 +42,18 @@ class CriticalLength(Answer):
     #: The same for the rig's own chain with its side spring: smallest number of blocks that is unstable, viscosity of
     #: the bulk to first order; 0 if there is none, or the chain is not pulled at one end only.
     blocks: int
+    said: str  #: these in a sentence, in the rig's units where its blocks have a length
 
     def __str__(self) -> str:
-        if not math.isfinite(self.wavelength):
-            return "smooth sliding is stable at every wavelength"
-        said = f"waves longer than {self.wavelength:.4g} blocks grow"
-        plural = "s" if self.blocks > 1 else ""
-        return said + (f"; pulled at one end, unstable from {self.blocks} block{plural} on" if self.blocks else "")
+        return self.said
+
+
+def length_in_words(rig: Rig, blocks: float, digits: int = 4) -> str:
+    """A length along an elastic slider: in the rig's units where its blocks have one, else in blocks."""
+    spacing = rig.natural.slider.spacing
+    if spacing is None:
+        return f"{blocks:.{digits}g} block{'s' if blocks != 1 else ''}"
+    return rig.in_units(blocks * spacing, "length", digits)
 
 
 def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
@@ -174,14 +179,16 @@ def critical_length(rig: Rig) -> CriticalLength:
         reach = rising(lambda coupling: -spare(coupling), reach, reach, 2.0)
     stiffness = (body.leaf + reach) * rig.unit("k")
     if reach <= 0:
-        return CriticalLength(stiffness=stiffness, wavelength=math.inf, length=math.inf, blocks=0)
+        said = "smooth sliding is stable at every wavelength"
+        return CriticalLength(stiffness=stiffness, wavelength=math.inf, length=math.inf, blocks=0, said=said)
     sine = math.sqrt(reach / (4.0 * body.coupling))
-    return CriticalLength(
-        stiffness=stiffness,
-        wavelength=math.pi / math.asin(sine) if sine < 1 else 2.0,
-        length=0.5 * math.pi * math.sqrt(body.coupling / reach),
-        blocks=_first_unstable(body, reach) if body.side > 0 and body.leaf == 0 and body.ends == "free" else 0,
-    )
+    wavelength = math.pi / math.asin(sine) if sine < 1 else 2.0
+    said, blocks = f"waves longer than {length_in_words(rig, wavelength)} grow", 0
+    if body.side > 0 and body.leaf == 0 and body.ends == "free":
+        blocks = _first_unstable(body, reach)
+        said += f"; pulled at one end, unstable from {length_in_words(rig, blocks)} on"
+    length = 0.5 * math.pi * math.sqrt(body.coupling / reach)
+    return CriticalLength(stiffness=stiffness, wavelength=wavelength, length=length, blocks=blocks, said=said)
 
 
 def _first_unstable(chain: Chain, critical: float) -> int:

@@ -18,7 +18,7 @@ from pandas import json_normalize
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
 from stickslip.io.rig_keys import TABLES
-from stickslip.model import Contacts, ElasticBody, constant
+from stickslip.model import Contacts, ElasticBody, Slider, constant
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Scales
@@ -246,7 +246,7 @@ def presets() -> tuple[dict[str, Any], ...]:
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(rigs.example, rigs.example_names())
         # A slow fault whose contacts heat breaks slips twice in what a page waits for: too few for a verdict.
-        if rig.name != bench["name"] and rig.interface.temperature is None
+        if rig.name != bench["name"] and rig.interface.temperature is None and isinstance(rig.slider, Slider)
     ]
     for figure, words in _table("presets")["figures"].items():
         title, document = f"Fig. {figure}: {words}", paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
@@ -256,8 +256,9 @@ def presets() -> tuple[dict[str, Any], ...]:
 
 def begun() -> dict[str, Any]:
     """Return what a page begins with: presets, bars, the questions of the tour, and what each quantity and field is."""
-    told = _table("presets")
-    return {"presets": presets(), "bars": told["bars"], "tour": told["tour"], **_table("glossary")}
+    told, bar = _table("presets"), rigs.example("pmma_bar")
+    bars = [*told["bars"], {"title": bar.name, "document": of(bar)}]
+    return {"presets": presets(), "bars": bars, "tour": told["tour"], **_table("glossary")}
 
 
 def _table(name: str) -> dict[str, Any]:
