@@ -42,7 +42,8 @@ def read_trace(
     Columns of a text may be separated by tabs, semicolons, commas or blanks. There may be text before the table, names
     with units in brackets or in a line below, comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells
     (``0.04 N``). Where rows cannot be read, and at spikes of a single sample, six standard deviations off, the force is
-    interpolated linearly in time, and that is reported; more than 3 unreadable rows, and more than 1 %, are an error.
+    interpolated linearly in time, and that is reported; more than 3 unreadable rows, and more than 1 %, are an error,
+    those aside that hold one value far outside the others, which stands for no reading: -9999.
 
     Raises `InputError` if there is no such file, or it is no table of numbers, or no such column; if the choice of the
     columns or a unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are left.
@@ -105,11 +106,14 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     columns, lines = table.read(chosen.values())
     values = {name: columns[i] for name, i in chosen.items()}
     force = values["force"]
-    force[far_outside(force)] = np.nan
+    outside = far_outside(force)
+    # What a logger writes for no reading is one value, however often it comes.
+    none = np.count_nonzero(outside) if np.unique(force[outside]).size == 1 else 0
+    force[outside] = np.nan
     times = values.setdefault("time", step * np.arange(force.size, dtype=float))
     bad = lines[~(np.isfinite(times) & np.isfinite(force))].tolist()
     told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
-    if len(bad) > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
+    if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         needed = "each needs a finite number, in the unit of the others and not far outside the rest"
         raise InputError(f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; {needed}")
     if (left := lines.size - len(bad)) < FEWEST_READINGS:
