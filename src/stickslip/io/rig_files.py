@@ -91,13 +91,7 @@ def to_toml(rig: Rig) -> str:
     """
     import tomli_w
 
-    return _LIST.sub(_wrapped, tomli_w.dumps(to_document(rig)))
+    def wrapped(numbers: re.Match[str]) -> str:  # which it writes each into a line of its own
+        return textwrap.fill(f"[{' '.join(numbers[1].split()).removesuffix(',')}]", 110, subsequent_indent="    ")
 
-
-_LIST = re.compile(r"\[\n((?: {4}[-+.\de]+,\n)+)\]")
-"""A list of numbers, each in a line of its own."""
-
-
-def _wrapped(found: re.Match[str]) -> str:
-    numbers = " ".join(found[1].split()).removesuffix(",")
-    return textwrap.fill(f"[{numbers}]", 110, subsequent_indent="    ")
+    return re.sub(r"\[\n((?: {4}[-+.\de]+,\n)+)\]", wrapped, tomli_w.dumps(to_document(rig)))

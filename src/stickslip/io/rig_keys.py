@@ -126,8 +126,7 @@ KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
 _BOLTZMANN = 1.380649e-23  # in J/K
 
 
-def _histogram(length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:
-    del length  # stretchings are relative to it
+def _histogram(_length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:
     made = Empirical.from_samples(samples)
     return made.edges, made.weights
 

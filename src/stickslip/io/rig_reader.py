@@ -259,11 +259,10 @@ class _Reader:
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
         """The ranges within which parameters could be set."""
-        units = {name: "" if each.unit == "1" else each.unit for name, each in BY_NAME.items()}
-        keys = {
-            name: Key([f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0")
-            for name, unit in units.items()
-        }
+        keys = {}
+        for name, parameter in BY_NAME.items():
+            unit = "" if parameter.unit == "1" else parameter.unit
+            keys[name] = Key([f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0")
         found = self.file.table(content, keys, "feasible")
         for name, ends in found.items():
             if len(ends) != 2 or ends[0] > ends[1]:

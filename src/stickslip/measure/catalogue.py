@@ -96,7 +96,6 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
 
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
-    """One row per slip."""
     start, end = found.start, found.end
     time, force, way, speed = (
         str(data[name].attrs.get("units", "")) if name in data else ""

@@ -96,8 +96,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
         end, count = beyond - 1, beyond - start
         if way > 0 or end > 0:  # else the front that runs the other way holds this block
             under_way = line[start + (count - 1) // 5 : beyond]  # the first fifth is still getting under way
-            blocks = np.arange(float(under_way.size))
-            speed = abs(slope(blocks, under_way)) if count >= _FEWEST else np.nan
+            speed = _speed(under_way) if count >= _FEWEST else np.nan
             rows.append((origin + way * start, origin + way * end, count, line[start], line[end], speed))
     return rows
 

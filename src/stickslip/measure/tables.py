@@ -96,7 +96,6 @@ def _numbers(cells: Iterable[str], comma: bool = False, none: float = 0.0) -> fl
 
 
 def _split(line: str, mark: str) -> list[str]:
-    """The cells of a line."""
     if mark in (_BLANKS, _BEFORE_NUMBERS):
         return line.split() if mark == _BLANKS else re.split(r"\s+(?=[-+.\d])", line.strip())
     return next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])

@@ -90,7 +90,6 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
 
 
 def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None) -> None:
-    """Colour the cell of each case."""
     kinds = _kinds(data if start is None else data.sel(start=start))
     if "seed" in kinds.dims:
         first = kinds.isel(seed=0, drop=True)
@@ -114,7 +113,6 @@ def _draw_runs(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | No
 
 
 def _draw_marks(ax: Axes, kinds: xr.DataArray, x: xr.DataArray, y: xr.DataArray, size: float) -> None:
-    """Draw the mark of each case."""
     kind_of, x_of, y_of = (each.to_numpy().ravel() for each in xr.broadcast(kinds, x, y))
     for kind, (colour, mark, _) in REGIMES.items():
         here = (kind_of == kind) & np.isfinite(y_of)
