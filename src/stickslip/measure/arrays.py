@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
@@ -25,6 +26,7 @@ CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chanc
 RESTS = 0.25
 """Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
 the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
+_AT_ONCE = 2**16  # samples: what they need fits into a cache
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
 _VARIABLES = {
     "t": "time",
@@ -160,11 +162,14 @@ class Trace:
 
 def without_drift(values: Array) -> Array:
     """Even samples less their line, and what goes through fewer than four cycles: too slow to be told from a drift."""
-    at = np.arange(0.5, values.size)
-    rest = values - slope(values, at) * at
-    for half_cycles in range(2 * FEWEST_CYCLES):  # cosines that are orthogonal: each goes by itself
-        wave = np.cos(half_cycles * np.pi / values.size * at)
-        rest -= (rest * wave).sum() / (wave * wave).sum() * wave
+    at, size = np.arange(0.5, values.size), np.zeros(2 * FEWEST_CYCLES)
+    rest, parts = values - slope(values, at) * at, [slice(i, i + _AT_ONCE) for i in range(0, values.size, _AT_ONCE)]
+    for part in parts:  # cosines, which are Chebyshev's polynomials of the first
+        waves = chebyshev.chebvander(np.cos(np.pi / values.size * at[part]), size.size - 1)
+        size += 2.0 / values.size * np.einsum("i,ij->j", rest[part], waves)
+    size[0] *= 0.5
+    for part in parts:
+        rest[part] -= chebyshev.chebval(np.cos(np.pi / values.size * at[part]), size)
     return rest
 
 
