@@ -147,7 +147,7 @@ def draw_trace(ax: Axes, trace: xr.Dataset, motion: measure.Kinematics, velocity
 def draw_beside(rows: list[Row]) -> Figure:
     """The measured traces above those of the model without weakening."""
     names = ["measured", "no weakening"]
-    figure = plot.style.new_figure(9.0, 3.0)
+    figure = plot.new_figure(9.0, 3.0)
     axes = figure.subplots(len(names), len(rows), sharex=True, sharey=True)
     for column, (bench, row) in zip(axes.T, rows, strict=True):
         for ax, name in zip(column, names, strict=True):
@@ -164,7 +164,7 @@ def draw_beside(rows: list[Row]) -> Figure:
 
 def draw(rows: list[Row]) -> Figure:
     """Print what is seen, and draw the diagram of the model above the traces."""
-    figure = plot.style.new_figure(plot.style.PAGE, 7.6)
+    figure = plot.new_figure(plot.PAGE, 7.6)
     grid = figure.add_gridspec(1 + len(rows), 1 + len(MODELS), height_ratios=(2.6, *[1] * len(rows)))
     draw_diagram(figure.add_subplot(grid[0, :]), diagram(), rows)
     for k, (bench, row) in enumerate(rows, start=1):

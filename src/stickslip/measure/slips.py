@@ -70,11 +70,7 @@ class Slips:
 
 def weighted_median(values: Array, weights: Array) -> float:
     """Value below which half of the weight lies; not a number if there is none."""
-    if not values.size:
-        return math.nan
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+    return float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf")) if weights.any() else math.nan
 
 
 def white_noise(force: Array) -> float:

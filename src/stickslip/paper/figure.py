@@ -15,7 +15,8 @@ from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.io import files
 from stickslip.paper.kit import Picture, Progress
-from stickslip.plot.style import PAGE, format_of, house_style, new_figure, save
+from stickslip.plot.palette import PAGE
+from stickslip.plot.style import format_of, house_style, new_figure, save
 
 Format = Literal["png", "pdf", "svg"]
 Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]

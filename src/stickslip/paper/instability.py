@@ -19,7 +19,7 @@ from stickslip.model.distributions import Distribution
 from stickslip.paper.cases import CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER, FIG1, FIG2, FIG4, FIG5, interface
 from stickslip.paper.figure import Claim, Figure, Measured, at_least, at_most, between, near, weighed
 from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, power, table
-from stickslip.plot.style import DASHED
+from stickslip.plot.palette import DASHED
 from stickslip.rigid import effective_stiffness
 
 _FAR = 8.0

@@ -18,7 +18,7 @@ from stickslip.model import Start
 from stickslip.paper.cases import FIG7, FIG9, FIG10, V1, aged
 from stickslip.paper.figure import Claim, Figure, at_least, between, extremes, near, weighed
 from stickslip.paper.kit import Picture, Progress, dataset, grid, panel, portions, power, second_axis, shade
-from stickslip.plot.style import DASHED
+from stickslip.plot.palette import DASHED
 
 LEVEL = 0.6  # peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s
 V1_SCALED, V2_SCALED = (0.34, 0.50), (1.05, 1.25)  # bands of v1 and v2 over beta^2

@@ -35,27 +35,10 @@ from stickslip.plot.elastic import (
 from stickslip.plot.film import contacts, sound
 from stickslip.plot.fits import fitted, peaks_after_holds, slips, velocity_step
 from stickslip.plot.maps import chart, sweep_picture
+from stickslip.plot.palette import BLACK, BLUE, COLUMN, GREEN, GREY, ORANGE, PAGE, PALETTE, SKY, VERMILLION
 from stickslip.plot.prediction import prediction, waves
 from stickslip.plot.runs import attached, energy, force_trace, overview, phase_portrait, side_by_side, velocity
-from stickslip.plot.style import (
-    BLACK,
-    BLUE,
-    COLUMN,
-    GREEN,
-    GREY,
-    ORANGE,
-    PAGE,
-    PALETTE,
-    SKY,
-    VERMILLION,
-    drawn,
-    house_style,
-    label,
-    legend_above,
-    new_figure,
-    save,
-    unit_text,
-)
+from stickslip.plot.style import drawn, house_style, label, legend_above, new_figure, save, unit_text
 
 __all__ = ["BLACK", "BLUE", "COLUMN", "GREEN", "GREY", "ORANGE", "PAGE", "PALETTE", "SKY", "VERMILLION", "attached"]
 __all__ += ["chart", "contacts", "drawn", "elastic_overview", "energy", "fitted", "force_trace"]

@@ -18,7 +18,7 @@ from stickslip.elastic import Front, front_speed, front_threshold, precursor_for
 from stickslip.errors import InputError
 from stickslip.measure.fronts import on_blocks, pixels
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
-from stickslip.plot import style
+from stickslip.plot import palette, style
 from stickslip.plot.style import along_time, dress, house_style, label, legend_above, new_axes, panel, variable
 from stickslip.simulation import rig_of
 
@@ -66,7 +66,7 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
         text = "attached, relative to before"
         drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
     norm = scale(float(drawn.min()), float(drawn.max()))
-    ax = new_axes(style.COLUMN * 1.35, 3.2) if ax is None else ax
+    ax = new_axes(palette.COLUMN * 1.35, 3.2) if ax is None else ax
     edges = (block, time, drawn) if upright else (time, block, drawn.T)
     mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
@@ -79,7 +79,7 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
 @house_style()
 def elastic_overview(run: xr.Dataset) -> Figure:
     """Draw a run of a `Chain`, or a row of a `Sheet`: driving force with its events, velocity of all blocks in time."""
-    figure = style.new_figure(style.PAGE, 4.8)
+    figure = style.new_figure(palette.PAGE, 4.8)
     upper, lower = figure.subplots(2, 1, sharex=True)
     precursors(run, upper)
     spacetime(run, "velocity", lower, upright=False)
@@ -94,14 +94,14 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     found = measure.fronts(run)
     speed = found["speed"].where(found["speed"] > 0)
     ax = new_axes() if ax is None else ax
-    ax.semilogy(speed["block"], speed, ".", color=style.BLUE, markersize=3, label="first breaks")
+    ax.semilogy(speed["block"], speed, ".", color=palette.BLUE, markersize=3, label="first breaks")
     _dress_speed(ax, rig_of(run))
     low, high = ax.get_ylim()
     if high < 10.0 * low:
         ax.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)))
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
     for i, end in enumerate(stops["last_block"].values[:-1]):
-        ax.axvline(end, color=style.VERMILLION, linewidth=0.8, label=None if i else "arrest")
+        ax.axvline(end, color=palette.VERMILLION, linewidth=0.8, label=None if i else "arrest")
     panel(ax, "", "block", None, "above", xlim=(-0.5, run.sizes["block"] - 0.5))
     return ax
 
@@ -124,7 +124,7 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         found = measure.fronts(data)
         inside = slice(start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0))
         speeds = found["speed"][inside]
-        ax.plot(local[inside], speeds, ".", color=style.BLUE, markersize=3, label="along the run")
+        ax.plot(local[inside], speeds, ".", color=palette.BLUE, markersize=3, label="along the run")
     least, theory = front_threshold(rig), list[Front]()
     with contextlib.suppress(InputError):  # from some prestress on contacts give way by themselves
         for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
@@ -132,9 +132,9 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     if not theory:
         raise InputError(f"front_curve: Interface.thresholds = {rig.interface.thresholds}: no prestress has a front")
     moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
-    ax.plot(*np.transpose(moving), color=style.BLACK, label=f"theory ({theory[0].blocks})")
+    ax.plot(*np.transpose(moving), color=palette.BLACK, label=f"theory ({theory[0].blocks})")
     _dress_speed(ax, rig)
-    ax.axvline(least, color=style.ORANGE, linewidth=0.9, label="threshold")
+    ax.axvline(least, color=palette.ORANGE, linewidth=0.9, label="threshold")
     ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None))
     legend_above(ax, columns=2)
     return ax
@@ -143,11 +143,11 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
 @house_style()
 def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the driving force of a `Chain` pulled at one end, each precursor a dot with the blocks that it reaches."""
-    ax, _ = along_time(run, "spring_force", ax, 2.6, color=style.GREY, linewidth=0.9)
+    ax, _ = along_time(run, "spring_force", ax, 2.6, color=palette.GREY, linewidth=0.9)
     found = _events(run).sortby("reach", ascending=False)
     whole = found["blocks"] >= run.sizes["block"]
-    partial = (~whole, style.BLUE, "precursor, with its length")
-    for kind, colour, text in (partial, (whole, style.VERMILLION, "slip of all blocks")):
+    partial = (~whole, palette.BLUE, "precursor, with its length")
+    for kind, colour, text in (partial, (whole, palette.VERMILLION, "slip of all blocks")):
         if kind.any():
             ax.plot(found["start"][kind], found["force_before"][kind], "o", color=colour, markersize=3.5, label=text)
     written: list[float] = []  # of events close together, the longest
@@ -168,12 +168,12 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     found, rig = _events(run), rig_of(run)
     ax = new_axes() if ax is None else ax
-    ax.plot(found["force_before"], found["reach"], "o", color=style.BLUE, markersize=3.5, label="events of the run")
+    ax.plot(found["force_before"], found["reach"], "o", color=palette.BLUE, markersize=3.5, label="events of the run")
     thresholds = rig.interface.threshold_distribution
     alike = replace(rig.interface, thresholds=Gaussian(mean=thresholds.moment(1), std=0.0), delay=Delay(float("inf")))
     exact = precursor_force(replace(rig, interface=alike))
     rising = slice(0, int(exact.values.argmax()) + 1)
-    ax.plot(exact.values[rising], exact["tip"].values[rising], color=style.BLACK, label="theory")
+    ax.plot(exact.values[rising], exact["tip"].values[rising], color=palette.BLACK, label="theory")
     panel(ax, "", run["spring_force"], "blocks that slip", "above", ylim=(0, run.sizes["block"] * 1.03))
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax
@@ -211,7 +211,7 @@ def _events(run: xr.Dataset) -> xr.Dataset:
 def _dress_speed(ax: Axes, rig: Rig) -> None:
     """Label an axis of front speeds, and mark that of sound."""
     sound = _chain(rig).sound_speed * rig.unit("1/time")
-    ax.axhline(sound, color=style.GREY, linewidth=0.9, linestyle=style.DASHED, label="sound")
+    ax.axhline(sound, color=palette.GREY, linewidth=0.9, linestyle=palette.DASHED, label="sound")
     ax.set_ylabel(f"front speed (blocks per {'time unit' if rig.scales is None else 's'})")
 
 

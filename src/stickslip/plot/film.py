@@ -16,7 +16,7 @@ from stickslip.errors import InputError
 from stickslip.measure import regime
 from stickslip.measure.headings import ratio
 from stickslip.model import Slider
-from stickslip.plot import style
+from stickslip.plot import palette, style
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
 from stickslip.plot.style import house_style, new_figure, panel, variable
 from stickslip.simulation import rig_of
@@ -42,13 +42,13 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     if not isinstance(rig.slider, Slider):
         raise InputError("contacts: a film is of one rigid slider; of a chain, draw spacetime")
     seen = frames(rig, 1.0, _FRAMES, lambda _share: None)
-    figure = new_figure(style.PAGE, 3.6)
+    figure = new_figure(palette.PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     own = run.sel(time=slice(*seen.times[[0, -1]]))
     line = (own["time"], own["spring_force"]) if seen.exact else (seen.times, seen.force)
-    below.plot(*line, color=style.BLUE)
+    below.plot(*line, color=palette.BLUE)
     panel(below, "", run["time"], run["spring_force"], xlim=seen.times[[0, -1]])
-    (cursor,) = below.plot([], [], "o", color=style.VERMILLION, markersize=6)
+    (cursor,) = below.plot([], [], "o", color=palette.VERMILLION, markersize=6)
 
     lengths = seen.drive - seen.slider
     shortest = min(float(lengths.min()), 0.0)
@@ -58,15 +58,15 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     feet = right[:, None] - wide + _PITCH * (np.arange(seen.flags.shape[1]) + 0.5)
     held, renewed = (seen.flags & ATTACHED) > 0, (seen.flags & RENEWED) > 0
     broke = np.vstack([np.zeros_like(held[:1]), held[:-1] & (~held[1:] | renewed[1:])])
-    colours = LinearSegmentedColormap.from_list("stretched", [style.BLUE, style.VERMILLION])
-    look: Any = {"edgecolor": style.BLACK, "facecolor": "#F4F5F7", "linewidth": 1.2}
+    colours = LinearSegmentedColormap.from_list("stretched", [palette.BLUE, palette.VERMILLION])
+    look: Any = {"edgecolor": palette.BLACK, "facecolor": "#F4F5F7", "linewidth": 1.2}
     block = above.add_patch(Rectangle((0, _HIGH), wide, high, **look))
     bristles = above.add_collection(LineCollection([], linewidths=1.8))
-    (ground,) = above.plot([], [], color=style.GREY, linewidth=0.8)
-    (spring,) = above.plot([], [], color=style.BLACK, linewidth=1.0)
-    (flashes,) = above.plot([], [], "o", color=style.ORANGE, markersize=7, alpha=0.8)
-    above.axhline(0.0, color=style.GREY, linewidth=0.8)
-    above.plot([0, 0], [_HIGH, _HIGH + high], color=style.BLACK, linewidth=4)
+    (ground,) = above.plot([], [], color=palette.GREY, linewidth=0.8)
+    (spring,) = above.plot([], [], color=palette.BLACK, linewidth=1.0)
+    (flashes,) = above.plot([], [], "o", color=palette.ORANGE, markersize=7, alpha=0.8)
+    above.axhline(0.0, color=palette.GREY, linewidth=0.8)
+    above.plot([0, 0], [_HIGH, _HIGH + high], color=palette.BLACK, linewidth=4)
     words = above.text(0, _HIGH + 0.5 * high, f"{feet.shape[1]} of {seen.contacts} contacts", va="center", ha="center")
     above.set(xlim=(right.min() - wide - 1, 0.6), ylim=(-1.0, _HIGH + high + 0.3), aspect="equal")
     above.axis("off")
@@ -76,7 +76,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         tips = np.stack([feet[i] - np.where(held[i], x, 0.0), np.where(held[i], 0.0, 0.5 * _HIGH)], axis=1)
         bristles.set_segments(list(np.stack([np.stack([feet[i], np.full(x.size, _HIGH)], axis=1), tips], axis=1)))
         bristles.set_color(
-            [colours(min(abs(one) / 1.2, 1.0)) if on else style.GREY for one, on in zip(x, held[i], strict=True)]
+            [colours(min(abs(one) / 1.2, 1.0)) if on else palette.GREY for one, on in zip(x, held[i], strict=True)]
         )
         block.set_x(right[i] - wide)
         words.set_x(right[i] - 0.5 * wide)

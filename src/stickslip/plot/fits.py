@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from stickslip.plot import style
+from stickslip.plot import palette
 from stickslip.plot.style import envelope, house_style, legend_above, new_figure, panel
 
 Fit = Any  # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures, which take attributes
@@ -20,21 +20,21 @@ _WIDEST, _LOW, _SHOWN = 4.0, 0.02, 12
 @house_style()
 def slips(data: xr.Dataset) -> Figure:
     """Draw what `Events.to_dataset` returns: trace and slips, drops, peaks against troughs, and the loading rate."""
-    figure = new_figure(style.PAGE, 4.6)
+    figure = new_figure(palette.PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
-    trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=style.GREY, linewidth=0.6)
-    for name, colour, text in (("peak", style.VERMILLION, "before a slip"), ("trough", style.BLUE, "after it")):
+    trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=palette.GREY, linewidth=0.6)
+    for name, colour, text in (("peak", palette.VERMILLION, "before a slip"), ("trough", palette.BLUE, "after it")):
         trace.plot(data[f"{name}_time"], data[name], ".", color=colour, markersize=3, label=text)
     legend_above(trace)
-    drops.ecdf(data["drop"].values, color=style.BLACK)
-    drops.axvline(data.attrs["smallest"], color=style.GREY, linestyle=style.DASHED, linewidth=0.9)
+    drops.ecdf(data["drop"].values, color=palette.BLACK)
+    drops.axvline(data.attrs["smallest"], color=palette.GREY, linestyle=palette.DASHED, linewidth=0.9)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
-    pairs.plot(data["peak"], data["trough"], ".", color=style.BLACK, markersize=3)
-    rate.plot(data["peak_time"], data["loading_rate"], ".", color=style.BLACK, markersize=3)
+    pairs.plot(data["peak"], data["trough"], ".", color=palette.BLACK, markersize=3)
+    rate.plot(data["peak_time"], data["loading_rate"], ".", color=palette.BLACK, markersize=3)
     known, when = data["loading_rate"].values[1:], data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
     for part in (slice(0, third), slice(-third, None)):
-        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=style.VERMILLION)
+        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=palette.VERMILLION)
     rate.set_ylim(0, 2.0 * float(np.median(known)))
     named = (("time", "spring_force"), ("drop", ""), ("peak", "trough"), ("peak_time", "loading_rate"))
     for ax, name, (across, up) in zip((trace, drops, pairs, rate), "abcd", named, strict=True):
@@ -45,7 +45,7 @@ def slips(data: xr.Dataset) -> Figure:
 @house_style()
 def fitted(found: Fit) -> Figure:
     """Draw a `fit`: slips of the trace above simulated ones, the test of its statistics, and the intervals."""
-    figure = new_figure(style.PAGE, 6.6)
+    figure = new_figure(palette.PAGE, 6.6)
     measured, simulated, test, parameters = figure.subplot_mosaic("aa;bb;cd", height_ratios=(1, 1, 4)).values()
     simulated.sharex(measured)
     simulated.sharey(measured)
@@ -56,8 +56,8 @@ def fitted(found: Fit) -> Figure:
     units = {"time": events.time_unit, "force": events.force_unit}
     along = [name if unit in ("", "1") else f"{name} ({unit})" for name, unit in units.items()]
     closest = "simulated, the draw nearest to the medians"
-    shown = (measured, events.time - begin, events.force, style.BLACK, "measured")
-    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, style.BLUE, closest)):
+    shown = (measured, events.time - begin, events.force, palette.BLACK, "measured")
+    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, palette.BLUE, closest)):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
         panel(ax, title, *along)
@@ -71,8 +71,8 @@ def _draw_test(ax: Axes, found: Fit) -> None:
     """The statistics of the trace among those of series of the draws, in standard deviations of the latter."""
     for row, one in enumerate(found.test.reset_index().itertuples()):
         at = -row - (0.0 if one.fitted else 0.6)
-        colour = style.VERMILLION if one.p < _LOW else style.BLACK
-        ax.plot([one.low, one.high], [at, at], color=style.SKY, linewidth=4)
+        colour = palette.VERMILLION if one.p < _LOW else palette.BLACK
+        ax.plot([one.low, one.high], [at, at], color=palette.SKY, linewidth=4)
         ax.plot(np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
         text: Any = {"va": "center", "fontsize": 7, "annotation_clip": False}
         ax.annotate(one.name, (-_WIDEST - 0.2, at), ha="right", **text)
@@ -86,7 +86,7 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
     """Where the interval of each parameter lies within its prior."""
     for row, one in enumerate(found.parameters):
         low, middle, high = one.parts
-        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), style.BLUE)):
+        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), palette.BLUE)):
             ax.plot(ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt")
         ax.plot(middle, -row, "|", color="white", markersize=7)
         text = f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}"
@@ -102,11 +102,11 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
 
     The `names` of the fits stand in the legend, `length` is the unit of the displacement.
     """
-    figure = new_figure(style.PAGE, 3.6)
+    figure = new_figure(palette.PAGE, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
     x = np.asarray(step.displacement)
-    upper.plot(x, step.friction, ".", color=style.GREY, markersize=2.5, label="data")
-    for k, (fit, colour) in enumerate(zip(fits, (style.BLUE, style.VERMILLION, "black"), strict=False)):
+    upper.plot(x, step.friction, ".", color=palette.GREY, markersize=2.5, label="data")
+    for k, (fit, colour) in enumerate(zip(fits, (palette.BLUE, palette.VERMILLION, "black"), strict=False)):
         name = names[k] if k < len(names) else f"{fit.law} law"
         curve = fit.friction(x)
         upper.plot(x, curve, color=colour, label=name)
@@ -122,15 +122,15 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
 
     Growth of the peaks `per_decade` by rate and state, ``b ln 10``, is a line through the last of them.
     """
-    figure = new_figure(style.COLUMN, 3.6)
+    figure = new_figure(palette.COLUMN, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
     run = run.sortby("hold")
     hold, peak = run["hold"].to_numpy(), run["peak"].to_numpy()
-    upper.semilogx(hold, peak, "o-", color=style.BLUE, markersize=3.5, label="contacts")
+    upper.semilogx(hold, peak, "o-", color=palette.BLUE, markersize=3.5, label="contacts")
     if per_decade is not None:
         line = peak[-1] + per_decade * np.log10(hold / hold[-1])
-        upper.semilogx(hold, line, "--", color=style.VERMILLION, label="slope by rate and state")
-    lower.semilogx(hold, run["relaxation"], "o-", color=style.BLUE, markersize=3.5)
+        upper.semilogx(hold, line, "--", color=palette.VERMILLION, label="slope by rate and state")
+    lower.semilogx(hold, run["relaxation"], "o-", color=palette.BLUE, markersize=3.5)
     panel(upper, "", None, run["peak"].assign_attrs(long_name="peak above sliding"), "above")
     panel(lower, "", run["hold"].assign_attrs(spacing="log"), run["relaxation"].assign_attrs(long_name="relaxation"))
     lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow

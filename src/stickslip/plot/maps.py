@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import COLOURS
 from stickslip.errors import InputError
-from stickslip.plot import style
+from stickslip.plot import palette
 from stickslip.plot.style import Array, house_style, label, minus, new_figure, panel
 from stickslip.words import number
 
@@ -33,14 +33,14 @@ REGIMES: dict[str, tuple[str, str, str]] = {
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 _ENTRY = 1.6  # inches of an entry of a legend
-_LINE: Any = {"color": style.BLACK, "linewidth": 1.6, "path_effects": _HALO, "zorder": 1.9}
+_LINE: Any = {"color": palette.BLACK, "linewidth": 1.6, "path_effects": _HALO, "zorder": 1.9}
 _LINE["label"] = "linear boundary, computed"
-_FOLD: Any = {"color": style.VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "path_effects": _HALO}
+_FOLD: Any = {"color": palette.VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "path_effects": _HALO}
 _FOLD |= {"marker": "o", "markersize": 3, "label": "stick-slip decays (fold), computed"}
-_CHANGES: Any = {"color": style.VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
+_CHANGES: Any = {"color": palette.VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
 _WRITTEN: Any = {"fontsize": 7, "ha": "center", "va": "center"}
 _WRITTEN["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
-EDGE: Any = {"edgecolor": style.GREY, "linewidth": 0.5}
+EDGE: Any = {"edgecolor": palette.GREY, "linewidth": 0.5}
 """The line about a patch in a legend."""
 
 
@@ -79,7 +79,7 @@ def _words(codes: xr.DataArray) -> xr.DataArray:
 def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
     """A panel for each start, in which `draw` puts the cases, with what theory says; and one legend."""
     starts = np.unique(data["start"].to_numpy().astype(str)) if "start" in data and data["start"].ndim else [None]
-    figure = new_figure(style.PAGE if len(starts) > 1 else 1.2 * style.COLUMN, 3.5)
+    figure = new_figure(palette.PAGE if len(starts) > 1 else 1.2 * palette.COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
         draw(ax, data, across, up, start)
@@ -98,7 +98,7 @@ def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | N
     for kind, (colour, mark, hatch) in REGIMES.items():
         shown = np.ma.masked_array(np.ones(here.shape), here != kind)
         if mark and shown.count():
-            paint: Any = {"cmap": ListedColormap([colour]), "hatch": hatch or None, "edgecolor": style.GREY}
+            paint: Any = {"cmap": ListedColormap([colour]), "hatch": hatch or None, "edgecolor": palette.GREY}
             ax.pcolor(*cells, shown, **paint, linewidth=0, zorder=0.5, rasterized=here.size > 10_000)
             ax.fill([], [], facecolor=colour, hatch=hatch, label=kind, **EDGE)  # for the legend
     ax.set(xlim=cells[0][[0, -1]], ylim=cells[1][[0, -1]])
@@ -117,7 +117,7 @@ def _draw_marks(ax: Axes, kinds: xr.DataArray, x: xr.DataArray, y: xr.DataArray,
     for kind, (colour, mark, _) in REGIMES.items():
         here = (kind_of == kind) & np.isfinite(y_of)
         if mark and here.any():
-            look: Any = {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": style.BLACK}
+            look: Any = {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": palette.BLACK}
             ax.plot(x_of[here], y_of[here], **look, markersize=size, markeredgewidth=0.5, label=kind)
 
 
@@ -131,7 +131,7 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
             for value in data.get(f"edge_{name}", []):
                 draw(float(value), **_LINE)
     for ends in zip(*(data.get(f"band_{across}_{end}", []) for end in ("low", "high")), strict=True):
-        ax.axvspan(*map(float, ends), color=style.YELLOW, alpha=0.3, linewidth=0, label="both last, computed")
+        ax.axvspan(*map(float, ends), color=palette.YELLOW, alpha=0.3, linewidth=0, label="both last, computed")
     if f"band_{up}_fold" in data and data.sizes["band"]:
         fold = data.sortby(f"band_{across}")
         ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **_FOLD)
@@ -148,14 +148,14 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     """The oscillation of the force along one parameter, and what theory says."""
     if "peak_to_peak" not in data:
         raise InputError("plot: this sweep holds no variable peak_to_peak; measure it to draw it along an axis")
-    figure = new_figure(1.4 * style.COLUMN, 3.0)
+    figure = new_figure(1.4 * palette.COLUMN, 3.0)
     ax = figure.add_subplot()
     oscillation = data["peak_to_peak"]
     middle = oscillation.median("seed") if "seed" in oscillation.dims and axis != "seed" else oscillation
     middle = middle if "start" in middle.dims else middle.expand_dims(start=[""])
-    for line, dashes in zip(middle.transpose("start", ...), ("-", style.DASHED), strict=False):
+    for line, dashes in zip(middle.transpose("start", ...), ("-", palette.DASHED), strict=False):
         words = _STARTS.get(str(line["start"].item()), "")
-        ax.plot(data[axis], line, color=style.GREY, linewidth=0.9, linestyle=dashes, zorder=1, label=words)
+        ax.plot(data[axis], line, color=palette.GREY, linewidth=0.9, linestyle=dashes, zorder=1, label=words)
     _draw_marks(ax, _kinds(data), data[axis], oscillation, size=4.5)
     _draw_theory(ax, data, axis)
     panel(ax, "", data[axis], oscillation, ylim=(0, None))
@@ -169,7 +169,7 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
     An arrow leads `to` the values of its parameters after a change.
     """
     across, up = map(str, found["growth_rate"].dims)
-    figure = new_figure(1.6 * style.COLUMN, 4.6)
+    figure = new_figure(1.6 * palette.COLUMN, 4.6)
     ax = figure.add_subplot()
     _shade(ax, found, across, up)
     limits = {"xlim": found[across][[0, -1]], "ylim": found[up][[0, -1]]}
@@ -177,20 +177,22 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
     hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
     written: list[Array] = []
     for x, y, mine in _curves(found, across, up, "curve"):
-        ax.plot(x, y, color=style.BLACK, linewidth=1.6, label="limit of smooth sliding")
+        ax.plot(x, y, color=palette.BLACK, linewidth=1.6, label="limit of smooth sliding")
         for i in _places(ax, x, y, written):
             frequency = hertz[mine][i]
             ax.annotate("no oscillation" if np.isinf(frequency) else number(frequency, 3), (x[i], y[i]), **_WRITTEN)
     if "band" in found.dims and found.sizes["band"]:
-        look: Any = {"color": style.BLUE, "linewidth": 3.0, "alpha": 0.7}
+        look: Any = {"color": palette.BLUE, "linewidth": 3.0, "alpha": 0.7}
         ends = found[f"band_{up}_low"], found[f"band_{up}_high"]
         ax.vlines(found[f"band_{across}"], *ends, **look, label="stick-slip persists, too (bistable)")
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
-    ax.plot(*here, "o", ms=8, mfc="white", mec=style.BLACK, mew=1.5, ls="none", label="this rig")
+    ax.plot(*here, "o", ms=8, mfc="white", mec=palette.BLACK, mew=1.5, ls="none", label="this rig")
     if to is not None:
         goal = to.get(across, here[0]), to.get(up, here[1])
-        ax.annotate("", goal, here, arrowprops={"arrowstyle": "-|>", "color": style.BLACK, "shrinkA": 5, "lw": 1.4})
-        ax.plot(*goal, "D", color=style.VERMILLION, mec="white", ms=6, ls="none", label="after the change (simulated)")
+        ax.annotate("", goal, here, arrowprops={"arrowstyle": "-|>", "color": palette.BLACK, "shrinkA": 5, "lw": 1.4})
+        ax.plot(
+            *goal, "D", color=palette.VERMILLION, mec="white", ms=6, ls="none", label="after the change (simulated)"
+        )
     unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
     ax.set_title(f"{title}\nnumbers: frequency at the limit ({unit}); growth above 0: unstable".lstrip())

@@ -15,8 +15,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from stickslip.answers import COLOURS
 from stickslip.model.parameters import parameter_named
 from stickslip.plot.maps import EDGE, legend_below
+from stickslip.plot.palette import BLACK, DASHED, GREY, PAGE, VERMILLION
 from stickslip.plot.runs import force_trace
-from stickslip.plot.style import BLACK, DASHED, GREY, PAGE, VERMILLION, dress, house_style, new_figure
+from stickslip.plot.style import dress, house_style, new_figure
 
 Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
-from stickslip.plot import style
+from stickslip.plot import palette, style
 from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.style import along_time, dress, house_style, legend_above, new_axes, panel, variable
 from stickslip.words import engineering, prefixed
@@ -25,7 +25,7 @@ _WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a lo
 
 @house_style()
 def force_trace(
-    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = style.BLUE
+    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = palette.BLUE
 ) -> Axes:
     """Draw the spring force of a run or a measured trace against time; `events` of `stickslip.drops` are marked."""
     ax, force = along_time(run, "spring_force", ax, color=color)
@@ -34,11 +34,11 @@ def force_trace(
     if "filled" in run and bool(run["filled"].any()):
         gap = force[run["filled"].to_numpy().astype(bool)]
         size = 4.0 if gap.size <= _MANY_SLIPS else 1.5
-        ax.plot(gap["time"], gap, "x", color=style.BLACK, markersize=size, label=f"{gap.size} filled in")
+        ax.plot(gap["time"], gap, "x", color=palette.BLACK, markersize=size, label=f"{gap.size} filled in")
     if "mu" in run and "load" in run:  # another scale, or, where the load changes, a line of its own
         right = ax.twinx()
         right.spines["right"].set_visible(True)
-        along_time(run, "mu", right, color=style.PURPLE, linewidth=0.7 if np.ptp(run["load"].values) else 0.0)
+        along_time(run, "mu", right, color=palette.PURPLE, linewidth=0.7 if np.ptp(run["load"].values) else 0.0)
     legend_above(ax)
     return ax
 
@@ -49,9 +49,9 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
     Where the slider gets more than 25 times as fast as the drive the axis is logarithmic from the drive's velocity on.
     """
-    ax, speed = along_time(run, "velocity", ax, color=style.GREEN, label="slider")
+    ax, speed = along_time(run, "velocity", ax, color=palette.GREEN, label="slider")
     if "drive_velocity" in run:
-        look: Any = {"color": style.GREY, "linewidth": 0.9, "linestyle": style.DASHED, "label": "drive"}
+        look: Any = {"color": palette.GREY, "linewidth": 0.9, "linestyle": palette.DASHED, "label": "drive"}
         _, drive = along_time(run, "drive_velocity", ax, **look)
         usual, minus = float(abs(drive).max()), style.minus
         if 0.0 < _WIDE_RANGE * usual < float(abs(speed).max()):
@@ -65,7 +65,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 @house_style()
 def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the fraction of attached contacts against time."""
-    ax, fraction = along_time(run, "attached", ax, color=style.PURPLE)
+    ax, fraction = along_time(run, "attached", ax, color=palette.PURPLE)
     ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
     return ax
 
@@ -78,17 +78,17 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     speed, force = (variable(run, name) for name in ("velocity", "spring_force"))
     ax = new_axes() if ax is None else ax
-    ax.plot(speed, force, color=style.BLUE, linewidth=0.8, rasterized=speed.size > 10 * style.MOST_POINTS)
+    ax.plot(speed, force, color=palette.BLUE, linewidth=0.8, rasterized=speed.size > 10 * style.MOST_POINTS)
     panel(ax, "", speed, force)
     return ax
 
 
 _ENERGIES = {
-    "broken_energy": ("lost by the contacts", style.VERMILLION),
-    "damped_energy": ("lost to damping", style.ORANGE),
-    "contact_energy": ("in contacts", style.SKY),
-    "spring_energy": ("in the spring", style.GREEN),
-    "kinetic_energy": ("kinetic", style.PURPLE),
+    "broken_energy": ("lost by the contacts", palette.VERMILLION),
+    "damped_energy": ("lost to damping", palette.ORANGE),
+    "contact_energy": ("in contacts", palette.SKY),
+    "spring_energy": ("in the spring", palette.GREEN),
+    "kinetic_energy": ("kinetic", palette.PURPLE),
 }
 
 
@@ -99,11 +99,11 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     thin = run.isel(time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS)))
     parts = [variable(thin, name) for name in _ENERGIES]
     work = variable(thin, "work")
-    ax = new_axes(style.PAGE, 2.6) if ax is None else ax
+    ax = new_axes(palette.PAGE, 2.6) if ax is None else ax
     names, colours = zip(*_ENERGIES.values(), strict=True)
     ax.stackplot(thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0)
     total = work + sum(float(part[0]) for part in parts)
-    ax.plot(thin["time"], total, color=style.BLACK, linestyle=style.DASHED, label="work of the drive")
+    ax.plot(thin["time"], total, color=palette.BLACK, linestyle=palette.DASHED, label="work of the drive")
     words = str(work.attrs.get("long_name", "")).replace("work of the drive", "energy")
     panel(ax, "", thin["time"], total.assign_attrs(work.attrs | {"long_name": words}))
     ax.margins(x=0)
@@ -143,13 +143,13 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     measured = "attached" not in run and events is not None and events.sizes["event"] > 2 * _ZOOM
     if measured:
         heights += [2.0, 2.4]
-    figure = style.new_figure(style.PAGE, sum(heights))
+    figure = style.new_figure(palette.PAGE, sum(heights))
     grid = figure.add_gridspec(len(heights), 3, height_ratios=heights)
     axes = [figure.add_subplot(grid[0, :])]
     axes += [figure.add_subplot(grid[row, :], sharex=axes[0]) for row in range(1, rows)]
     if measured and events is not None:
         begin, end = _zoomed(figure.add_subplot(grid[-2, :]), run, events)
-        axes[0].axvspan(begin, end, facecolor=style.GREY, alpha=0.4, linewidth=0)
+        axes[0].axvspan(begin, end, facecolor=palette.GREY, alpha=0.4, linewidth=0)
         _draw_drops([figure.add_subplot(grid[-1, column]) for column in range(3)], events)
     force_trace(run, axes[0], events=None if measured else events).set_title(_title(run, seen))
     for draw, ax in zip(panels, axes[1:], strict=True):
@@ -164,11 +164,11 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
 @house_style()
 def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
     """Draw the forces of two runs on one scale, each under its regime and the speed of its drive."""
-    figure = style.new_figure(style.PAGE, 2.3)
+    figure = style.new_figure(palette.PAGE, 2.3)
     axes = figure.subplots(1, 2, sharey=True)
     for ax, run in zip(axes, (left, right), strict=True):
         seen = regime(run)
-        force_trace(run, ax, color=style.GREEN if seen.kind == "smooth sliding" else style.BLUE)
+        force_trace(run, ax, color=palette.GREEN if seen.kind == "smooth sliding" else palette.BLUE)
         speed = "" if seen.drive_velocity is None else f" at {_speed(seen.drive_velocity, run)}"
         ax.set_title(f"{seen.kind}{speed}")
     axes[1].set_ylabel("")
@@ -191,10 +191,10 @@ def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
     titles = {"drop": "drop", "force_before": "peak", "force_after": "trough", "recurrence": "recurrence"}
     of = {name: events[name].assign_attrs(long_name=title) for name, title in titles.items()}
     size = 6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
-    axes[0].hist(events["drop"], bins="auto", color=style.BLUE)
+    axes[0].hist(events["drop"], bins="auto", color=palette.BLUE)
     panel(axes[0], "", of["drop"], f"number of {events.attrs.get('drops_are', 'slips')}")
     for ax, across, up in zip(axes[1:], ("force_before", "recurrence"), ("force_after", "drop"), strict=True):
-        ax.plot(of[across], of[up], ".", color=style.BLUE, markersize=size)
+        ax.plot(of[across], of[up], ".", color=palette.BLUE, markersize=size)
         panel(ax, "", of[across], of[up])
 
 
@@ -219,8 +219,10 @@ def _speed(value: float, run: xr.Dataset) -> str:
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     """Shade the slips and put a dot on the peak before each."""
     start, lasts = events["start"].to_numpy(), (events["end"] - events["start"]).to_numpy()
-    shade: Any = {"facecolor": style.ORANGE, "alpha": 0.3, "linewidth": 0, "zorder": 0.5}
+    shade: Any = {"facecolor": palette.ORANGE, "alpha": 0.3, "linewidth": 0, "zorder": 0.5}
     shade["label"] = "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
     ax.broken_barh(list(zip(start, lasts, strict=True)), (0, 1), transform=ax.get_xaxis_transform(), **shade)
     size, text = 3.5 if start.size <= _MANY_SLIPS else 2.0, counted(events)
-    ax.plot(start, events["force_before"], "o", color=style.VERMILLION, markersize=size, markeredgewidth=0, label=text)
+    ax.plot(
+        start, events["force_before"], "o", color=palette.VERMILLION, markersize=size, markeredgewidth=0, label=text
+    )

@@ -24,18 +24,8 @@ from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, printable
 from stickslip.io import files
 from stickslip.measure.arrays import check_numbers
+from stickslip.plot.palette import COLUMN, PAGE
 from stickslip.words import prefixed
-
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILLION, PURPLE, YELLOW = "#0072B2", "#D55E00", "#CC79A7", "#F0E442"
-GREY = "#7F7F7F"
-PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-"""Colours of Okabe and Ito, which colour-blind readers can tell apart; yellow is too pale for a line."""
-
-DASHED = (0, (4, 2))  # the dashes of a line that is compared with
-
-COLUMN, PAGE = 3.5, 7.0
-"""Widths of a printed column and page, in inches."""
 
 _STYLE = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
 _FORMATS = {"": ("picture", "png", "svg", "pdf"), "contacts": ("film", "gif"), "sound": ("sound", "wav")}
