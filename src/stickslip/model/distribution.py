@@ -280,9 +280,12 @@ _NODES = 1 << 20  # most nodes of a transform
 
 def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray) -> ComplexArray:
     """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2, q.size)."""
-    kernel, parts = np.stack([weight, weight * x], axis=1), np.array_split(q, max(q.size // 128, 1))
+    found = np.empty((2, q.size), dtype=complex)
     with np.errstate(over="ignore", invalid="ignore"):  # not a number too far left, as for closed forms
-        return np.concatenate([(np.exp(-np.multiply.outer(part, x)) @ kernel).T for part in parts], axis=1)
+        for part in np.array_split(np.arange(q.size), max(q.size // 128, 1)):
+            each = weight * np.exp(-np.multiply.outer(q[part], x))  # no product of matrices: its threads would spin
+            found[:, part] = each.sum(axis=1), (each * x).sum(axis=1)
+    return found
 
 
 @lru_cache(maxsize=64)

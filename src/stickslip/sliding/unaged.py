@@ -61,20 +61,21 @@ class UnagedResponse(Response):
     @property
     def inert(self) -> bool:
         """Whether contacts come back at once."""
-        return self.delay.moment(1) == 0
+        return self._means[1] == 0
 
     def _path(self, velocity: float | Array) -> Array:
         """``m1 + v <tau>``: mean distance the slider goes between two attachments of a contact, in ``x_s``."""
-        return np.asarray(self.distribution.moment(1) + velocity * self.delay.moment(1))
+        return np.asarray(self._means[0] + velocity * self._means[1])
 
     def scales(self, velocity: float) -> Scales:
-        cycle, memory = float(self._path(velocity)) / velocity, self._largest / velocity + self.delay.longest
+        (_, delay, scatter), cycle = self._means, float(self._path(velocity)) / velocity
+        memory = self._largest / velocity + self._longest
         if self.inert:
             return Scales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
         # At high frequencies the delay is all that is left of the response, and f_d keeps it from fading.
-        pace = cycle if self.sliding_force == 0 else min(cycle, self.delay.moment(1))
+        pace = cycle if self.sliding_force == 0 else min(cycle, delay)
         # The scatter of the thresholds wipes out their memory; their transform has an abscissa of convergence.
-        fastest = 8.0 * velocity / self.distribution.standard_deviation()
+        fastest = 8.0 * velocity / scatter
         return Scales(cycle, pace, memory, fastest, self.distribution.leftmost * velocity)
 
     def effort(self, velocity: float) -> Effort:
@@ -153,6 +154,15 @@ class UnagedResponse(Response):
                 "give the rig some damping, or the thresholds a larger standard deviation"
             )
         return axis_table(hashable(self.distribution), step, count)
+
+    @cached_property
+    def _means(self) -> tuple[float, float, float]:
+        """Mean threshold and delay, and the standard deviation of the thresholds."""
+        return self.distribution.moment(1), self.delay.moment(1), self.distribution.standard_deviation()
+
+    @cached_property
+    def _longest(self) -> float:
+        return self.delay.longest
 
     @cached_property
     def _largest(self) -> float:
