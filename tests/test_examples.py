@@ -11,6 +11,7 @@ import pytest
 import stickslip as ss
 from stickslip.io import rig_files as rig
 from stickslip.paper import FIGURES
+from stickslip.sweep.plan import read_plan
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PAGES = sorted(
@@ -32,6 +33,9 @@ def test_example_rigs_can_be_read_and_say_what_was_assumed(name):
 def test_an_example_that_is_not_there_is_told():
     with pytest.raises(ss.InputError, match=r"^whiper: no such file or example; examples are brake_pad, .*wiper$"):
         rig.example_file("whiper")
+    with pytest.raises(ss.InputError, match=r"^phase_diagram: a sweep, not a rig; `stickslip sweep phase_diagram "):
+        ss.read_rig("phase_diagram")
+    assert read_plan("phase_diagram").total == 3200
 
 
 def test_every_figure_has_its_page():

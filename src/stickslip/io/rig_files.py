@@ -74,11 +74,11 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
     return from_document(content_of(Path(path)), Path(path).name)
 
 
-def content_of(path: Path) -> Document:
-    """Read the content of a rig file, or of the example of that name where there is no such file."""
+def content_of(path: Path, kind: str = "rig file", example: str = "`stickslip new pmma_slider`") -> Document:
+    """Read the content of a file, or of the example of that name where there is no such file."""
     if not path.suffix and not path.exists():
         path = example_file(str(path))
-    return read_toml(path, "rig file", "`stickslip new pmma_slider`")
+    return read_toml(path, kind, example)
 
 
 def to_toml(rig: Rig) -> str:

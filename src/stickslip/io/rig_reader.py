@@ -37,6 +37,8 @@ def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
 
     The error names every mistake: key, value, remedy; its `mistakes` are single errors, each with its key as `place`.
     """
+    if "axes" in document:
+        raise InputError(f"{place}: a sweep, not a rig; `stickslip sweep {place} --store results.sqlite` runs it")
     reader = _Reader(document)
     rig: Rig | None = reader.file.part(reader.rig)
     if rig is None:

@@ -27,7 +27,7 @@ from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import methods_with
-from stickslip.io.tables import Tables, read_toml, unknown
+from stickslip.io.tables import Tables, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
@@ -193,9 +193,10 @@ _LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
-    """Read a sweep file, and the rig file that it may name."""
+    """Read a sweep file or the example of that name, and the rig file that it may name."""
     source = Path(path)
-    return from_document(read_toml(source, "sweep file", "`stickslip new phase_diagram`"), source.name, source.parent)
+    content = rigs.content_of(source, "sweep file", "`stickslip new phase_diagram`")
+    return from_document(content, source.name, source.parent)
 
 
 def from_document(document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()) -> Plan:
