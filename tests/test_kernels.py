@@ -106,7 +106,9 @@ def test_rates_and_their_slopes(held, x, threshold):
     log, *slopes = hazard.log_rate(held, abs(x), threshold)
     assert held.attempts * math.exp(log) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
     if not held.kramers:
-        assert hazard.stretching_at(held, plain_rate(held, x, threshold), threshold) == pytest.approx(abs(x), rel=1e-12)
+        left = hazard.height(held, abs(x), threshold)
+        assert left == pytest.approx(-log, rel=1e-12)
+        assert hazard.stretching_at(held, left, threshold) == pytest.approx(abs(x), rel=1e-12)
     at = np.array([abs(x), threshold])
     by_differences = [
         (math.log(plain_rate(held, *(at + step))) - math.log(plain_rate(held, *(at - step)))) / 2e-6

@@ -102,7 +102,7 @@ def _attach(cohorts: Cohorts, j: int, place: float, alive: float, reach: float, 
     """Add what attached at a place: to the youngest cohort if that did within `merge`, else as a new one."""
     cohort, i = cohorts.cohort[j], cohorts.used[j] - 1
     if i >= 0 and abs(place - cohort[PLACE, i]) <= merge:
-        join(cohort, i, place, alive, reach)
+        join(cohort, i, place, alive, REACH, reach)
     else:
         i += 1
         cohorts.used[j] = i + 1

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, largest_rate, rate, steepness, stretching_at, threshold_at
+from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, height, largest_rate, rate, stretching_at, threshold_at
 from .records import Floats
 
 CHANCE = 0.2  # proposals that a contact may expect on its way through a box
@@ -72,7 +72,7 @@ def is_met(x: float, threshold: float, strength: float, rounding: float) -> bool
     return abs(x) + rounding >= threshold - _MET * strength
 
 
-@bare
+@inlined
 def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, rounding: float) -> Box:
     """Box of a contact that is stretched by ``|x|``, to within a rounding, with the slider at this speed.
 
@@ -88,25 +88,26 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, roun
         return Box(threshold_now(rule, strength, time), time, 0.0)
     if is_met(x, threshold, strength, rounding):
         return Box(x, 0.0, 0.0)
-    time = ageing_time(growth, age)
-    lowest, sinks = threshold, False
-    if time < math.inf:
-        later = threshold_now(rule, strength, age + time)
-        sinks = later < threshold
-        while later < 0.5 * (x + threshold):
+    time, lowest = ageing_time(growth, age), threshold
+    sinks = growth.kind == EXPONENTIAL and threshold > strength
+    if sinks:
+        lowest = threshold_now(rule, strength, age + time)
+        while lowest < 0.5 * (x + threshold):
             time *= 0.5
             if time <= 1e-13 * (1.0 + age):
                 return Box(x, 0.0, 0.0)
-            later = threshold_now(rule, strength, age + time)
-        lowest = min(threshold, later)
+            lowest = threshold_now(rule, strength, age + time)
     if hazard.attempts == 0.0:
         return Box(lowest, time if sinks else math.inf, 0.0)
-    finest, width, speed = 0.5 * steepness(hazard, x, lowest), lowest - x, max(abs(speed), _AT_REST)
-    for _ in range(2):  # the width comes in by its logarithm only
-        reach = stretching_at(hazard, CHANCE * speed / width, lowest)
-        width = min(max(reach - x, finest), lowest - x)
-    reach = min(x + width, lowest)
-    most = largest_rate(hazard, reach, lowest)
+    finest = left = max(height(hazard, x, lowest) - 1.0, 0.0)  # the rate grows by a factor of e
+    reach, often = stretching_at(hazard, left, lowest), CHANCE * max(abs(speed), _AT_REST) / hazard.attempts
+    if math.log((reach - x) / often) < finest:
+        width = lowest - x
+        for _ in range(2):  # the width comes in by its logarithm only
+            left = max(min(math.log(width / often), finest), 0.0)
+            reach = stretching_at(hazard, left, lowest)
+            width = reach - x
+    most = largest_rate(hazard, reach, lowest) if hazard.kramers != 0.0 else hazard.attempts * math.exp(-left)
     if not sinks:  # then the rate only falls with age, and a longer time does where a proposal is unlikely
         time = max(time, CHANCE / most)
     return Box(reach, time, most)

@@ -83,10 +83,10 @@ def due(history: History, delays: Delays, dt: float, found: Floats) -> float:
 
 
 @inlined
-def join(cohort: Floats, i: int, place: float, alive: float, reach: float) -> None:
-    """Let what attached at a place join a cohort close by, at the place that is their mean."""
+def join(cohort: Floats, i: int, place: float, alive: float, row: int, value: float) -> None:
+    """Let what attached at a place join a cohort close by, at the place that is their mean; so with another row."""
     total = alive + cohort[ALIVE, i]
     part = alive / total
     cohort[PLACE, i] += part * (place - cohort[PLACE, i])
-    cohort[REACH, i] += part * (reach - cohort[REACH, i])
+    cohort[row, i] += part * (value - cohort[row, i])
     cohort[ALIVE, i] = total

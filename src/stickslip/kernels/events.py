@@ -104,17 +104,19 @@ class Boxes(NamedTuple):
 
 
 def make_state(
-    birth: Floats, threshold: Floats, pending: Floats, reached: Floats, scale_time: float, motion: Record
-) -> State:
+    birth: Floats, threshold: Floats, pending: Floats, reached: Floats, scale_time: float, motion: Record,
+    boxes: float = 1.0,
+) -> State:  # fmt: skip
     """Return the state of an interface at time 0.
 
     `birth` are the positions without stretching; the last ``len(pending)`` contacts are detached until these times,
-    which may be infinite. Some contacts have `reached` these stretchings; `scale_time` is a typical delay.
+    which may be infinite. Some contacts have `reached` these stretchings, through so many `boxes`; `scale_time` is a
+    typical delay.
     """
     N = birth.size
     attached = N - pending.size
-    # A dozen contacts break on the width of a bin in smooth sliding.
-    reach, width = 2.0 * float(reached.max()), 12.0 * (float(reached.mean()) or 1.0) / N
+    # A dozen contacts break, or leave their boxes, on the width of a bin in smooth sliding.
+    reach, width = 2.0 * float(reached.max()), 12.0 * (float(reached.mean()) or 1.0) / (N * boxes)
     bins = _power_of_two(reach / width, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(

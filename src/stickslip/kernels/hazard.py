@@ -65,26 +65,23 @@ def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
 
 
 @inlined
-def stretching_at(hazard: Hazard, rate: float, threshold: float) -> float:
-    """Stretching at which contacts break at a rate, but for Kramers' prefactor; at most the threshold, or below 0."""
-    exponent = min(math.log(rate / hazard.attempts), 0.0)
+def height(hazard: Hazard, x: float, threshold: float) -> float:
+    """Height of the barrier that is left, over the temperature, of a contact stretched by ``x >= 0``."""
     if hazard.kind == BELL:
-        return threshold + hazard.scale * exponent
+        return (threshold - x) / hazard.scale
     if hazard.kind == PARABOLIC:
-        return math.sqrt(max(threshold * threshold + 2.0 * hazard.scale * exponent, 0.0))
-    return threshold * (1.0 - math.exp(math.log(max(-exponent, 1e-300) / hazard.scale) / hazard.power))
+        return 0.5 * (threshold - x) * (threshold + x) / hazard.scale
+    return hazard.scale * math.exp(hazard.power * math.log(max(1.0 - x / threshold, TOP)))
 
 
 @inlined
-def steepness(hazard: Hazard, x: float, threshold: float) -> float:
-    """Length over which the rate grows by a factor of e, about."""
-    x = abs(x)
+def stretching_at(hazard: Hazard, height: float, threshold: float) -> float:
+    """Stretching at which so much is left of the barrier; below 0 if it never is as high."""
     if hazard.kind == BELL:
-        return hazard.scale
+        return threshold - hazard.scale * height
     if hazard.kind == PARABOLIC:
-        return hazard.scale / max(x, math.sqrt(hazard.scale))
-    log_left = max(math.log(max(1.0 - x / threshold, TOP)), -math.log(hazard.scale) / hazard.power)
-    return threshold / (hazard.scale * hazard.power * math.exp((hazard.power - 1.0) * log_left))
+        return math.sqrt(max(threshold * threshold - 2.0 * hazard.scale * height, 0.0))
+    return threshold * (1.0 - math.exp(math.log(max(height, 1e-300) / hazard.scale) / hazard.power))
 
 
 EXPONENTIAL, LOGARITHMIC = range(2)

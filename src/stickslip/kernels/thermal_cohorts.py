@@ -273,10 +273,8 @@ def _commit(state: State, case: Case, trial: _Trial, load: Load) -> None:
             continue
         stored += 0.5 * (trial.X - place) ** 2 * alive
         if j == state.used.cohorts and _is_near(cohort, kept - 1, case, place, alive):
-            part = alive / (cohort[ALIVE, kept - 1] + alive)
-            cohort[SINCE, kept - 1] += part * (cohort[SINCE, j] - cohort[SINCE, kept - 1])
             cohort[MASS, kept - 1] += mass
-            join(cohort, kept - 1, place, alive, 0.0)
+            join(cohort, kept - 1, place, alive, SINCE, cohort[SINCE, j])
             continue
         cohort[PLACE, kept], cohort[SINCE, kept], cohort[MASS, kept] = place, cohort[SINCE, j], mass
         cohort[ALIVE, kept] = alive

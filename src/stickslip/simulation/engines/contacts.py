@@ -52,9 +52,12 @@ class EventByEvent(base.Engine):
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(0.0, beginning.slider_velocity, interface.sliding_force, slides)
         path = strength[:4096] if strength.size else np.ones(1)
+        boxes = 1.0
         if interface.ageing is not None:  # contacts that grow from little do not get as far as their strengths
-            path = beginnings.drawn_lives(interface, beginning.velocity)[1]
-        self._state = kernel.make_state(-x, strength, pending, path, self._delay.moment(1), motion)
+            _, path, lived = beginnings.drawn_lives(interface, beginning.velocity)
+            if interface.temperature is None:  # by heat most boxes are left before the contact is at their side
+                boxes = max(lived / path.size, 1.0)
+        self._state = kernel.make_state(-x, strength, pending, path, self._delay.moment(1), motion, boxes)
         self._boxes = None
         if self._rule is not None:
             own = strength if interface.areas == "site" else np.empty(0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
-from stickslip.kernels.breaking import NEVER, Breaking, is_fixed, sliding_lives, survivals
+from stickslip.kernels.breaking import NEVER, Breaking, energy, is_fixed, sliding_lives, survivals
 from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
 from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
@@ -150,8 +150,8 @@ class Panels(Cohorts):
         nodes, (clock, most) = Q * used.cohorts, self.state.cohorts[[CLOCK, REACH], : used.cohorts]
         may_break, pulled = (breaking.thresholds.bottom <= most) | (breaking.blurred.bottom <= clock), np.zeros(1)
         if breaking.width > 0.0:
-            energy = 0.5 * most**2 if breaking.squared else most
-            pulled = np.abs((clock - energy) / breaking.width + 16.0) < 20.0  # where `survival` is an integral
+            # where `survival` is an integral
+            pulled = np.abs((clock - energy(breaking, most)) / breaking.width + 16.0) < 20.0
             pulled &= breaking.thresholds.bottom < most
         elif is_fixed(breaking):
             may_break[:] = breaking.knots.size > 0 and not counted
