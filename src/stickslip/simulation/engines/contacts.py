@@ -51,8 +51,7 @@ class EventByEvent(base.Engine):
         x, strength, pending, since = self._first(beginning, method.count)
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(0.0, beginning.slider_velocity, interface.sliding_force, slides)
-        path = strength[:4096] if strength.size else np.ones(1)
-        boxes = 1.0
+        path, boxes = strength[:4096] if strength.size else np.ones(1), 1.0
         if interface.ageing is not None:  # contacts that grow from little do not get as far as their strengths
             _, path, lived = beginnings.drawn_lives(interface, beginning.velocity)
             if interface.temperature is None:  # by heat most boxes are left before the contact is at their side

@@ -1,4 +1,4 @@
-"""Infinitely many contacts that break by any thermal activation: `stickslip.kernels.thermal_cohorts`."""
+"""Infinitely many contacts that break by what no clock tells of: `stickslip.kernels.thermal_cohorts`."""
 
 import math
 
