@@ -255,7 +255,6 @@ def _hold(state: State, slot: int, birth: float, threshold: float, draws: Draws,
     m.least = min(m.least, reach - birth)
     if m.keeps_behind:
         contacts[place]["other"] = push(state.behind, reach - birth, place)
-    m.attachments += 1
     if m.attachments > 2 * state.size + 64 or state.ahead.counts[MOVED] or state.behind.counts[MOVED]:
         _look_again(state, boxes)
 
@@ -298,7 +297,7 @@ def _enclose(
     return box.reach
 
 
-@bare
+@inlined
 def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
     """Whether the contact at a place breaks, that leaves its box or whose time has come."""
     m, contact = state.motion[0], state.ahead.entries[place]
@@ -345,6 +344,7 @@ def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Const
     if draws.stretchings.size:
         birth -= m.direction * draws.stretchings[i]
     motion.count_in(m, birth, k, c)
+    m.attachments += 1
     if boxes is not None:
         boxes.of[slot]["since"] = m.time
     _hold(state, slot, birth, threshold, draws, boxes)
