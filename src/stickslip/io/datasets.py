@@ -54,10 +54,8 @@ def encode(value: object) -> Plain:
     A record becomes a mapping with its class name under ``"class"``; infinities become strings.
     """
     if is_dataclass(value) and not isinstance(value, type):
-        content = {
-            field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init and field.compare
-        }
-        return {"class": _name_of(type(value)), **content}
+        names = [field.name for field in fields(value) if field.init and field.compare]
+        return {"class": _name_of(type(value)), **{name: encode(getattr(value, name)) for name in names}}
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):

@@ -13,7 +13,7 @@ from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Either, Key, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
-from stickslip.io.tables import NotedError, Tables, at
+from stickslip.io.tables import NotedError, Tables, Values, at
 from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
@@ -24,9 +24,6 @@ from stickslip.model.parameters import BY_NAME, converted_ranges
 from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Operation, Rig
 from stickslip.model.units import Scales, si_unit
-
-Values = dict[str, Any]
-"""The values of a table, in the units of the file; tables in it as they stand."""
 
 _START = "simulation.start"
 _SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
@@ -279,12 +276,7 @@ class _Reader:
     def _assumed(self, content: object) -> dict[str, Assumption]:
         """The assumptions that the file marks, then the defaults that were taken; each with its value."""
         marked = self._of_paths(content, "assumed", Key("text", also=("list",)))
-        found = {
-            path: Assumption(self._value_at(path), how)
-            if isinstance(how, str)
-            else self.file.part(partial(self._ranging, path, how))
-            for path, how in marked.items()
-        }
+        found = {path: self.file.part(partial(self._marked, path, how)) for path, how in marked.items()}
         given = self.document.get("interface")
         for name, key in TABLES["interface"].items():
             here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
@@ -293,8 +285,10 @@ class _Reader:
                 found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
         return found
 
-    def _ranging(self, path: str, between: list[Any]) -> Assumption:
-        """The assumption of a value that the file marks by the range in which it may lie."""
+    def _marked(self, path: str, between: str | list[Any]) -> Assumption:
+        """The assumption of a value that the file marks by how to measure it, or by the range in which it may lie."""
+        if isinstance(between, str):
+            return Assumption(self._value_at(path), between)
         value, place = self._at(path), f"assumed.{path}"
         unit = natural_unit_of(value) if isinstance(value, str) else ""
         if not unit and type(value) not in (int, float):

@@ -11,6 +11,9 @@ from stickslip.errors import InputError, shortened, shown, together
 from stickslip.io import files
 from stickslip.io.keys import Either, Key, listed, toml
 
+Values = dict[str, Any]
+"""The values of a table, in the units of the file; tables in it as they stand."""
+
 LARGEST_FILE = 1_000_000  # bytes; a larger file does not describe a rig or a sweep
 
 
@@ -82,9 +85,7 @@ class Tables:
         except InputError as error:
             self.note(error)
 
-    def table(
-        self, content: object, keys: Mapping[str, Key], place: str = "", rules: Iterable[Either] = ()
-    ) -> dict[str, Any]:
+    def table(self, content: object, keys: Mapping[str, Key], place: str = "", rules: Iterable[Either] = ()) -> Values:
         """Values of a table, quantities in SI units or natural ones; tables in it as they stand."""
         if not isinstance(content, Mapping):
             self.note(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
@@ -93,7 +94,7 @@ class Tables:
         for i, name in enumerate(str(name) for name in content if name not in keys):
             word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
             self.wrong(path + name[:60], f"unknown key{word}")
-        found: dict[str, Any] = {}
+        found: Values = {}
         of_rules = {name for rule in rules for alternative in rule.alternatives for name in alternative}
         for name, key in keys.items():
             if name in content:
@@ -124,9 +125,7 @@ class Tables:
                 if name not in content:
                     self.missing(f"{place}.{name}", keys[name])
 
-    def whole(
-        self, content: object, keys: Mapping[str, Key], place: str, rules: Iterable[Either] = ()
-    ) -> dict[str, Any]:
+    def whole(self, content: object, keys: Mapping[str, Key], place: str, rules: Iterable[Either] = ()) -> Values:
         """Values of a table without mistakes."""
         before = len(self.mistakes)
         values = self.table(content, keys, place, rules)

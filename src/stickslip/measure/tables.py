@@ -32,9 +32,7 @@ _ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
-_CLOCK = re.compile(
-    r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,3}):([0-5]\d)(?::([0-5]\d(?:\.\d*)?))?Z?"
-)  # 2024-02-01T12:00:00.5
+_CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,3}):([0-5]\d)(?::([0-5]\d(?:\.\d*)?))?Z?")  # 2024-02-01T12:00:00
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
 """What separates columns besides one character: blanks, or only those before a number, where units stand behind it."""
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15

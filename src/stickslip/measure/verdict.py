@@ -134,9 +134,7 @@ class Regime(Answer):
             lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
         if self.cycles:
             period = f", period {words.engineering(self.period, self.time_unit)}{_variation(self.period_variation)}"
-            phase = (
-                f", slip phase: {100 * self.slip_phase:.0f} % of the cycle" if math.isfinite(self.slip_phase) else ""
-            )
+            phase = "" if math.isnan(self.slip_phase) else f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
             count = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
             drop += _variation(self.drop_variation)
             lines.append(f"{count}, drop {drop}{period if math.isfinite(self.period) else ''}{phase}")

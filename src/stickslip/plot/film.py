@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.animation import FuncAnimation
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.patches import Rectangle
 from scipy.integrate import cumulative_trapezoid
 
@@ -75,9 +75,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         x = seen.stretching[i]
         tips = np.stack([feet[i] - np.where(held[i], x, 0.0), np.where(held[i], 0.0, 0.5 * _HIGH)], axis=1)
         bristles.set_segments(list(np.stack([np.stack([feet[i], np.full(x.size, _HIGH)], axis=1), tips], axis=1)))
-        bristles.set_color(
-            [colours(min(abs(one) / 1.2, 1.0)) if on else palette.GREY for one, on in zip(x, held[i], strict=True)]
-        )
+        bristles.set_color(np.where(held[i, :, None], colours(np.abs(x) / 1.2), to_rgba(palette.GREY)))
         block.set_x(right[i] - wide)
         words.set_x(right[i] - 0.5 * wide)
         coil = np.linspace(right[i], 0.0, 22)

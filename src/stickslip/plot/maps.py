@@ -186,13 +186,11 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
         ends = found[f"band_{up}_low"], found[f"band_{up}_high"]
         ax.vlines(found[f"band_{across}"], *ends, **look, label="stick-slip persists, too (bistable)")
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
-    ax.plot(*here, "o", ms=8, mfc="white", mec=palette.BLACK, mew=1.5, ls="none", label="this rig")
+    ax.plot(*here, "o", ms=8, mfc="white", mec=palette.BLACK, mew=1.5, label="this rig")
     if to is not None:
         goal = to.get(across, here[0]), to.get(up, here[1])
         ax.annotate("", goal, here, arrowprops={"arrowstyle": "-|>", "color": palette.BLACK, "shrinkA": 5, "lw": 1.4})
-        ax.plot(
-            *goal, "D", color=palette.VERMILLION, mec="white", ms=6, ls="none", label="after the change (simulated)"
-        )
+        ax.plot(*goal, "D", color=palette.VERMILLION, mec="white", ms=6, label="after the change (simulated)")
     unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
     ax.set_title(f"{title}\nnumbers: frequency at the limit ({unit}); growth above 0: unstable".lstrip())

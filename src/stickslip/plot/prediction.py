@@ -22,11 +22,7 @@ from stickslip.plot.style import dress, house_style, new_figure
 Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
 
 _CYCLES_SHOWN = 12
-_BY_THEORY = {
-    "unstable": "unstable (linear, without noise)",
-    "stable": "stable (linear, without noise)",
-    "unknown": "not known",
-}
+_BY_THEORY = {kind: f"{kind} (linear, without noise)" for kind in ("unstable", "stable")} | {"unknown": "not known"}
 
 
 @house_style()

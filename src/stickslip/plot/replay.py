@@ -6,6 +6,7 @@ where the slider moves fast, so that shown at an even pace they slow down throug
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,35 +101,26 @@ def _frame_times(rig: Rig, begin: float, end: float, count: int, watch: Progress
     return np.asarray(np.interp(np.linspace(0.0, clock[-1], count), clock, t))
 
 
-class _Followed:
-    """An engine whose samples tell of some of its contacts one by one, besides where the slider is."""
-
-    columns = ("displacement",)
-
-    def __init__(self, engine: Any, shown: NDArray[np.intp]) -> None:
-        self.here, self.slider, self._engine, self._shown = engine.here, engine.slider, engine, shown
-
-    def advance(self, leg: Leg) -> Advance:
-        """Go on to the next sample, or to the end of the leg."""
-        end = min([*leg.times[:1], leg.end])
-        over = end <= self.here()[0] or self._engine.advance(leg._replace(end=end, times=leg.times[:0])).over
-        samples = [self.sample()] if over and leg.times.size else []
-        return Advance(np.array(samples).reshape(-1, 1 + 2 * self._shown.size), (), over and not leg.times.size)
-
-    def sample(self) -> Array:
-        """Where the slider is, the stretchings of the contacts, and which are attached."""
-        now = self._engine.individuals()
-        return np.concatenate([[self.here()[1]], now.stretching[self._shown], now.attached[self._shown]])
-
-
 def _look(rig: Rig, method: Contacts, times: Array, watch: Progress) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
     """Positions of slider and drive at some times of the run, and stretchings and flags of its contacts there."""
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
-    engine = engine_of(rig.interface, method)(beginning, method)
+    engine: Any = engine_of(rig.interface, method)(beginning, method)
     shown = np.unique(np.linspace(0, method.count - 1, SHOWN).astype(int))
     origin = beginning.drive_position(engine.contact_force())
-    followed: Any = _Followed(engine, shown)  # what `follow` asks of an engine
-    first = followed.sample()
+
+    def sample() -> Array:
+        now = engine.individuals()
+        return np.concatenate([[engine.here()[1]], now.stretching[shown], now.attached[shown]])
+
+    def advance(leg: Leg) -> Advance:  # to the next sample, or to the end of the leg
+        end = min([*leg.times[:1], leg.end])
+        over = end <= engine.here()[0] or engine.advance(leg._replace(end=end, times=leg.times[:0])).over
+        samples = [sample()] if over and leg.times.size else []
+        return Advance(np.array(samples).reshape(-1, 1 + 2 * shown.size), (), over and not leg.times.size)
+
+    first, slider = sample(), engine.slider
+    # What `follow` asks of an engine, whose samples tell of contacts one by one, besides where the slider is.
+    followed: Any = SimpleNamespace(columns=("displacement",), slider=slider, here=engine.here, advance=advance)
     track = follow(followed, rig.drive, origin, times, progress=watch)
     slider, stretching, attached = np.split(np.vstack([first, track.rows]), [1, 1 + shown.size], axis=1)
     # Where the slider was when a contact attached: elsewhere now, if it broke and attached again since.

@@ -222,7 +222,5 @@ def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     shade: Any = {"facecolor": palette.ORANGE, "alpha": 0.3, "linewidth": 0, "zorder": 0.5}
     shade["label"] = "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
     ax.broken_barh(list(zip(start, lasts, strict=True)), (0, 1), transform=ax.get_xaxis_transform(), **shade)
-    size, text = 3.5 if start.size <= _MANY_SLIPS else 2.0, counted(events)
-    ax.plot(
-        start, events["force_before"], "o", color=palette.VERMILLION, markersize=size, markeredgewidth=0, label=text
-    )
+    dot: Any = {"markersize": 3.5 if start.size <= _MANY_SLIPS else 2.0, "markeredgewidth": 0}
+    ax.plot(start, events["force_before"], "o", color=palette.VERMILLION, label=counted(events), **dot)
