@@ -83,8 +83,7 @@ class _Reader:
         blocks = 1 if file.natural else blocks  # forces are those of all blocks in SI files only
         scales = self._scales(interface, pulled, blocks)
         interface["sliding_force"] /= blocks
-        count = simulation.get("contacts", 10_000 if self.body == "slider" else 100)
-        of_method = simulation | {"count": count}
+        of_method = simulation | {"count": simulation.get("contacts", 10_000 if self.body == "slider" else 100)}
         method = _made(METHODS[simulation["method"]], of_method, "simulation", {"count": "contacts"})
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
         operation, output = _made(Operation, speeds, "drive"), _made(Output, simulation, "simulation")

@@ -150,8 +150,7 @@ class Trace:
     @property
     def stretches(self) -> list[Self]:
         """What lies between gaps, in turn."""
-        edges = [self.t[0], *self.t[self.gaps + 1], math.inf]
-        return [self.part(*pair) for pair in pairwise(edges)]
+        return [self.part(*ends) for ends in pairwise([self.t[0], *self.t[self.gaps + 1], math.inf])]
 
     def part(self, begin: float, end: float = math.inf) -> Self:
         """What comes from a time on, up to another."""

@@ -114,8 +114,7 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     least = 0.5 * len(filled) if len(rows) > 1 else len(filled)
     if {"force", "time", "length", "stress", "signal"} & {*known} and len(known) >= least:
         names, units = rows[-2] if len(rows) > 1 else [""] * width, cells
-    read = map(Heading.read, names)
-    return [Heading(each.name, unit or each.unit) for each, unit in zip(read, units, strict=True)]
+    return [Heading(each.name, unit or each.unit) for each, unit in zip(map(Heading.read, names), units, strict=True)]
 
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:

@@ -123,8 +123,7 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (strength - sliding)
         found = measure.fronts(data)
         inside = slice(start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0))
-        speeds = found["speed"][inside]
-        ax.plot(local[inside], speeds, ".", color=palette.BLUE, markersize=3, label="along the run")
+        ax.plot(local[inside], found["speed"][inside], ".", color=palette.BLUE, markersize=3, label="along the run")
     least, theory = front_threshold(rig), list[Front]()
     with contextlib.suppress(InputError):  # from some prestress on contacts give way by themselves
         for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
