@@ -318,6 +318,13 @@ def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
 # ---------------------------------------------------------------- refusals
 
 
+@pytest.mark.parametrize("thresholds", [ss.Uniform(0.6, 1.4), Gaussian(mean=1.0, std=0.3)], ids=str)
+def test_cold_contacts_answer_as_without_temperature_however_fast(thresholds):
+    bare, s = case(thresholds), 1j * np.array([1.0, 30.0, 300.0])
+    cold = replace(bare, temperature=ss.model.Parabolic(temperature=0.001, attempts=1e-9))
+    assert dynamic_stiffness(cold, 1.0, s) == pytest.approx(dynamic_stiffness(bare, 1.0, s), abs=1e-8)
+
+
 WARM = Interface(thresholds=TENTH, ageing=Langevin(rate=1.0), temperature=Bell(width=0.01, attempts=1e6))
 SHARP = Interface(thresholds=Gaussian(mean=1.0, std=1e-5), ageing=Langevin(rate=1.0))
 

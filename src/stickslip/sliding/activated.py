@@ -21,7 +21,6 @@ from typing import ClassVar
 import numpy as np
 
 from stickslip.kernels import lifetimes as kernel
-from stickslip.kernels.lifetimes import perturbed
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lifetimes import growth_of, hazard_of, lifetimes_of, threshold_nodes
 from stickslip.sliding.response import (
@@ -86,12 +85,13 @@ class ActivatedResponse(Response):
         """`Perturbed` of a life, as one array."""
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
-        octave[(np.abs(q) > self._fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
+        fastest = max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))  # all is forgotten
+        octave[(np.abs(q) > fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
         found = np.empty((4, q.size), dtype=complex)
         for one in np.unique(octave):
             here, fast = octave == one, math.isinf(one)
             lifetimes = lifetimes_of(self.interface, v, 0.0 if fast else 2.0**one)
-            found[:, here] = perturbed(lifetimes, q[here], fast)
+            found[:, here] = kernel.perturbed(lifetimes, q[here], fast)
         return found
 
     @cached_property
@@ -101,11 +101,6 @@ class ActivatedResponse(Response):
         temperature = self.interface.temperature
         blur = math.pi / math.sqrt(6.0) * temperature.width if isinstance(temperature, Bell) else 0.0
         return max(math.hypot(std, blur), 1e-3 * self.interface.threshold_distribution.moment(1))
-
-    @cached_property
-    def _fastest(self) -> float:
-        """Wave number beyond which the memory of a life has decayed."""
-        return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
@@ -122,10 +117,5 @@ class ActivatedResponse(Response):
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
 
     def effort(self, velocity: float) -> Effort:
-        look = 0.05 + 4e-8 * self._nodes * self.frequencies(velocity, math.inf).size
+        look = 0.05 + 4e-8 * lifetimes_of(self.interface, 1.0).x.size * self.frequencies(velocity, math.inf).size
         return Effort(look, again=0.05 * look, root=1.5 * look)
-
-    @cached_property
-    def _nodes(self) -> int:
-        """Nodes of a life, at any speed."""
-        return int(lifetimes_of(self.interface, 1.0).x.size)

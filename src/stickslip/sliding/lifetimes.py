@@ -43,10 +43,9 @@ def _lifetimes(
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth, hazard = growth_of(ageing), hazard_of(temperature)
-    one_variable = temperature is None or (
-        (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
-        and distribution.standard_deviation() > 2.0 * temperature.width
-    )
+    separable = (hazard.kind == BELL and growth.kind != EXPONENTIAL) or (hazard.kind == PARABOLIC and ageing is None)
+    width = hazard.scale / float(_barrier(hazard, np.array(distribution.moment(1)))[0])  # that e-folds the rate
+    one_variable = temperature is None or (separable and distribution.standard_deviation() > 2.0 * width)
     if one_variable and not inner and not distribution.single:
         return _cut(_in_one(distribution, hazard, growth, velocity), longest)
     if high > 1e3 * distribution.moment(1) and temperature is not None:
@@ -157,11 +156,12 @@ _FOLLOWED = 60.0  # slope of ageing over the activation width up to which the fa
 
 @lru_cache(maxsize=128)
 def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Lifetimes:
-    """Lives of all contacts at once: of a barrier that falls linearly, or without temperature.
+    """Lives of all contacts at once: of a barrier that falls linearly or as a parabola, or without temperature.
 
-    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
+    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone. By a
+    parabola ``xi**2/2`` stands for ``xi``, and the temperature for ``A``.
     """
-    low, high = distribution.support
+    (low, high), A = distribution.support, hazard.scale
     if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lifetimes
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, math.inf)
     edges = _edges_in_one(distribution, hazard, growth, v)
@@ -172,23 +172,29 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     density = np.where(strength >= low, distribution.density(capped), 0.0)
     zero = np.zeros_like(x)
     if hazard.attempts > 0:
-        A = hazard.scale
         reached, shape, aged, decay = _reached(hazard, growth, v, width, x)
-        top = (reached - capped) / A
-        z, part = under_gumbel(np.maximum((reached - high) / A, -38.0), np.minimum(top, 4.0))
+        source, _ = _barrier(hazard, x)
+        bottom, top = ((reached - _barrier(hazard, np.array(end))[1]) / A for end in (high, capped))
+        z, part = under_gumbel(np.maximum(bottom, -38.0), np.minimum(top, 4.0))
         xi = reached[:, None] - A * z
+        xi = np.sqrt(np.maximum(2.0 * xi, capped[:, None] ** 2)) if hazard.kind == PARABOLIC else xi
         ended = np.exp(-np.exp(np.minimum(top, 4.0)))
         survival = distribution.survival(capped) * ended + np.sum(part * distribution.survival(xi), axis=1)
-        broken = A * np.sum(part * distribution.density(xi), axis=1) / shape
+        broken = A * np.sum(part * distribution.density(xi) / _barrier(hazard, xi)[0], axis=1) / shape
         density = density * ended
-        slope, push, drop = (shape - aged) * broken, broken / A, broken * shape / A
+        slope, push, drop = (shape - aged) * broken, broken / A, broken * relax(width, decay, source) / A
     else:
-        survival, slope, push, drop, decay = distribution.survival(np.maximum(strength, 0.0)), zero, zero, zero, zero
+        survival, source = distribution.survival(np.maximum(strength, 0.0)), np.ones_like(x)
+        slope = push = drop = decay = zero
     slope = slope - np.where(strength > 0, density * later, 0.0)
     cap = weight * density * np.where(strength > 0, steeper, 0.0)
-    fresh = np.zeros(width.size, dtype=bool)
-    fresh[0] = True
-    return kernel.Lifetimes(width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, zero)
+    fresh = np.arange(width.size) == 0
+    return kernel.Lifetimes(width, fresh, x, weight, survival, slope, decay, source, push, drop, x, cap, zero)
+
+
+def _barrier(hazard: Hazard, x: Array) -> tuple[Array, Array]:
+    """What a stretching takes off a barrier, in units of its scale: its slope, and itself."""
+    return (x, 0.5 * x**2) if hazard.kind == PARABOLIC else (np.ones_like(x), x)
 
 
 def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Array:
@@ -203,21 +209,23 @@ def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v:
         """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
         factor, addend, _, more = map(float, kernel.rule(growth, np.array([x / v]))[:, 0])
         strength = (x - addend) / factor
-        if strength > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
+        steep, height = map(float, _barrier(hazard, np.array(strength)))
+        if height > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
             return math.inf
-        return 2.5 * A / max(abs(1.0 - more / v), 0.4)
+        return 2.5 * A / max(abs(steep - more / v), 0.4)
 
     end, places = kernel.reach(growth, high, v), [(0.0, shortest)]
     if distribution.knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
-        places += [(float(np.interp(knot, reached, x)), A) for knot in distribution.knots if knot < reached[-1]]
+        knots = _barrier(hazard, np.array(distribution.knots))[1]
+        places += [(float(np.interp(knot, reached, x)), A) for knot in knots if knot < reached[-1]]
     places += [(kernel.reach(growth, knot, v), A) for knot in distribution.knots if knot > 0 or growth.first > 0.0]
     edges = panel_edges(distribution, 0.0, end, places, follow)
     # All have broken long before the strongest meet their thresholds.
     width, x, _ = _radau(edges)
-    broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], high + 4.0 * A)
+    broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], _barrier(hazard, np.array(high))[1] + 4.0 * A)
     return edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
 
 
@@ -225,12 +233,13 @@ def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: flo
     """Length over which the survival or the threshold of a newborn may change."""
     lengths = [0.05 * distribution.standard_deviation()]
     if hazard.attempts > 0:
-        lengths.append(max(hazard.scale, 1e-6))
-        if float(distribution.density(1e-9)) * hazard.scale > 1e-4:  # weak contacts break at the rate of attempts
-            lengths.append(max(v / hazard.attempts, 1e-9))
+        # The weakest, all but one in 1e8, break at a rate that hardly grows while it is that of attempts.
+        weakest = np.maximum(distribution.inverse_survival(1.0 - 1e-8), 0.0)
+        quiet = min(float(_barrier(hazard, weakest)[1]) / hazard.scale, 40.0)
+        lengths += [hazard.scale, v / hazard.attempts * math.exp(quiet)]
     if growth.first > 0.0:
-        lengths.append(max(v * growth.second if growth.kind == LOGARITHMIC else v / growth.first, 1e-6))
-    return min(lengths)
+        lengths.append(v * growth.second if growth.kind == LOGARITHMIC else v / growth.first)
+    return max(min(lengths), 1e-9)
 
 
 def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
@@ -246,17 +255,18 @@ def _reached(hazard: Hazard, growth: Growth, v: float, width: Array, x: Array) -
     A, age = hazard.scale, x / v
     _, addend, _, slope = rule(growth, age)
     # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the time they are born.
-    decay = np.maximum((1.0 - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0)
+    steep, height = _barrier(hazard, x)
+    decay = np.maximum((steep - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0)
     shape = relax(width, decay, np.ones_like(x))
     aged = relax(width, decay, slope * age / A) if growth.first > 0.0 else np.zeros_like(x)
-    reached = x - addend + A * np.log(hazard.attempts / v * np.maximum(shape, 1e-300))
+    reached = height - addend + A * np.log(hazard.attempts / v * np.maximum(shape, 1e-300))
     return reached, shape, aged, decay
 
 
 def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
-    """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 48)."""
+    """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 64)."""
     high = np.maximum(high, low)
-    z, weight = gauss_nodes(np.stack([low, np.clip(-6.0, low, high), high], axis=1), 24)
+    z, weight = gauss_nodes(np.stack([low, np.clip(-6.0, low, high), high], axis=1), 32)
     return z, weight * np.exp(z - np.exp(z))
 
 
