@@ -4,8 +4,7 @@ It needs the extra ``pip install stickslip[explorer]`` and asks no other host fo
 
 - `server`: pages and sessions in which the newest request wins, and what is refused.
 - `workers`: processes that compute, bounded and killed if they do not stop; `warm` is loaded before they are made.
-- `answers`: a request in, `plain` data for the page out; no state. One file a page: `simulate`, `stability`,
-  `traces`, `fronts`.
+- `simulate`, `stability`, `traces`, `fronts`: a page each: a request in, `plain` data for the page out; no state.
 - `documents`: rigs as the page holds them (the content of a rig file): presets, parameters varied, errors by field.
 - ``static/``: the page.
 """

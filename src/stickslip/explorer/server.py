@@ -30,9 +30,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketClose, WebSocketDisconnect
 
 from stickslip.errors import InputError, shown
-from stickslip.explorer import PORT, answers, documents, workers
+from stickslip.explorer import PORT, documents, workers
 from stickslip.explorer.plain import Plain
-from stickslip.explorer.workers import Crew, Job
+from stickslip.explorer.workers import ANSWERS, SLOW, Crew, Job
 from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
@@ -177,7 +177,7 @@ class _Lane:
 
     def __init__(self, kind: str, house: _House, turns: asyncio.Semaphore, send: Callable[[str], None]) -> None:
         self._kind, self._limits, self._turns, self._send = kind, house.limits, turns, send
-        self._slow = kind in answers.SLOW
+        self._slow = kind in SLOW
         self._crew = house.slow if self._slow else house.quick
         self._newest = threading.Event()  # set: dropped
         self._free = asyncio.Lock()
@@ -227,8 +227,8 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
             while True:
                 await websocket.send_text(await outgoing.get())
 
-    turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(answers.ANSWERS))}
-    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], send) for kind in answers.ANSWERS}
+    turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(ANSWERS))}
+    lanes = {kind: _Lane(kind, house, turns[kind in SLOW], send) for kind in ANSWERS}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(house.hello)
     try:

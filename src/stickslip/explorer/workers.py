@@ -2,6 +2,10 @@
 
 The server itself never computes, so that no question of one window can hold up another window's. Workers are forked
 from a process that has loaded the kernels already, so that a new one is ready at once.
+
+An answer is a generator, from a document to plain data, without state: what it yields is sent at once, so that the
+force trace does not wait for what takes longer. It calls its `Watch` now and then with the fraction of the work done,
+which ends work that nobody waits for any more by raising.
 """
 
 import asyncio
@@ -13,17 +17,35 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.explorer import answers, documents
-from stickslip.explorer.plain import Plain
+from stickslip.explorer import documents, fronts, simulate, stability, traces
+from stickslip.explorer.plain import Plain, Watch
+
+ANSWERS: Mapping[str, Callable[[Plain, Watch], Iterator[Plain]]] = {
+    "run": simulate.run,
+    "law": simulate.law,
+    "stretchings": simulate.stretchings,
+    "contacts": simulate.contacts,
+    "edit": simulate.edit,
+    "chart": stability.chart,
+    "advice": stability.advice,
+    "fronts": fronts.fronts,
+    "trace": traces.trace,
+    "sample": traces.sample,
+    "fit": traces.fit,
+    "posterior": traces.posterior,
+} | {form: partial(simulate.download, form) for form in ("nc", "png", "svg", "toml")}
+"""What a window can ask."""
+SLOW = ("chart", "advice", "fronts", "posterior")
 
 Reply = Callable[[Any], object]
 
@@ -157,7 +179,7 @@ def _answer(line: Connection, job: Job) -> None:
             line.send({"progress": fraction})
 
     try:
-        for content in answers.ANSWERS[job.kind](job.request, watch):
+        for content in ANSWERS[job.kind](job.request, watch):
             line.send(content)
         line.send({"done": True})
     except _StoppedError:
