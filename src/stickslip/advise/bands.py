@@ -17,6 +17,7 @@ from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
+from stickslip.simulation import estimate
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
@@ -162,32 +163,35 @@ class Survey:
     """
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
-        self._setting, self._linear = trial(rig), linear
-        places = [*works_at(rig), *_grid(linear)]
+        self._setting, self._linear, self._works = trial(rig), linear, works_at(rig)
+        places = [*self._works, *_grid(linear)]
         apart = [v for v in places if not math.isclose(v, 1.0, rel_tol=PRECISION)]
         self.known = dict.fromkeys(apart, "") | {1.0: here}  # by speed; "" is not known yet
 
     def look(self, trials: Trials) -> None:
-        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
-        for speed in [speed for speed, kind in self.known.items() if not kind]:
-            with suppress(Spent):  # slower speeds, farther on, may cost more than what is left, and faster ones less
-                self._try(speed, trials)
-        with suppress(Spent):
-            while wide := [
-                (right / left, math.sqrt(left * right))
-                for band in self._linear
-                for (left, one), (right, two) in self._changes(band)
-                if band.kind not in (one, two) and math.log(right / left) > 2.0 * math.log1p(PRECISION)
-            ]:
-                self._try(max(wide)[1], trials)
+        """Simulate where the rig works, on the grid, and closer to where motion changes, with what there is.
 
-    def _try(self, speed: float, trials: Trials) -> None:
-        """Simulate at a speed."""
-        case = trial(VELOCITY.set(self._setting, speed * self._setting.natural.velocity))
-        try:
-            self.known[speed] = trials.judge(case).kind
-        except InputError:
-            self.known[speed] = "undecided"
+        Where most is in doubt for what a run takes comes first.
+        """
+        looked = set[float]()
+        while doubt := self._doubts(looked):
+            cases = {v: trial(VELOCITY.set(self._setting, v * self._setting.natural.velocity)) for v in doubt}
+            speed = max(doubt, key=lambda v: doubt[v] / estimate(cases[v]).seconds)
+            looked.add(speed)
+            with suppress(Spent):  # at others runs may cost less than what is left
+                try:
+                    self.known[speed] = trials.judge(cases[speed]).kind
+                except InputError:
+                    self.known[speed] = "undecided"
+
+    def _doubts(self, looked: set[float]) -> dict[float, float]:
+        """How much is in doubt at speeds: those not tried yet, or the middles between two with different motion."""
+        untried = [speed for speed, kind in self.known.items() if not kind and speed not in looked]
+        if untried:
+            return {speed: math.inf if speed in self._works else 1.0 for speed in untried}
+        changes = [pair for b in self._linear for pair in self._changes(b) if b.kind not in (pair[0][1], pair[1][1])]
+        widths = {math.sqrt(left * right): math.log(right / left) for (left, _), (right, _) in changes}
+        return {v: width for v, width in widths.items() if v not in looked and width > 2.0 * math.log1p(PRECISION)}
 
     def _changes(self, band: Band) -> list[tuple[tuple[float, str], tuple[float, str]]]:
         """Neighbours with different motion."""
@@ -227,14 +231,14 @@ class Survey:
 
 
 def _grid(linear: Sequence[Band]) -> list[float]:
-    """Speeds in each range, evenly by their logarithm; then, next to limits of stability, just on the stable side."""
+    """Speeds in each range, evenly by their logarithm, and next to limits of stability, just on the stable side."""
     inside, near = list[float](), 1.0 + 2.0 * PRECISION
     for band in linear:
         count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
         inside += np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
     stable = [band for band in linear if band.kind == "stable" and band.high > near * band.low]
     beside = [v for band in stable for v in (band.low * near, band.high / near)]
-    return [v for each in (inside, beside) for v in sorted(each, key=lambda speed: abs(math.log(speed)))]
+    return [*inside, *beside]
 
 
 def _part(band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool) -> Band:

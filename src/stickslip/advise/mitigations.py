@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, product
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,7 +40,8 @@ class Mitigation:
     value: float  #: where it stands
 
     #: Stick-slip decays even from a start at rest, anywhere within 5 % of this value: of as many contacts as the rig
-    #: has, in 8 of 8 runs at its nearer end, so that (at 95 % confidence) it decays there in more than two of three.
+    #: has, or as many as show no noise, in 8 of 8 runs at its nearer end, so that (at 95 % confidence) it decays there
+    #: in more than two of three.
     #: Where the rig works over a range of speeds, at its ends and between them, no two speeds more than a factor four
     #: apart; and by linear theory at every speed of the range.
     stops: float
@@ -75,7 +77,8 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
                 left.append(parameter)
     if pairs:
         most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
-        pair = search.pair([each for each in TURNABLE if search.can_vary(each)], most / (1.0 + PRECISION))
+        with suppress(Spent):
+            pair = search.pair([each for each in TURNABLE if search.can_vary(each)], most / (1.0 + PRECISION))
     mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
     return replace(
         found,

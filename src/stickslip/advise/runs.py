@@ -11,8 +11,9 @@ from typing import Any, TypeVar
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
-from stickslip.measure.evidence import REPEATS, noise_of
-from stickslip.model import Contacts, FromRest, MasterEquation, Population
+from stickslip.measure.arrays import ERRORS
+from stickslip.measure.evidence import NOISE_OF_CONTACTS, REPEATS, SMALL, TINY, noise_of
+from stickslip.model import Contacts, FromRest
 from stickslip.model.drive import Drive, constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
@@ -32,9 +33,10 @@ _DECAYS, _PATIENCE = 6.0, 4.0  # a last test: so many times 1/decay rate, but no
 _LONGEST = 8.0  # runs: what cannot be judged is made twice as long, up to that
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
-_USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
-_COUNTED = 100_000  # contacts from which on they are counted by cohorts, where that is cheaper than to follow each ...
-_ROUGH = 1e-3  # ... or are infinitely many, to an error below their noise: 1/sqrt(N)
+_USUAL = Contacts(10_000, seed=1)
+# Independent contacts whose noise, three standard deviations of it, could just hide a small oscillation; and as many
+# as slide as smoothly as more do: their noise is told from none no more.
+_FEW, _UNSEEN = (math.ceil((ERRORS * NOISE_OF_CONTACTS / swing) ** 2) for swing in (SMALL, TINY))
 
 
 def cycle_of(rig: Rig) -> float:
@@ -64,24 +66,10 @@ def until_decayed(rig: Rig) -> float:
     return min(rig.natural.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
 
 
-def method_of(rig: Rig, other: int = 0) -> Contacts | Population | MasterEquation:
-    """The contacts that judge a rig, or others of their kind: its own, as their noise is.
-
-    Many are counted by cohorts, or taken as infinitely many, where that can be done at less cost than to follow each.
-    """
+def method_of(rig: Rig, other: int = 0) -> Contacts:
+    """The contacts that judge a rig, or others of their kind: its own, as their noise is, as far as that is seen."""
     own = rig.method if isinstance(rig.method, DRAWN) else _USUAL
-    count, seed = own.count if rig.interface.ageing is None else min(own.count, _MOST_AGED), own.seed + other
-    if count < _COUNTED:
-        return Contacts(count, seed=seed)
-
-    def seconds(method: Contacts | Population | MasterEquation) -> float:
-        try:
-            return estimate(replace(rig, method=method)).seconds
-        except InputError:  # it cannot take such a rig
-            return math.inf
-
-    methods: list[Contacts | Population | MasterEquation] = [Contacts(count, seed=seed), Population(count, seed)]
-    return min([*methods, MasterEquation(rtol=_ROUGH)], key=seconds)
+    return Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
 
 
 def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
@@ -91,7 +79,7 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
     return replace(rig, drive=drive, method=method_of(rig, other), start=FromRest())
 
 
-def stays(rig: Rig) -> bool:
+def stays(rig: Rig, _count: float = math.inf) -> bool:
     """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
     try:
         return contact_noise(rig).linear
@@ -161,9 +149,17 @@ class Trials:
         return run
 
     def judge(self, case: Rig) -> Regime:
-        """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told."""
+        """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told.
+
+        Stick-slip of few contacts, where that costs less, is that of more, too, unless their noise makes it.
+        """
         if case not in self.seen:
-            _, seen, paid = self.watch(self.record(case), _LONGEST)
+            few, seen, paid = replace(case, method=replace(method_of(case), count=_FEW)), None, False
+            told = 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
+            if told and (self.theory(linearly_unstable, case) or self.theory(stays, few, _FEW, roots=1)):
+                _, seen, paid = self.watch(self.record(few), _PATIENCE)
+            if seen is None or seen.kind != "stick-slip":
+                _, seen, paid = self.watch(self.record(case), _LONGEST)
             if not paid:
                 raise Spent
             self.seen[case] = seen
