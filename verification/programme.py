@@ -17,13 +17,16 @@ def run_all(names: Sequence[str], workers: int, step: Callable[[Outcome], None])
     done: dict[str, Outcome] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(run_one, name): name for name in names}
-        for future in as_completed(waiting):
-            name = waiting[future]
-            try:
-                done[name] = future.result()
-            except Exception as error:  # the process itself died
-                done[name] = Outcome(study=name, findings=(), seconds=0.0, failure=repr(error))
-            step(done[name])
+        try:
+            for future in as_completed(waiting):
+                name = waiting[future]
+                try:
+                    done[name] = future.result()
+                except Exception as error:  # the process itself died
+                    done[name] = Outcome(study=name, findings=(), seconds=0.0, failure=repr(error))
+                step(done[name])
+        finally:
+            pool.shutdown(cancel_futures=True)  # else an error here would wait for all
     return [done[name] for name in names]
 
 

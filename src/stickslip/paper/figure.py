@@ -124,7 +124,8 @@ class Claim:
         """Return what JSON can hold; None stands for a missing bound and for a value that is not a number."""
         names = ("number", "statement", "verdict", "settled", "reading", "exact", "evidence", "ok")
         measured = [plain(m) | {"ok": m.ok} for m in self.measured]
-        return {name: getattr(self, name) for name in names} | {"measured": measured}
+        found: dict[str, object] = plain({name: getattr(self, name) for name in names} | {"measured": measured})
+        return found
 
 
 def weighed(number: int | None, statement: str, *measured: Measured, **said: Any) -> Claim:
