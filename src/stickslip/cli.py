@@ -57,6 +57,7 @@ Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf."
 Kind = Literal["overview", "phase", "energy", "spacetime", "fronts", "precursors", "slips", "contacts", "sound"]
 SUFFIXES: dict[str, Kind] = {".gif": "contacts", ".wav": "sound"}  # what is made by default as such a file
 KINDS = "What to show of a run: by default an overview, as .gif its contacts; fronts, precursors, slips: of a chain."
+_FAILURES_SHOWN = 5  # of a sweep
 
 
 @Parameter(name="*")
@@ -521,9 +522,6 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, json: b
         lines.append(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
     _answer("\n".join([*lines, line]), content, json)
     return 1 if failed else 0
-
-
-_FAILURES_SHOWN = 5
 
 
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool = False) -> str:

@@ -89,7 +89,9 @@ class Doubt(Answer):
                 for (parameter, side), factor in zip(varied.values(), factors, strict=True):
                     raised = min(float(factor[i]) ** side, highest(there, parameter))
                     there = parameter.set(there, raised * parameter.get(there))
-                found[i] = _oscillates(there, trials)
+                grows = bool(trials.theory(linearly_unstable, there))
+                kind = "" if grows else trials.judge(trial(there)).kind
+                found[i] = math.nan if kind == "undecided" else grows or kind in OSCILLATES
         told = np.isfinite(found)
         values = np.array([*(draws[:count] for draws in fitted.values()), *factors])
         upper = values > np.median(values, axis=1, keepdims=True)
@@ -121,11 +123,3 @@ class Doubt(Answer):
         if self.assumed:
             keys = ", ".join(key for key, _ in self.matters if key in self.assumed)
             yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
-
-
-def _oscillates(rig: Rig, trials: Trials) -> float:
-    """1 for a rig that does not slide smoothly, 0 for one that does; NaN if it is not told."""
-    if trials.theory(linearly_unstable, rig):
-        return 1.0
-    kind = trials.judge(trial(rig)).kind
-    return math.nan if kind == "undecided" else float(kind in OSCILLATES)

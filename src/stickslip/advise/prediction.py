@@ -112,6 +112,11 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     delay = rig.interface.delay
     lasting = replace(rig.interface, delay=Delay(math.inf) if isinstance(delay, OnArrest) else delay, track_scatter=0.0)
     aged = replace(lasting, ageing=None, temperature=None)
+    delays: tuple[Band, ...] = ()
+    if note == by_theory.CANNOT_GROW:  # what the verdict would be with which delay
+        time = rig.interface.threshold_distribution.moment(1) / rig.natural.velocity
+        supposed = replace(rig, interface=replace(rig.interface, delay=Delay(time)))
+        delays = scaled(stability_along(supposed, DELAY, *_DELAYS), time * rig.unit("time"))
     return Prediction(
         rig=rig,
         **shown,
@@ -125,7 +130,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         theory_note=note,
         speeds_searched=(low * rig.velocity, high * rig.velocity),
         bands=scaled(bands, rig.velocity),
-        delays=_over_delays(rig) if note == by_theory.CANNOT_GROW else (),
+        delays=delays,
     )
 
 
@@ -215,13 +220,6 @@ def _linear(rig: Rig) -> tuple[int | None, str]:
         return (0, by_theory.CANNOT_GROW) if respond(rig.interface).inert else (count_unstable(rig), "")
     except (InputError, UndecidedError) as reason:
         return None, str(reason)
-
-
-def _over_delays(rig: Rig) -> tuple[Band, ...]:
-    """What the verdict would be with delays between a hundredth and ten times the time to the breaking displacement."""
-    time = rig.interface.threshold_distribution.moment(1) / rig.natural.velocity
-    supposed = replace(rig, interface=replace(rig.interface, delay=Delay(time)))
-    return scaled(stability_along(supposed, DELAY, *_DELAYS), time * rig.unit("time"))
 
 
 def _margins(rig: Rig, trials: Trials, missed: list[str]) -> Iterator[Margin]:

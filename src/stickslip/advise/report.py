@@ -46,7 +46,9 @@ def report(found: Prediction | ElasticPrediction, *, progress: Progress | None =
     str
     """
     name, watch = html.escape(found.rig.name), progress or (lambda _done: None)
-    pictures = "".join(f"<h2>{html.escape(title)}</h2>{_image(figure)}" for title, figure in _pictures(found, watch))
+    shown = ((html.escape(title), base64.b64encode(plot.drawn(it, "svg"))) for title, it in _pictures(found, watch))
+    source = 'src="data:image/svg+xml;base64,'
+    pictures = "".join(f'<h2>{title}</h2><img alt="" {source}{image.decode()}">' for title, image in shown)
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{name}</title>'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head><body>'
@@ -71,8 +73,3 @@ def _pictures(found: Prediction | ElasticPrediction, watch: Progress) -> Iterato
     around = max(_AROUND, 2.0 * max(first.stops / first.value, first.value / first.stops))
     found_map = chart(rig, over, around, _POINTS, part(watch, 0.5, 1.0))
     yield "The way there, on the map of stability", plot.chart(found_map, to={first.parameter: first.stops})
-
-
-def _image(figure: Figure) -> str:
-    content = base64.b64encode(plot.drawn(figure, "svg")).decode()
-    return f'<img alt="" src="data:image/svg+xml;base64,{content}">'

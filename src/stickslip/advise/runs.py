@@ -206,17 +206,13 @@ class Trials:
                     return run, seen, True
                 if case.drive.duration * speed > 0.9 * longest * length_of(case):
                     return run, doubtful, True
-                case = _longer(case, lasts)
+                *before, last = case.drive.pieces  # of the contacts that judge it, its last piece longer
+                more = last.duration + max(case.drive.duration, lasts - case.drive.duration)
+                drive = Drive((*before, replace(last, duration=more)))
+                case = replace(case, drive=drive, method=method_of(case))
                 run = self.record(case)
             except Spent:
                 return run, doubtful, False
-
-
-def _longer(case: Rig, lasts: float) -> Rig:
-    """The run, of the contacts that judge it, its last piece longer: it takes twice the time, at least `lasts`."""
-    *before, last = case.drive.pieces
-    lasts = max(2.0 * case.drive.duration, lasts) - (case.drive.duration - last.duration)
-    return replace(case, drive=Drive((*before, replace(last, duration=lasts))), method=method_of(case))
 
 
 def _part_broken(run: Recording) -> float:

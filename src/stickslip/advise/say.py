@@ -130,19 +130,15 @@ def speeds(found: Prediction) -> Iterator[str]:
         if speed != found.rig.velocity:
             yield f"at {_speed(found.rig, speed)}: {kind}"
     if found.between is not None:
-        yield _over_its_range(found, *found.between)
+        low, high = found.between
+        inside = [band for band in found.bands if band.low < high and band.high > low]
+        words = ", ".join(f"{band.motion} from {_speed(found.rig, max(band.low, low))}" for band in inside)
+        whose = "over its range" if found.rig.operation.between is not None else "along its drive"
+        yield f"{whose}, {_speed(found.rig, low)} to {_speed(found.rig, high)}: {words or 'undecided'}"
     if len(found.in_time) > 1:
-        words = (f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}" for band in found.in_time)
+        spells = (f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}" for band in found.in_time)
         end = quantity(found.rig, found.in_time[-1].high, "time", 3)
-        yield f"along its drive, in time: {', '.join(words)}, to {end}"
-
-
-def _over_its_range(found: Prediction, low: float, high: float) -> str:
-    """The motion over the range of speeds at which the rig works, were each of them to last."""
-    rig, inside = found.rig, [band for band in found.bands if band.low < high and band.high > low]
-    words = ", ".join(f"{band.motion} from {_speed(rig, max(band.low, low))}" for band in inside)
-    whose = "over its range" if rig.operation.between is not None else "along its drive"
-    return f"{whose}, {_speed(rig, low)} to {_speed(rig, high)}: {words or 'undecided'}"
+        yield f"along its drive, in time: {', '.join(spells)}, to {end}"
 
 
 # What it rests on, and what would stop it
@@ -159,8 +155,10 @@ def sections(found: Prediction) -> Iterator[Section]:
         head = ("parameter", "now", "stability limit below", "stability limit above")
         yield "margins", "Margins", about, [head, *margins(found)]
     yield "noise", "Noise", "", list(noise(found))
-    smallest = f" {_where(found)}, the smallest change first; simulated"
-    yield "mitigations", "Mitigations", smallest, list(mitigations(found))
+    at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
+    where = f"at {' and '.join(quantity(found.rig, speed, 'velocity') for speed in at)}"
+    where = where if found.between is None else _span(found, *found.between)
+    yield "mitigations", "Mitigations", f" {where}, the smallest change first; simulated", list(mitigations(found))
     yield "attempts", "Tried", ", within the range searched", list(attempts(found))
     yield "not_searched", "Left out", "", list(not_searched(found))
     doubt = found.doubt.said() if found.doubt else ()
@@ -209,14 +207,6 @@ def noise(found: Prediction) -> Iterator[str]:
             f"{_contacts(found)} make the force fluctuate by {100 * SEEN:.0f} % rms at {now}, "
             f"before the {parameter_named(name).title} reaches its limit, {end} (linear theory)"
         )
-
-
-def _where(found: Prediction) -> str:
-    """The speeds for which mitigations were sought."""
-    if found.between is not None:
-        return _span(found, *found.between)
-    at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
-    return f"at {' and '.join(quantity(found.rig, speed, 'velocity') for speed in at)}"
 
 
 def mitigations(found: Prediction) -> Iterator[str]:

@@ -119,9 +119,13 @@ def sliders_of(body: ElasticBody, count: int) -> tuple[Array, Array, Array, list
         chosen = np.argsort(total, kind="stable")[:count]
         stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]
         along = np.repeat(row, beside.size)[chosen]
+    elif body.size > 4096:
+        raise InputError(f"Rig.slider: {body.size} blocks in a network: more than 4096 are not computed; give fewer")
     else:
-        stiffness, coupling = _of_network(body, count)
-        along = stiffness
+        links = coupling_matrix(body).toarray()
+        stiffness, shape = np.linalg.eigh(links + np.diag(body.pulled - body.leaf))
+        coupling = np.einsum("ij,ik,kj->j", shape, links, shape)[:count]
+        along = stiffness = stiffness[:count]
     # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the spring.
     sine = np.sqrt(along / (4.0 * body.coupling))
     with np.errstate(divide="ignore"):
@@ -185,32 +189,19 @@ def critical_length(rig: Rig) -> CriticalLength:
     wavelength = math.pi / math.asin(sine) if sine < 1 else 2.0
     said, blocks = f"waves longer than {length_in_words(rig, wavelength)} grow", 0
     if body.side > 0 and body.leaf == 0 and body.ends == "free":
-        blocks = _first_unstable(body, reach)
+        # Blocks beyond cot(q n) = (2 k_b/k_side - 1) tan(q/2), at the critical wavenumber.
+        half = math.asin(min(sine, 1.0 - 1e-9))
+        beyond = math.atan2(1.0, (2.0 * body.coupling / body.side - 1.0) * math.tan(half))
+        blocks = 1 + math.floor(beyond / (2.0 * half))
         said += f"; pulled at one end, unstable from {length_in_words(rig, blocks)} on"
     length = 0.5 * math.pi * math.sqrt(body.coupling / reach)
     return CriticalLength(stiffness=stiffness, wavelength=wavelength, length=length, blocks=blocks, said=said)
-
-
-def _first_unstable(chain: Chain, critical: float) -> int:
-    """The first number of blocks `n` beyond ``cot(q n) = (2 k_b/k_side - 1) tan(q/2)`` at the critical wavenumber."""
-    half = math.asin(min(math.sqrt(critical / (4.0 * chain.coupling)), 1.0 - 1e-9))
-    turned = math.atan2(1.0, (2.0 * chain.coupling / chain.side - 1.0) * math.tan(half))
-    return 1 + math.floor(turned / (2.0 * half))
 
 
 def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
     """Return the rigid slider that a mode amounts to."""
     viscous = body.viscosity / body.coupling * coupling
     return Slider(stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass)
-
-
-def _of_network(body: ElasticBody, count: int) -> tuple[Array, Array]:
-    """Stiffness of the softest modes of any body without leaf springs, and the part of it of the links."""
-    if body.size > 4096:
-        raise InputError(f"Rig.slider: {body.size} blocks in a network: more than 4096 are not computed; give fewer")
-    matrix = coupling_matrix(body).toarray()
-    stiffness, shape = np.linalg.eigh(matrix + np.diag(body.pulled - body.leaf))
-    return stiffness[:count], np.einsum("ij,ik,kj->j", shape, matrix, shape)[:count]
 
 
 def _row(blocks: int, coupling: float, side: float, ring: bool, count: int) -> tuple[Array, Array]:

@@ -15,7 +15,6 @@ from stickslip.explorer.plain import Array, Plain, Watch, axis, in_unit, packed,
 from stickslip.io import rig_files as rigs
 from stickslip.measure.fronts import on_blocks, pixels, rows
 from stickslip.model import Chain, Contacts, Output
-from stickslip.model.rig import Rig
 from stickslip.plot.style import envelope
 from stickslip.simulation import estimate, simulate
 
@@ -34,7 +33,13 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
     body = rig.slider
     if not isinstance(body, Chain):
         raise InputError("chain: this rig has no bar of blocks; give [chain] in place of [slider]", "chain")
-    _check(rig, body, documents.seconds_of(request))
+    documents.check_count("chain.blocks", "blocks", body.blocks)
+    if body.blocks < _FEWEST:
+        raise InputError(f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to run")
+    if isinstance(rig.method, Contacts):
+        documents.check_count("simulation.contacts", "contacts", rig.method.count * body.blocks)
+    documents.check_decades(rig)
+    estimate(rig).check(_PATIENCE * documents.seconds_of(request), otherwise="use `stickslip simulate`")
     duration = rig.drive.duration
     samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
     run = simulate(replace(rig, output=Output(interval=duration / max(samples, 100.0))), progress=watch)
@@ -65,33 +70,20 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "blocks": event["blocks"],
                 "from": event["first_block"] + 1,
                 "speed": event["front_speed"] / sound if math.isfinite(event["front_speed"]) else None,
-                "view": _view(part, fastest, times, force, _CLOSE),
+                "view": _view(_closer(run, event, sound), fastest, times, force, _CLOSE),
             }
-            for event, part in zip(longest, _closer(run, longest, sound), strict=True)
+            for event in longest
         ],
         "left_out": len(events) - len(longest),
         "toml": rigs.to_toml(rig),
     }
 
 
-def _check(rig: Rig, body: Chain, seconds: float) -> None:
-    """Raise `InputError` if the run would keep the page waiting."""
-    documents.check_count("chain.blocks", "blocks", body.blocks)
-    if body.blocks < _FEWEST:
-        raise InputError(f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to run")
-    if isinstance(rig.method, Contacts):
-        documents.check_count("simulation.contacts", "contacts", rig.method.count * body.blocks)
-    documents.check_decades(rig)
-    estimate(rig).check(_PATIENCE * seconds, otherwise="use `stickslip simulate`")
-
-
-def _closer(run: xr.Dataset, events: list[dict[str, Any]], sound: float) -> Iterator[xr.Dataset]:
-    """The run in each event, from a little before it to a little after."""
-    for event in events:
-        lasts = max(event["end"] - event["start"], event["blocks"] / sound)
-        part = run.sel(time=slice(event["start"] - 0.3 * lasts, event["start"] + 1.6 * lasts))
-        short = run.sel(time=slice(event["start"] - 0.3 * lasts, None)).isel(time=slice(0, 4))
-        yield part if part.sizes["time"] >= 4 else short
+def _closer(run: xr.Dataset, event: dict[str, Any], sound: float) -> xr.Dataset:
+    """The run in an event, from a little before it to a little after, in four samples at least."""
+    lasts = max(event["end"] - event["start"], event["blocks"] / sound)
+    first, last = np.searchsorted(run["time"], event["start"] + lasts * np.array([-0.3, 1.6])).tolist()
+    return run.isel(time=slice(first, max(last, first + 4)))
 
 
 def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int) -> Plain:

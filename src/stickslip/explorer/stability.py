@@ -19,9 +19,11 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two parameters, in the rig's units."""
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
-    over = _over(request)
+    over, known = request.get("over"), documents.NAMES
+    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
+        raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
     around, points = (20.0, _POINTS) if rig.interface.ageing is None else (_AROUND_AGED, _POINTS_AGED)
-    found = advise.chart(rig, over, request.get("around", around), points, watch)
+    found = advise.chart(rig, (over[0], over[1]), request.get("around", around), points, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
@@ -57,13 +59,6 @@ def _map_axis(parameter: xr.DataArray) -> Plain:
 def _shade(fraction: Array) -> Array:
     """Growth rates, as fractions of the largest, spread out about zero."""
     return np.asarray(np.arcsinh(fraction / 1e-3) / np.arcsinh(1e3))
-
-
-def _over(request: Plain) -> tuple[str, str]:
-    over, known = request.get("over"), documents.NAMES
-    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
-        raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
-    return (str(over[0]), str(over[1]))
 
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:

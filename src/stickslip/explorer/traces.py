@@ -48,7 +48,11 @@ def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The columns that may be chosen of a file, and the measured trace in it."""
     watch(0.0)
     with suppress(InputError):  # it is said below what is wrong
-        yield {"columns": _columns(request["content"])}
+        headings, numeric = read_table(request["content"])[:2]
+        names = [simple(heading.name) for heading in headings]
+        # What asks for each: its name or, where others have it, its number from 1; and its heading.
+        asks = [one.name if names.count(name) == 1 and name else "" for one, name in zip(headings, names, strict=True)]
+        yield {"columns": [(asks[i] or str(i + 1), f"{i + 1}: {headings[i]}".strip(": ")) for i in numeric]}
     data = _read(request)
     about = {"name": _name(request), "rows": int(data.attrs["rows"]), "note": data.attrs["note"]}
     yield force_trace(data, width_of(request)) | about
@@ -56,14 +60,6 @@ def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def _name(request: Plain) -> str:
     return Path(str(request.get("name", ""))).name[:100] or "trace"
-
-
-def _columns(content: bytes) -> list[tuple[str, str]]:
-    """Columns of numbers: what asks for each, its name or, where others have it, its number from 1; and its heading."""
-    headings, numeric = read_table(content)[:2]
-    names = [simple(heading.name) for heading in headings]
-    by_name = [bool(name) and names.count(name) == 1 for name in names]
-    return [(headings[i].name if by_name[i] else str(i + 1), f"{i + 1}: {headings[i]}".strip(": ")) for i in numeric]
 
 
 def _options(request: Plain) -> dict[str, str]:

@@ -70,7 +70,12 @@ def infer(
     # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
     scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
-    edge = _edge(found / scale, target / scale, np.random.default_rng([seed, 1]))
+    # Percentile of the distance to the tenth neighbour among the same of draws from the prior.
+    tree, rng = cKDTree(found / scale), np.random.default_rng([seed, 1])
+    some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
+    usual = np.asarray(tree.query(found[some] / scale, k=_NEIGHBOUR + 1)[0])[:, -1]
+    here = float(np.asarray(tree.query(target / scale, k=_NEIGHBOUR)[0])[-1])
+    edge = float(100.0 * (usual < here).mean())
     if edge > BEYOND:
         raise InputError(
             f"fit: no simulation comes near this trace: it lies farther from its nearest simulations than {edge:.4g} "
@@ -97,15 +102,6 @@ def infer(
         invalid=1.0 - float(valid.mean()),
         simulations=len(table),
     )
-
-
-def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:
-    """Percentile of the distance to the tenth neighbour among the same of draws from the prior."""
-    tree = cKDTree(found)
-    some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
-    usual = np.asarray(tree.query(found[some], k=_NEIGHBOUR + 1)[0])[:, -1]
-    here = float(np.asarray(tree.query(target, k=_NEIGHBOUR)[0])[-1])
-    return float(100.0 * (usual < here).mean())
 
 
 def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
