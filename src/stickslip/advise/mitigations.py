@@ -170,7 +170,7 @@ class _Search:
             for low, high in self._may_be_stable(*turns, most=most):
                 value = self._first(change, low, high, 1)
                 if value is not None and not self._smooth(change, value, seeds):
-                    value = self._first(change, value, high, seeds)
+                    value = self._first(change, value, high, seeds) if value < high else None
                 if value is not None and value <= high / (1.0 + PRECISION):
                     return _Outcome(value * (1.0 + PRECISION), self._reached, True)
                 if value is not None and high == furthest:  # too near to the end to stand with room beyond it
