@@ -174,13 +174,14 @@ class Survey:
         Where most is in doubt for what a run takes comes first.
         """
         looked = set[float]()
+        case = cache(lambda v: trial(VELOCITY.set(self._setting, v * self._setting.natural.velocity)))
+        seconds = cache(lambda v: estimate(case(v)).seconds)
         while doubt := self._doubts(looked):
-            cases = {v: trial(VELOCITY.set(self._setting, v * self._setting.natural.velocity)) for v in doubt}
-            speed = max(doubt, key=lambda v: doubt[v] / estimate(cases[v]).seconds)
+            speed = max(doubt, key=lambda v: doubt[v] / seconds(v))
             looked.add(speed)
             with suppress(Spent):  # at others runs may cost less than what is left
                 try:
-                    self.known[speed] = trials.judge(cases[speed]).kind
+                    self.known[speed] = trials.judge(case(speed)).kind
                 except InputError:
                     self.known[speed] = "undecided"
 

@@ -79,7 +79,7 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
     return replace(rig, drive=drive, method=method_of(rig, other), start=FromRest())
 
 
-def stays(rig: Rig, _count: float = math.inf) -> bool:
+def stays(rig: Rig) -> bool:
     """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
     try:
         return contact_noise(rig).linear
@@ -155,8 +155,8 @@ class Trials:
         """
         if case not in self.seen:
             few, seen, paid = replace(case, method=replace(method_of(case), count=_FEW)), None, False
-            told = 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
-            if told and (self.theory(linearly_unstable, case) or self.theory(stays, few, _FEW, roots=1)):
+            cheaper = 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
+            if cheaper and (self.theory(linearly_unstable, case) or self.theory(stays, few, roots=1)):
                 _, seen, paid = self.watch(self.record(few), _PATIENCE)
             if seen is None or seen.kind != "stick-slip":
                 _, seen, paid = self.watch(self.record(case), _LONGEST)

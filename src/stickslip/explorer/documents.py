@@ -230,12 +230,12 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
 @lru_cache(maxsize=1)
 def presets() -> tuple[dict[str, Any], ...]:
     """Return every preset: a group, a title and a document."""
-    bench = first()
+    bench, shipped = first(), _table("presets")
     short = paper(cases.FIG4, "Sliding or stick-slip")
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
     warm = first() | {"name": "Warm teaching bench"}
-    warm["interface"]["temperature"] = _table("presets")["heat"]
+    warm["interface"]["temperature"] = shipped["heat"]
     titles = {
         "Teaching bench": bench,
         "Sliding or stick-slip? (natural units)": short,
@@ -248,7 +248,7 @@ def presets() -> tuple[dict[str, Any], ...]:
         # A slow fault whose contacts heat breaks slips twice in what a page waits for: too few for a verdict.
         if rig.name != bench["name"] and rig.interface.temperature is None and isinstance(rig.slider, Slider)
     ]
-    for figure, words in _table("presets")["figures"].items():
+    for figure, words in shipped["figures"].items():
         title, document = f"Fig. {figure}: {words}", paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
         found.append({"group": "The paper, in natural units", "title": title, "document": document})
     return tuple(found)
@@ -256,9 +256,9 @@ def presets() -> tuple[dict[str, Any], ...]:
 
 def begun() -> dict[str, Any]:
     """Return what a page begins with: presets, bars, the questions of the tour, and what each quantity and field is."""
-    told, bar = _table("presets"), rigs.example("pmma_bar")
-    bars = [*told["bars"], {"title": bar.name, "document": of(bar)}]
-    return {"presets": presets(), "bars": bars, "tour": told["tour"], **_table("glossary")}
+    shipped, bar = _table("presets"), rigs.example("pmma_bar")
+    bars = [*shipped["bars"], {"title": bar.name, "document": of(bar)}]
+    return {"presets": presets(), "bars": bars, "tour": shipped["tour"], **_table("glossary")}
 
 
 def _table(name: str) -> dict[str, Any]:
