@@ -160,6 +160,15 @@ def test_a_slow_decay_is_waited_for():
     assert Trials(10.0).judge(trial(rig)).kind == "smooth sliding"
 
 
+def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained():
+    rig = make(
+        stiffness=15.0, mass=5e-4, damping=12.0, contacts=500, thresholds=ss.Gamma(1.0, 0.18), delay=ss.Delay(0.5)
+    )
+    rig = replace(rig, drive=ss.constant(20.0, 4.0))
+    assert -0.01 < ss.stability.growth_rate(rig).real < 0.0
+    assert Trials(60.0).judge(trial(rig)).kind == "undecided"
+
+
 @pytest.mark.slow
 def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     rig = replace(make(stiffness=1.0, damping=10.0, contacts=300), interface=FIG8.interface)

@@ -195,7 +195,7 @@ def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
             return kinds
         if max(ratios) < _NOISE:
             # Contacts so few that each break is a slip: noise, by their number, and slips all the same.
-            slips = min(look.fastest for look in looks[-2:]) > 2.0 * _FAST[0]
+            slips = min(look.fastest for look in looks[-2:]) > _FAST[0] / _FAST[1]
             return {"smooth sliding", "stick-slip"} if slips else {"smooth sliding"}
     return kinds | {"smooth sliding", "either"}
 

@@ -29,7 +29,7 @@ OSCILLATES = ("stick-slip", "sustained oscillation")
 # A run lasts a dozen cycles of the slowest oscillation that the rig can have, at least this far in mean thresholds, and
 # until the free slider has rung out, in units of 1/eta.
 _CYCLES, _SHORTEST, _RINGING = 12.0, 60.0, 10.0
-_DECAYS, _PATIENCE = 6.0, 4.0  # a last test: so many times 1/decay rate, but not more than so many runs
+_DECAYS, _PATIENCE = 6.0, 4.0  # a last test: so many times 1/decay rate, of what slips not more than so many runs
 _LONGEST = 8.0  # runs: what cannot be judged is made twice as long, up to that
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
@@ -56,14 +56,13 @@ def length_of(rig: Rig) -> float:
     return max(_SHORTEST * rig.interface.threshold_distribution.moment(1), cycles, min(ringing, 5.0 * cycles))
 
 
-def until_decayed(rig: Rig) -> float:
-    """Travel of the drive in which the slowest mode decays, within reason; 0 if it grows."""
-    longest = _PATIENCE * length_of(rig)
+def until_decayed(rig: Rig, patience: float = _PATIENCE) -> float:
+    """Travel of the drive in which the slowest mode decays, at most so many runs; 0 if it grows."""
     try:
         rate = growth_rate(rig.natural).real
     except (InputError, UndecidedError):  # with heavy tails there is no slowest mode: what decays may take long
-        return longest
-    return min(rig.natural.velocity * _DECAYS / -rate, longest) if rate < 0 else 0.0
+        return _PATIENCE * length_of(rig)
+    return min(rig.natural.velocity * _DECAYS / -rate, patience * length_of(rig)) if rate < 0 else 0.0
 
 
 def method_of(rig: Rig, other: int = 0) -> Contacts:
@@ -189,7 +188,7 @@ class Trials:
         """What a run that ends at a constant speed shows, or a longer one that tells; False if that was too dear.
 
         None is longer than so many times the length that judges a rig. An oscillation of a linearly stable rig must
-        outlast its slowest mode.
+        outlast its slowest mode; what slips is none, and need not wait for one that hardly decays.
         """
         case, lasts, speed = run.rig, 0.0, run.rig.natural.velocity
         while True:
@@ -201,13 +200,14 @@ class Trials:
                     repeats = any(test.passed for test in seen.table if test.name == REPEATS)
                     if not repeats and stays(case) and (noise := replace(seen, kind="smooth sliding")).is_noise:
                         seen = replace(noise, reason="irregular slips, no more than the noise of the contacts makes")
-                    lasts = lasts or self.theory(until_decayed, case, roots=1) / speed
+                    patience = _PATIENCE if seen.kind == "stick-slip" else math.inf
+                    lasts = self.theory(until_decayed, case, patience, roots=1) / speed
                 if seen.kind != "undecided" and case.drive.duration >= lasts:
                     return run, seen, True
-                if case.drive.duration * speed > 0.9 * longest * length_of(case):
+                if case.drive.duration > 0.9 * (most := longest * length_of(case) / speed):
                     return run, doubtful, True
                 *before, last = case.drive.pieces  # of the contacts that judge it, its last piece longer
-                more = last.duration + max(case.drive.duration, lasts - case.drive.duration)
+                more = last.duration + max(case.drive.duration, min(lasts, most) - case.drive.duration)
                 drive = Drive((*before, replace(last, duration=more)))
                 case = replace(case, drive=drive, method=method_of(case))
                 run = self.record(case)
