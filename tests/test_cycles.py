@@ -11,7 +11,7 @@ import stickslip as ss
 from stickslip import cycles
 from stickslip.cycles import cycle_branch, is_sustained
 from stickslip.model import Scales
-from stickslip.paper.cases import FIG4, FIG6
+from stickslip.paper.cases import FIG4, FIG6, FIG7
 from stickslip.stability import DAMPING, DELAY, MASS, STD, STIFFNESS, VELOCITY
 
 STIFF = replace(FIG4.slider, stiffness=5.0)
@@ -183,6 +183,16 @@ def test_no_band_is_an_answer_with_the_range_searched():
     answer = ss.bistable_range(pulled(0.2), "velocity", between=(1.0, 1.5))
     assert not answer
     assert "unstable in all of the range" in str(answer)
+
+
+@pytest.mark.parametrize(
+    "ageing", [ss.LogarithmicGrowth(slope=0.02, time=0.1), ss.ExponentialGrowth(rate=2.0, newborn=0.5)]
+)
+def test_the_cycle_of_contacts_that_grow_ends_where_their_stick_slip_decays(ageing):
+    rig = ss.Rig(replace(delayed(0.1), ageing=ageing), FIG7.slider, ss.constant(1.0), method=ss.Contacts(3000, seed=1))
+    for speed, kind in ((0.56, "smooth sliding"), (0.72, "stick-slip")):
+        here = replace(rig, drive=ss.constant(speed, 100.0 / speed))
+        assert is_sustained(here).kind == ss.regime(ss.simulate(here)).kind == kind
 
 
 def test_a_branch_that_is_not_there():

@@ -5,7 +5,10 @@ import xarray as xr
 
 from stickslip import stability
 from stickslip.advise.mitigations import highest
+from stickslip.cycles import METHOD, bistable_region
+from stickslip.cycles.ride import check_rig
 from stickslip.errors import InputError, number, whole
+from stickslip.model import FromRest
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
@@ -38,10 +41,12 @@ def chart(
     report, natural = progress or (lambda _done: None), rig.natural
     here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in map(parameter_named, over)}
     one, other = here
-    if bistable and (units := [p.name for p in map(parameter_named, over) if p.rescales]):
-        raise InputError(
-            f"map: over = {units[0]}: stick-slip is not followed along a unit of the rig; leave out --bistable"
-        )
+    if bistable:
+        check_rig(natural, FromRest(), METHOD)
+        if units := [p.name for p in map(parameter_named, over) if p.rescales]:
+            raise InputError(
+                f"map: over = {units[0]}: stick-slip is not followed along a unit of the rig; leave out --bistable"
+            )
     ends = [(v / around, v * min(around, highest(natural, parameter_named(name)))) for name, v in here.items()]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
     found = stability.stability_map(natural, over=(one, other), values=(low, high), growth=True)
@@ -50,8 +55,6 @@ def chart(
     edges = {name: f"edge_{name}" for name in (one, other, "frequency")}
     found = found.merge(edge.rename(edges), combine_attrs="override")
     if bistable:
-        from stickslip.cycles import bistable_region
-
         watch = part(report, 0.7, 1.0)
         bands = bistable_region(natural, over=(one, other), edge=edge, between=ends[1], progress=watch)
         found = found.merge(bands, combine_attrs="override")

@@ -30,14 +30,11 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
     instance("Rig.slider", rig.slider, Slider, "a Slider")
     if method.memoryless:
         raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
-    if rig.interface.ageing is not None:
-        raise InputError(
-            f"Interface.ageing = {rig.interface.ageing}: cycles are followed for contacts that do not age only"
-        )
     if check_method(rig.interface, method) is not Panels:
         raise InputError(
-            f"Interface.temperature = {rig.interface.temperature}: cycles are followed with Bell or without a "
-            "temperature; leave it out, or simulate"
+            f"Interface.ageing = {rig.interface.ageing}, temperature = {rig.interface.temperature}: cycles are "
+            "followed for Bell, also with LogarithmicGrowth, for Parabolic, and for growth by a rule alone; leave one "
+            "out, or simulate"
         )
     if rig.slider.mass == 0:
         raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")

@@ -105,7 +105,7 @@ def is_sustained(rig: Rig, *, start: Start = FromRest(), method: MasterEquation 
     Raises
     ------
     InputError
-        If no cycle can be followed on the rig: thresholds that age, no mass, a velocity that is not above 0.
+        If no cycle can be followed on the rig: thresholds that age by `Langevin`, no mass, a velocity not above 0.
 
     Examples
     --------
