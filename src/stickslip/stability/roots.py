@@ -154,12 +154,14 @@ def _polished(response: Response, body: Impedance, velocity: float, starts: Comp
     longest, radius = 1.0 / pace, 1e-3 / cycle
     if isinstance(body, Modes):
         radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real))))
-    # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no other step is taken.
+    # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no other is taken, nor far left.
     enough, furthest = (1e-15, -math.inf) if response.certain else (1e-5, limit)
     s, last = starts.astype(complex), np.full(starts.shape, np.inf)
-    settled, active = np.zeros(s.shape, dtype=bool), np.arange(s.size)
+    settled, active = np.zeros(s.shape, dtype=bool), np.flatnonzero(s.real > furthest)
     with np.errstate(all="ignore"):
         for _ in range(30):
+            if active.size == 0:
+                break
             here = s[active]
             points = np.asarray(here + radius * _ABOUT[:, None], dtype=np.complex128).ravel()
             value, after, before = _value(response, body, velocity, points).reshape(3, -1)
@@ -172,8 +174,6 @@ def _polished(response: Response, body: Impedance, velocity: float, starts: Comp
             s[active], last[active] = here + step, size
             settled[active[finished]] = True
             active = active[~finished & np.isfinite(s[active]) & (s[active].real > furthest)]
-            if active.size == 0:
-                break
         settled |= last < 1e-11 * (np.abs(s) + longest)
     return _distinct(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
 
