@@ -197,8 +197,8 @@ def contraction() -> tuple[Claim, ...]:
             printed=settled,
             read=False,
             exact="over all of the prior .30 and .62, and .93 and .71; 24,000 draws give .29 and .60. The numbers of "
-            "the claim are those of a prior without the series in which contacts break more than about 1.2 times a slip: "
-            "a bound on the breaks left out soft springs with large slips, which tell the number of contacts least. Of "
+            "the claim are those of a prior without series in which contacts break more than about 1.2 times a slip: a "
+            "bound on the breaks left out soft springs with large slips, which tell the number of contacts least. Of "
             "series of at most one break a slip they are .20 and .35, and .89 and .91",
             evidence=str(found),
         ),
