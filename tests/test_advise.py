@@ -169,6 +169,15 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
     assert Trials(60.0).judge(trial(rig)).kind == "undecided"
 
 
+def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
+    rig, trials = ss.example("brake_pad"), Trials(10.0)
+    faster, smoother = rig.replace(velocity=7.0 * rig.velocity), rig.replace(friction=rig.value("friction") / 7.0)
+    trials.judge(trial(faster))
+    spent = trials.spent
+    assert trials.judge(trial(smoother)).kind == trials.judge(trial(faster)).kind
+    assert trials.spent == spent
+
+
 @pytest.mark.slow
 def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     rig = replace(make(stiffness=1.0, damping=10.0, contacts=300), interface=FIG8.interface)

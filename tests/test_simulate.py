@@ -9,7 +9,7 @@ from benches import imbalance
 
 import stickslip as ss
 from stickslip.model.distributions import SteadyState
-from stickslip.simulation import LABELS
+from stickslip.simulation import LABELS, record
 
 NARROW = ss.Gaussian(mean=0.0, std=0.01)
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -142,3 +142,12 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
     n = method.count if isinstance(method, ss.Contacts) else np.inf
     slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * distribution.density(0.0) / 400
     assert np.all(np.abs(got - expected) <= slack + 1e-4)
+
+
+def test_a_run_that_goes_on_is_the_run_that_its_provenance_makes():
+    first = record(FIG4.replace(drive=ss.constant(1.0, 2.0), method=ss.Contacts(200, seed=3)))
+    run = first.longer(5.0).dataset()
+    assert float(run.time[-1]) == pytest.approx(5.0, abs=float(run.time[1]))
+    assert run.time[1] == first.dataset().time[1]
+    assert ss.rerun(run).identical(run)
+    assert first.longer(5.0).dataset().identical(run)  # the first is left as it was

@@ -139,10 +139,9 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> 
 
 def theory_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
     """`stability_along`, where it can be paid for; raises `Spent` elsewhere."""
-    one, two = (factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high))
-    known = (one.interface, one.velocity) == (two.interface, two.velocity)
-    costs = [effort(VELOCITY.set(rig.natural, there.velocity)) for there in (one, two)]
-    each = sum(cost.again if known else cost.look for cost in costs) / len(costs)
+    ends = [factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high)]
+    known = len({(there.interface, there.velocity) for there in ends}) == 1
+    each = sum(cost.again if known else cost.look for cost in map(effort, ends)) / len(ends)
     looks = each * (1.0 + _per_decade(rig) * math.log10(high / low))
     return trials.theory(stability_along, rig, parameter, low, high, looks=looks)
 

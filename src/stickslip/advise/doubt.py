@@ -20,8 +20,7 @@ from stickslip.model import Contacts, parameters
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
-WIDEST = 3.0
-"""Factor either way, by convention, within which an assumption is varied of which the file gives no range."""
+WIDEST = 3.0  # factor either way, by convention, within which an assumption is varied that the file gives no range of
 _DRAWS = 64  # then the error of a fraction is at most .06
 _CONTACTS = Parameter(
     name="contacts",

@@ -34,10 +34,6 @@ _FOR_FIRST, _FOR_SPEEDS, _FOR_DOUBT = 0.5, 0.4, 0.2
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed
-NO_THEORY_OF_ARREST = (
-    "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
-    "are judged by runs, and where stick-slip decays, the slider slides with no contact attached"
-)
 
 
 def predict(
@@ -215,7 +211,10 @@ def _first_run(rig: Rig, seconds: float, progress: Progress) -> Recording:
 def _linear(rig: Rig) -> tuple[int | None, str]:
     """Growing modes, and a note where the theory has nothing to say."""
     if isinstance(rig.interface.delay, OnArrest):
-        return None, NO_THEORY_OF_ARREST
+        return None, (
+            "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: "
+            "speeds are judged by runs, and where stick-slip decays, the slider slides with no contact attached"
+        )
     try:
         return (0, by_theory.CANNOT_GROW) if respond(rig.interface).inert else (count_unstable(rig), "")
     except (InputError, UndecidedError) as reason:

@@ -6,15 +6,16 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import product
 from typing import Any, TypeVar
 
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
 from stickslip.measure.arrays import ERRORS
-from stickslip.measure.evidence import NOISE_OF_CONTACTS, REPEATS, SMALL, TINY, noise_of
-from stickslip.model import Contacts, FromRest
-from stickslip.model.drive import Drive, constant
+from stickslip.measure.evidence import CHANGE, NOISE_OF_CONTACTS, REPEATS, SMALL, STEADY, TINY
+from stickslip.model import Contacts
+from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.simulation import Recording, estimate, record
@@ -29,11 +30,11 @@ OSCILLATES = ("stick-slip", "sustained oscillation")
 # A run lasts a dozen cycles of the slowest oscillation that the rig can have, at least this far in mean thresholds, and
 # until the free slider has rung out, in units of 1/eta.
 _CYCLES, _SHORTEST, _RINGING = 12.0, 60.0, 10.0
-_DECAYS, _PATIENCE = 6.0, 4.0  # a last test: so many times 1/decay rate, of what slips not more than so many runs
+_DECAYS, _PATIENCE = 6.0, 4.0  # a last test: so many times 1/decay rate, but not more than so many runs
 _LONGEST = 8.0  # runs: what cannot be judged is made twice as long, up to that
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
-_USUAL = Contacts(10_000, seed=1)
+_READING = 5e-3, 2e-7  # seconds that the regime of a run takes, and for each sample
 # Independent contacts whose noise, three standard deviations of it, could just hide a small oscillation; and as many
 # as slide as smoothly as more do: their noise is told from none no more.
 _FEW, _UNSEEN = (math.ceil((ERRORS * NOISE_OF_CONTACTS / swing) ** 2) for swing in (SMALL, TINY))
@@ -56,34 +57,39 @@ def length_of(rig: Rig) -> float:
     return max(_SHORTEST * rig.interface.threshold_distribution.moment(1), cycles, min(ringing, 5.0 * cycles))
 
 
-def until_decayed(rig: Rig, patience: float = _PATIENCE) -> float:
-    """Travel of the drive in which the slowest mode decays, at most so many runs; 0 if it grows."""
+def until_decayed(rig: Rig) -> float:
+    """Travel of the drive in which the slowest mode decays; 0 if it grows, NaN where none decays exponentially."""
     try:
         rate = growth_rate(rig.natural).real
-    except (InputError, UndecidedError):  # with heavy tails there is no slowest mode: what decays may take long
-        return _PATIENCE * length_of(rig)
-    return min(rig.natural.velocity * _DECAYS / -rate, patience * length_of(rig)) if rate < 0 else 0.0
+    except (InputError, UndecidedError):  # with heavy tails there is no slowest mode
+        return math.nan
+    return rig.natural.velocity * _DECAYS / -rate if rate < 0 else 0.0
 
 
 def method_of(rig: Rig, other: int = 0) -> Contacts:
     """The contacts that judge a rig, or others of their kind: its own, as their noise is, as far as that is seen."""
-    own = rig.method if isinstance(rig.method, DRAWN) else _USUAL
+    own = rig.method if isinstance(rig.method, DRAWN) else Contacts(10_000, seed=1)
     return Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
 
 
 def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
     """A run from rest at the constant speed of a rig, for as long as it takes to judge it, at least for a distance."""
-    speed = rig.natural.velocity
-    drive = constant(speed, max(length_of(rig), distance) / speed)
-    return replace(rig, drive=drive, method=method_of(rig, other), start=FromRest())
+    speed = float(f"{rig.natural.velocity:.12g}")  # the same, however it came about: less friction is a higher speed
+    there = Rig(rig.interface, rig.slider, constant(speed), method=method_of(rig, other))
+    return replace(there, drive=constant(speed, max(length_of(there), distance) / speed))
+
+
+def linear_from(rig: Rig) -> int:
+    """How many contacts make so little noise that smooth sliding that is linearly stable stays."""
+    try:
+        return contact_noise(rig, contacts=1).contacts_for(1.0, of="velocity")
+    except (InputError, UndecidedError):  # no theory of their noise
+        return 1
 
 
 def stays(rig: Rig) -> bool:
     """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
-    try:
-        return contact_noise(rig).linear
-    except (InputError, UndecidedError):  # infinitely many, or no theory of their noise
-        return True
+    return not isinstance(rig.method, DRAWN) or rig.method.count >= linear_from(rig)
 
 
 def effort(rig: Rig) -> Effort:
@@ -136,26 +142,26 @@ class Trials:
         found: Answer = self._known[key]
         return found
 
-    def record(self, case: Rig) -> Recording:
-        """Make a run; raise `Spent` if it would cost more than there is left."""
-        if self.theory(linearly_unstable, case) is False:
-            self.theory(noise_of, case, roots=1)  # as its regime will ask
-        work = estimate(case).seconds
+    def record(self, case: Rig, begun: Recording | None = None, times: float = 2.0) -> Recording:
+        """Make a run, or go on with one, so many times as long; raise `Spent` if that would cost more than is left."""
+        work = estimate(case).seconds * (1.0 if begun is None else times - 1.0)
         self.pay(work * self._part)
-        run, foreseen = record(case, long=True), self._part
-        self._part = _part_broken(run)
-        self.spent += work * (self._part - foreseen)
+        run = record(case, long=True) if begun is None else begun.longer(times * case.drive.duration)
+        foreseen, self._part = self._part, _part_broken(run)
+        self.spent += work * (self._part - foreseen) + _READING[0] + _READING[1] * run.track.times.size
         return run
 
-    def judge(self, case: Rig) -> Regime:
+    def judge(self, case: Rig, *, first: bool = True) -> Regime:
         """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told.
 
-        Stick-slip of few contacts, where that costs less, is that of more, too, unless their noise makes it.
+        Stick-slip of few contacts, which is tried first where it costs less, is that of more, too, unless their noise
+        leaves smooth sliding, and that of all contacts does not.
         """
         if case not in self.seen:
-            few, seen, paid = replace(case, method=replace(method_of(case), count=_FEW)), None, False
-            cheaper = 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
-            if cheaper and (self.theory(linearly_unstable, case) or self.theory(stays, few, roots=1)):
+            count, seen, paid = method_of(case).count, None, False
+            few = replace(case, method=replace(method_of(case), count=_FEW))
+            cheaper = first and 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
+            if cheaper and not _FEW < self.theory(linear_from, case, roots=1) <= count:
                 _, seen, paid = self.watch(self.record(few), _PATIENCE)
             if seen is None or seen.kind != "stick-slip":
                 _, seen, paid = self.watch(self.record(case), _LONGEST)
@@ -167,19 +173,16 @@ class Trials:
     def slide_smoothly(self, rigs: Sequence[Rig], seeds: int) -> bool:
         """Whether so many runs of each rig, all of other contacts, slide smoothly at last.
 
-        The second of each lasts until its slowest mode has decayed, and others as long as the first had to. What does
-        not slide, the first tells most often.
+        The second of each lasts until its slowest mode has decayed. What does not slide, the first tells most often.
         """
-        lasts = dict.fromkeys(rigs, 0.0)
         try:
-            for other in range(1, seeds + 1):
-                for rig in rigs:
-                    slowest = max(self.theory(until_decayed, rig, roots=1), 2.0 * length_of(rig)) if other == 2 else 0.0
-                    seen = self.judge(trial(rig, max(lasts[rig], slowest), other))
-                    if seen.kind != "smooth sliding":
-                        return False
-                    if other == 1:
-                        lasts[rig] = seen.window[1] * rig.velocity
+            for other, rig in product(range(1, seeds + 1), rigs):
+                lasts = 0.0
+                if other == 2:
+                    until, length = self.theory(until_decayed, rig, roots=1), length_of(rig)
+                    lasts = min(_PATIENCE * length, max(until, 2.0 * length))
+                if self.judge(trial(rig, lasts, other), first=other == 1).kind != "smooth sliding":
+                    return False
         except InputError:  # such a rig cannot be simulated
             return False
         return True
@@ -188,29 +191,29 @@ class Trials:
         """What a run that ends at a constant speed shows, or a longer one that tells; False if that was too dear.
 
         None is longer than so many times the length that judges a rig. An oscillation of a linearly stable rig must
-        outlast its slowest mode; what slips is none, and need not wait for one that hardly decays.
+        outlast its slowest mode; what does not slip must be seen not to decay as that does, which may take longer.
         """
-        case, lasts, speed = run.rig, 0.0, run.rig.natural.velocity
         while True:
-            seen = regime(run.dataset())
+            case, seen, lasts = run.rig, regime(run.dataset()), 0.0
             reason = "the oscillation may still decay: longer runs would decide"
             doubtful = replace(seen, kind="undecided", reason=reason if seen.kind != "undecided" else seen.reason)
+            way = case.drive.duration * case.natural.velocity
             try:
                 if seen.kind in OSCILLATES and self.theory(linearly_unstable, case) is False:
-                    repeats = any(test.passed for test in seen.table if test.name == REPEATS)
-                    if not repeats and stays(case) and (noise := replace(seen, kind="smooth sliding")).is_noise:
+                    tests, until = {test.name: test for test in seen.table}, self.theory(until_decayed, case, roots=1)
+                    lasts, half = min(_PATIENCE * length_of(case), until), 0.5 * (1.0 - seen.window[0] / seen.window[1])
+                    repeats = REPEATS in tests and tests[REPEATS].passed
+                    if stays(case) and not repeats and (noise := replace(seen, kind="smooth sliding")).is_noise:
                         seen = replace(noise, reason="irregular slips, no more than the noise of the contacts makes")
-                    patience = _PATIENCE if seen.kind == "stick-slip" else math.inf
-                    lasts = self.theory(until_decayed, case, patience, roots=1) / speed
-                if seen.kind != "undecided" and case.drive.duration >= lasts:
+                    elif stays(case) and seen.kind != "stick-slip" and CHANGE in tests and until:
+                        fall = math.log(seen.trend) + _DECAYS * half * way / until  # less than that of the mode
+                        seen = doubtful if fall <= tests[CHANGE].limit - STEADY else seen  # by chance
+                if seen.kind != "undecided" and way >= lasts:
                     return run, seen, True
-                if case.drive.duration > 0.9 * (most := longest * length_of(case) / speed):
+                if way > 0.9 * longest * length_of(case):
                     return run, doubtful, True
-                *before, last = case.drive.pieces  # of the contacts that judge it, its last piece longer
-                more = last.duration + max(case.drive.duration, min(lasts, most) - case.drive.duration)
-                drive = Drive((*before, replace(last, duration=more)))
-                case = replace(case, drive=drive, method=method_of(case))
-                run = self.record(case)
+                case = replace(case, method=method_of(case))  # of the contacts that judge it
+                run = self.record(case, run if case.method == run.rig.method else None, max(2.0, lasts / way))
             except Spent:
                 return run, doubtful, False
 

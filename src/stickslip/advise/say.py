@@ -72,11 +72,6 @@ def headline(found: Prediction) -> str:
     return f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}" if found.judged else words
 
 
-def here(found: Prediction) -> list[str]:
-    """What else there is to say of the rig at its own speed."""
-    return [more for more in _motion(found)[1:] if more]
-
-
 def _motion(found: Prediction) -> tuple[str, str]:
     """The motion at the rig's own speed, and what else there is to say of it."""
     rig, kind, modes = found.rig, str(found.regime.kind), found.unstable_modes
@@ -146,7 +141,7 @@ def speeds(found: Prediction) -> Iterator[str]:
 
 def sections(found: Prediction) -> Iterator[Section]:
     """What is said beneath the verdict."""
-    yield "here", "At this speed", "", here(found)
+    yield "here", "At this speed", "", [more for more in _motion(found)[1:] if more]
     yield "speeds", "Speeds", "", list(speeds(found))
     yield "regime", "", "", str(found.regime).splitlines() if found.judged else []
     yield "numbers", "", "", list(numbers(found))
@@ -160,7 +155,8 @@ def sections(found: Prediction) -> Iterator[Section]:
     where = where if found.between is None else _span(found, *found.between)
     yield "mitigations", "Mitigations", f" {where}, the smallest change first; simulated", list(mitigations(found))
     yield "attempts", "Tried", ", within the range searched", list(attempts(found))
-    yield "not_searched", "Left out", "", list(not_searched(found))
+    left = f"not searched farther in the time that is allowed: {', '.join(found.not_searched)}; see --thorough"
+    yield "not_searched", "Left out", "", [left] if found.not_searched else []
     doubt = found.doubt.said() if found.doubt else ()
     yield "doubt", "Doubt", ", all that was fitted or assumed varied at once", list(doubt)
 
@@ -238,12 +234,6 @@ def attempts(found: Prediction) -> Iterator[str]:
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
         yield f"{parameter_named(name).title}: no value found from {low} to {high} with smooth sliding in 8 of 8 runs"
-
-
-def not_searched(found: Prediction) -> Iterator[str]:
-    """What was not looked for, and why."""
-    if found.not_searched:
-        yield f"not searched farther in the time that is allowed: {', '.join(found.not_searched)}; see --thorough"
 
 
 # Elastic sliders

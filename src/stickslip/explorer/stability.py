@@ -68,23 +68,19 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
+    told = {name: [*rows] for name, _, _, rows in found.sections}
     yield {
         "name": rig.name,
         "verdict": found.headline,
         "ill": found.ill,
-        "evidence": [
-            *advise.say.here(found),
-            *advise.say.speeds(found),
-            *str(found.regime).splitlines(),
-            *(found.doubt.said() if found.doubt else ()),
-        ],
-        "numbers": [list(pair) for pair in advise.say.numbers(found)],
+        "evidence": [*told["here"], *told["speeds"], *str(found.regime).splitlines(), *told["doubt"]],
+        "numbers": [list(pair) for pair in told["numbers"]],
         "margins": [list(row) for row in advise.say.margins(found)],
         "mitigations": [
             {"title": sentence, "values": {each.parameter: each.stops}}
             for each, sentence in zip(found.mitigations, advise.say.mitigations(found), strict=False)
         ],
         "attempts": list(advise.say.attempts(found)),
-        "not_searched": " ".join(advise.say.not_searched(found)),
+        "not_searched": " ".join(told["not_searched"]),
         "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }

@@ -31,20 +31,16 @@ NORMAL = 2.5  # kurtosis of three waves of a size, 3 - 3/(2 n): noise has at lea
 
 REPEATS = "correlation of a cycle with the next"
 SWING, NOISE = "swing over the largest force", "scatter over the noise of the contacts"
+CHANGE = "change of the logarithm of the swing"
 Source = Literal["theory", "statistics", "convention"]
 Row = tuple[str, float, float, Source]
 
 _AT_MOST = {"steady", "small", "slight"}  # tests passed at most at their limit; the others, at least
 
 
-def noise_of(rig: Rig) -> float | None:
-    """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``: NaN if unstable, None if not known."""
-    noise = _noise(rig.interface, rig.slider, rig.natural.velocity)
-    return noise if noise is None else noise * rig.unit("f_s")
-
-
 @lru_cache(maxsize=256)
-def _noise(interface: Interface, slider: Any, velocity: float) -> float | None:
+def noise_of(interface: Interface, slider: Any, velocity: float) -> float | None:
+    """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``: NaN if unstable, None if not known."""
     rig = Rig(interface, slider, constant(velocity))
     try:
         return math.nan if count_unstable(rig) else contact_noise(rig, contacts=1).spring_force
@@ -136,13 +132,14 @@ class Window:
     @cached_property
     def noise(self) -> tuple[float, float]:
         """Standard deviation of the force in smooth sliding, NaN if unstable; and how many times is no more."""
-        trace, count, known = self.trace, self.trace.contacts, None
+        trace, count = self.trace, self.trace.contacts
         if not count or not self.found.size:
             return math.nan, ERRORS
         if trace.rig is not None and trace.drive is not None:
-            known = noise_of(trace.rig.replace(velocity=float(np.mean(trace.drive))))
-        if known is not None:
-            return known / math.sqrt(count), ERRORS
+            speed = float(np.mean(trace.drive)) / trace.rig.unit("velocity")  # it is rounded
+            known = noise_of(trace.rig.interface, trace.rig.slider, float(f"{speed:.12g}"))
+            if known is not None:
+                return known * trace.rig.unit("f_s") / math.sqrt(count), ERRORS
         mean = abs(float(trace.force.mean())) or 1e-300
         return min(NOISE_OF_CONTACTS * (abs(trace.largest) or 1.0), mean) / math.sqrt(count), 1.0
 
@@ -159,17 +156,20 @@ class Window:
         kurtosis = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
         trend, error = self.trend
         change, steady, ripple = abs(math.log(trend)), STEADY + ERRORS * error, math.sqrt(12.0) * late
+        # What neither swings nor slips nor changes is smooth whatever makes it: to ask theory for its noise is dear.
+        still = swing < TINY * largest and not self.slips[1] >= self.slips[2] and not change > steady
+        noise, most = (math.nan, ERRORS) if still else self.noise
         # What is asked, what was found, the limit (chance allows for more where an error is known), and its source.
         rows: dict[str, Row] = {
             "drops": ("drops that stand out of the noise", found.size, 1, "statistics"),
             "swing": (SWING, swing / largest, TINY, "convention"),
             "cycles": ("cycles in the window", self.count, FEWEST_CYCLES, "statistics"),
             "repeats": (REPEATS, repeats, PERIODIC, "convention"),
-            "steady": ("change of the logarithm of the swing", change, steady, "statistics"),
+            "steady": (CHANGE, change, steady, "statistics"),
             # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
             "small": ("second half, as a sawtooth, over the largest force", ripple / largest, SMALL, "convention"),
             "slips": self.slips[:-1],
-            "contacts": (NOISE, scatter / self.noise[0], self.noise[1], "theory"),
+            "contacts": (NOISE, scatter / noise, most, "theory"),
             "normal": ("kurtosis of the force", kurtosis, NORMAL, "theory"),
             "slight": ("three standard deviations over the mean", ERRORS * scatter / mean, MOST, "convention"),
             "rough": ("slider velocity off the drive's (rms), over it", strays_by(trace), HALF, "convention"),

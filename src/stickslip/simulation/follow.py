@@ -22,6 +22,7 @@ class Track:
     drive_velocity: Array
     drive_position: Array
     snapshots: tuple[tuple[float, Stretchings], ...]
+    end: float  # position of the drive at the end
 
     def __getitem__(self, name: str) -> Array:
         """Samples of one of the engine's columns."""
@@ -35,15 +36,16 @@ def follow(
     times: Array,
     looks: tuple[float, ...] = (),
     progress: Progress | None = None,
+    before: Track | None = None,
 ) -> Track:
-    """Follow a drive from piece to piece, from time 0 on; a condition may end a piece early.
+    """Follow a drive from piece to piece, from time 0 on, or what was `before`; a condition may end a piece early.
 
     A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`, naming the moment, if the
     numbers of the run stop being finite.
     """
     report, total = progress or (lambda _: None), drive.duration
-    parts: list[tuple[Array, ...]] = []
-    snapshots: list[tuple[float, Stretchings]] = []
+    parts = [] if before is None else [(before.times, before.rows, before.drive_velocity, before.drive_position)]
+    snapshots = [] if before is None else [*before.snapshots]
     filled = 0
     for piece in drive.pieces:
         begin, X = engine.here()
@@ -59,7 +61,7 @@ def follow(
         position = float(leg.drive_position(np.asarray(engine.here()[0])))
     report(1.0)
     times, rows, velocity, place = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Track(engine.columns, times, rows, velocity, place, tuple(snapshots))
+    return Track(engine.columns, times, rows, velocity, place, tuple(snapshots), position)
 
 
 def follow_leg(engine: Engine, leg: Leg, report: Progress = lambda _: None) -> tuple[Array, list[Stretchings]]:

@@ -6,8 +6,7 @@ exact moments of breaking, and the kinetic equation of Eqs. (13)-(17).
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -18,7 +17,7 @@ from stickslip.model import ElasticBody, Interface, MasterEquation, Method, OnAr
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
-from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.engines.base import Array
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of
@@ -95,13 +94,20 @@ class Recording:
 
     rig: Rig
     track: Track
-    marks: Mapping[str, Array]
+    engine: Engine  # as it stands at the end
 
     def dataset(self) -> xr.Dataset:
         """The run with names, units and provenance, in the rig's units."""
-        case = self.rig.natural
-        provenance = store.provenance("simulate", {"rig": self.rig})
-        return self.rig.in_its_units(dataset_of(self.track, case.slider, case.output.bins, provenance, self.marks))
+        provenance, marks = store.provenance("simulate", {"rig": self.rig}), self.engine.marks()
+        return self.rig.in_its_units(dataset_of(self.track, self.rig.slider, self.rig.output.bins, provenance, marks))
+
+    def longer(self, duration: float) -> "Recording":
+        """The run gone on with to a duration, at the speed that its drive ends with: by a piece more."""
+        engine, interval, drive = self.engine.copy(), sample_interval(self.rig, self.engine.angle), self.rig.drive
+        more = constant(drive.pieces[-1].end, duration - drive.duration)
+        rig = replace(self.rig, drive=drive.then(more), output=replace(self.rig.output, interval=interval))
+        times = _sample_times(rig, engine.angle)[self.track.times.size :]
+        return Recording(rig, follow(engine, more, self.track.end, times, before=self.track), engine)
 
 
 def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = False) -> Recording:
@@ -121,7 +127,7 @@ def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = Fa
         engine = solver(beginning, case.method)
         origin = beginning.drive_position(engine.contact_force())
         track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
-    return Recording(rig, track, engine.marks())
+    return Recording(rig, track, engine)
 
 
 def estimate(rig: Rig) -> Work:
