@@ -300,7 +300,7 @@ def fit_contacts(
     trend : bool
         Whether friction may change linearly with displacement besides.
     linear : bool
-        Only fit the linear response, which takes a quarter of the time: for steps by a factor of a few.
+        Only fit the linear response, which takes half of the time: for steps by a factor of a few.
 
     Raises
     ------
