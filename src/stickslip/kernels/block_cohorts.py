@@ -1,4 +1,4 @@
-"""Infinitely many contacts on each block of an elastic slider: cohorts, carried along by the steps of `leapfrog`.
+"""Contacts on each block of an elastic slider, any number: cohorts, carried along by the steps of `leapfrog`.
 
 A cohort is what attached to a block in about one place ``b``: contacts of which ``m J_c(e)`` survive when their largest
 stretching so far is ``e``. Only those stretched further than the weakest threshold are looked up. What breaks goes
@@ -10,8 +10,12 @@ through many steps meanwhile. In a stage contacts break at the rate ``m J_c'(e)`
 which a block passes its front, the furthest that it has been, and re-attach at the rate of the stage before; at its end
 all cohorts are looked up, and what was wrong is made good. The error is of second order in the length of the stage, as
 that of a step is in its own.
+
+Of counted contacts what has broken in a stage is drawn at its end, and how long each waits: of ``n`` that have held up
+to a stretching ``e`` a binomial number breaks on the way to ``e'``, each with the probability ``1 - J_c(e')/J_c(e)``.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +25,7 @@ from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first
 from .drive import NO_HISTORY, NO_ROOM, ON_THE_WAY, PAUSED, Piece, Sampling
 from .leapfrog import Motion, Network, begin_step, element, end_step, slide
 from .records import Counts, Floats, Records, blank, record
-from .survival import Table, value_and_slope, value_at, values_at
+from .survival import Table, drawn, value_and_slope, value_at, values_at
 
 FIRST = 1e-3  # the first break of infinitely many contacts is that of this fraction
 
@@ -29,7 +33,7 @@ EXTINCT = 1e-12  # a cohort of which a smaller fraction survives is dropped; its
 
 
 class Case(NamedTuple):
-    """Survival of the thresholds, delays, force of detached contacts that slide; limits of a stage.
+    """Survival of the thresholds, delays, force of detached contacts that slide; limits of a stage; counted contacts.
 
     Contacts that attach within `merge` are of one cohort. No stage is longer, nor lasts more than `longest`.
     """
@@ -39,11 +43,13 @@ class Case(NamedTuple):
     sliding: float
     merge: float
     longest: float
+    contacts: float  # of a block; infinite: nothing is drawn
+    rng: np.random.Generator
 
 
-_STAGE = record("start held behind ahead attaching lost")
-"""Of each block: position and attached fraction at the beginning of a stage, the fronts, the rate at which contacts
-re-attach; and the energy lost in breaks in the stage so far."""
+_STAGE = record("start held broken behind ahead attaching lost")
+"""Of each block: position, attached fraction and breaks at the beginning of a stage, the fronts, the rate at which
+contacts re-attach; and the energy lost in breaks in the stage so far."""
 
 
 class Cohorts(NamedTuple):
@@ -74,26 +80,30 @@ def smooth_sliding(table: Table, cells: float, attached: float) -> tuple[Floats,
     return x[kept], attached * weight[kept] / weight[kept].sum()
 
 
-def make_state(motion: Motion, place: Floats, alive: Floats, case: Case, rate: float, room: int, kept: int) -> State:
-    """Return the state of blocks with the same number of cohorts each, `place` and `alive` of shape (n, cohorts).
+def make_state(motion: Motion, place: Floats, alive: Floats, case: Case, rate: float, room: int) -> State:
+    """Return the state of n blocks with the same cohorts, `alive` on each of them at a `place` of shape (n, cohorts).
 
-    Contacts broke at a `rate` before time 0; at first there is `room` for so many cohorts and `kept` steps of breaks.
+    Contacts broke at a `rate` before time 0; at first there is `room` for so many cohorts.
     """
-    n, count = place.shape
+    (n, count), delays = place.shape, case.delays
+    waiting, rates = np.tile(rate * delays.weight * delays.time, (n, 1)), np.full(n, rate)
+    if case.contacts < math.inf:
+        parts = np.append(alive, waiting[0])
+        held = case.rng.multinomial(int(case.contacts), parts / parts.sum(), n) / case.contacts
+        alive, waiting = held[:, :count], held[:, count:]
+        rates = (waiting / np.maximum(delays.time, 1e-300)).ravel()
     cohort = np.zeros((n, 4, max(room, count + 1)))
     reach = np.abs(motion.blocks.X[:, None] - place)
     held = values_at(case.table, reach.ravel()).reshape(reach.shape)
     cohort[:, PLACE, :count], cohort[:, REACH, :count] = place, reach
     cohort[:, ALIVE, :count], cohort[:, MASS, :count] = alive, alive / np.maximum(held, EXTINCT)
-    motion.blocks.held[:] = alive.sum(axis=1)
+    motion.blocks.held[:] = alive.sum(axis=-1)
     motion.blocks.origins[:] = (alive * place).sum(axis=1)
     motion.blocks.squares[:] = (alive * place**2).sum(axis=1)
-    before = -float(np.sum(case.delays.weight * case.delays.time)) * rate
-    history = first_history(case.delays, rate, kept, n)
     stage = blank(_STAGE, n)
     stage.start = stage.behind = stage.ahead = motion.blocks.X
     stage.held = motion.blocks.held
-    pasts = np.full(n, count), history, np.zeros(n), np.full(n, before)
+    pasts = np.full(n, count), first_history(delays, rates), np.zeros(n), -waiting.sum(axis=1)
     return State(motion, Cohorts(cohort, *pasts, stage, np.zeros((n, 2, 3))))
 
 
@@ -116,7 +126,7 @@ def _drift(state: State, j: int, case: Case) -> bool:
     blocks, now, stage = state.motion.blocks, state.motion.now, state.cohorts.stage[j]
     X, h, held = blocks.X[j], now.step, blocks.held[j]
     then, middle = X + h * blocks.V[j], X + 0.5 * h * blocks.V[j]
-    change = h * stage.attaching
+    change = min(h * stage.attaching, max(1.0 - held, 0.0))  # no more than there are
     places, squares, lost = change * middle, change * middle * middle, 0.0
     if then > stage.ahead or then < stage.behind:
         side = 1 if then > stage.ahead else 0
@@ -144,9 +154,31 @@ def _drift(state: State, j: int, case: Case) -> bool:
     return bool(abs(then - stage.start) >= case.merge)
 
 
+@inlined
+def _held(case: Case, attached: float, held: float) -> float:
+    """What stays attached of so much if each contact holds with a probability."""
+    if case.contacts == math.inf:
+        return attached * held
+    return attached - drawn(case.rng, np.rint(case.contacts * attached), held) / case.contacts
+
+
 @bare
-def _settle(state: State, j: int, before: float, fraction: float, span: float, case: Case) -> None:
-    """Look up all cohorts of a block at the end of a stage, `before` which so many had broken, and begin another."""
+def _wait(cohorts: Cohorts, j: int, broken: float, span: float, case: Case) -> float:
+    """Let what has broken on a block in a stage wait, so much for each delay; what of it re-attaches in the stage."""
+    delays, history, rest, back = case.delays, cohorts.history, 1.0, 0.0
+    columns, row = history.broken.shape[1] // cohorts.used.size, history.entered[0] % history.times.size
+    for k in range(delays.time.size):
+        left = _held(case, broken, max(1.0 - delays.weight[k] / rest, 0.0))
+        rest = max(rest - delays.weight[k], 1e-300)
+        history.broken[row, columns * j + min(k, columns - 1)] += broken - left
+        back += (broken - left) * max(1.0 - delays.time[k] / span, 0.0)
+        broken = left
+    return back
+
+
+@bare
+def _settle(state: State, j: int, span: float, case: Case) -> None:
+    """Look up all cohorts of a block at the end of a stage, and begin another."""
     blocks, cohorts, now, table = state.motion.blocks, state.cohorts, state.motion.now, case.table
     cohort, stage, rate = cohorts.cohort[j], cohorts.stage[j], cohorts.rate[j]
     X, behind, ahead = blocks.X[j], stage.behind, stage.ahead
@@ -161,13 +193,16 @@ def _settle(state: State, j: int, before: float, fraction: float, span: float, c
         if x > table.bottom and x >= reach:
             left, slope = value_and_slope(table, x)
             if x > reach:
-                middle, gone = 0.5 * (max(reach, abs(stage.start - b)) + x), alive
-                reach, alive = x, mass * left if left > EXTINCT else 0.0
-                gone -= alive
-                broken += gone
-                lost += 0.5 * middle * middle * gone
-                if alive == 0.0:
+                middle, mean = 0.5 * (max(reach, abs(stage.start - b)) + x), mass * left if left > EXTINCT else 0.0
+                gone, reach, more = alive - mean, x, 0.0
+                if case.contacts < math.inf:  # what more breaks than on average, or less, does so now
+                    more = mean - _held(case, alive, mean / alive)
+                alive = mean - more
+                broken += gone + more
+                lost += 0.5 * (middle * middle * gone + (X - b) * (X - b) * more)
+                if alive <= 0.5 / case.contacts:
                     continue
+                mass = alive / left if more != 0.0 else mass
             side = 1 if stage.ahead - b >= x else 0
             if side == 1 or b - stage.behind >= x:
                 rate[side, 0] -= slope * mass
@@ -181,8 +216,11 @@ def _settle(state: State, j: int, before: float, fraction: float, span: float, c
     cohorts.used[j] = kept
     b = 0.5 * (stage.start + X)
     reach = abs(X - b)
-    attaching = cohorts.due[j] - cohorts.attached[j] + fraction * broken
-    alive = attaching * value_at(table, reach)
+    attaching = cohorts.due[j] - cohorts.attached[j] + _wait(cohorts, j, broken, span, case)
+    if case.contacts < math.inf:
+        attaching = max(np.rint(case.contacts * attaching) / case.contacts, 0.0)
+    alive = _held(case, attaching, value_at(table, reach))
+    _wait(cohorts, j, attaching - alive, span, case)
     broken += attaching - alive
     if alive > 0.0:
         lost -= 0.5 * alive * reach * reach
@@ -191,9 +229,10 @@ def _settle(state: State, j: int, before: float, fraction: float, span: float, c
     now.broken += lost - stage.lost + 0.5 * force * force * (held - blocks.held[j])
     blocks.held[j], blocks.origins[j], blocks.squares[j] = held, origins + alive * b, squares + alive * b * b
     cohorts.attached[j] += attaching
-    blocks.broken[j] = before + broken
-    if before < FIRST <= blocks.broken[j]:
-        blocks.first_break[j] = now.time - span * (blocks.broken[j] - FIRST) / broken
+    before, first = stage.broken, FIRST if case.contacts == math.inf else 0.5 / case.contacts
+    blocks.broken[j] = stage.broken = before + broken
+    if before < first <= blocks.broken[j]:
+        blocks.first_break[j] = now.time - span * (blocks.broken[j] - first) / broken
         blocks.first_force[j] = now.drive_force
     if held <= 0.5 < stage.held and blocks.half_detached[j] != blocks.half_detached[j]:
         blocks.half_detached[j] = now.time - span * (0.5 - held) / (stage.held - held)
@@ -203,7 +242,7 @@ def _settle(state: State, j: int, before: float, fraction: float, span: float, c
 @bare
 def _end_stage(state: State, case: Case) -> int:
     """Settle all blocks; or why that cannot be done yet."""
-    blocks, cohorts, history, now = state.motion.blocks, state.cohorts, state.cohorts.history, state.motion.now
+    cohorts, history, now = state.cohorts, state.cohorts.history, state.motion.now
     kept, row = history.times.size, history.entered[0]
     for count in cohorts.used:
         if count == cohorts.cohort.shape[2]:
@@ -211,10 +250,11 @@ def _end_stage(state: State, case: Case) -> int:
     if not has_room(history):
         return NO_HISTORY
     span = now.time - history.times[(row - 1) % kept]
-    fraction = due(history, case.delays, span, cohorts.due)
+    due(history, case.delays, span, cohorts.due)
+    for c in range(history.broken.shape[1]):
+        history.broken[row % kept, c] = history.broken[(row - 1) % kept, c]
     for j in range(cohorts.due.size):
-        _settle(state, j, history.broken[(row - 1) % kept, j], fraction, span, case)
-        history.broken[row % kept, j] = blocks.broken[j]
+        _settle(state, j, span, case)
         now.spent += cohorts.used[j]
     history.times[row % kept] = now.time
     history.entered[0] = row + 1
@@ -242,10 +282,3 @@ def advance(state: State, network: Network, piece: Piece, sampling: Sampling, ca
             now.mode = 1
         now.spent += n
     return PAUSED
-
-
-def with_room(state: State) -> State:
-    """Return the state with twice the room for cohorts."""
-    cohorts = state.cohorts
-    cohort = np.concatenate([cohorts.cohort, np.zeros_like(cohorts.cohort)], axis=2)
-    return state._replace(cohorts=cohorts._replace(cohort=cohort))

@@ -9,6 +9,7 @@ from .records import Counts, Floats
 
 PLACE, MASS, REACH, ALIVE = range(4)
 """Rows of cohorts: where they attached, how many did, the largest stretching so far, how many are left."""
+KEPT = 1024  # steps of which breaks are remembered, at first
 
 
 class Delays(NamedTuple):
@@ -22,14 +23,14 @@ class History(NamedTuple):
     """What has broken up to each of the last steps, in a ring, for one population or n."""
 
     times: Floats  # shape (kept,)
-    broken: Floats  # shape (kept, n)
+    broken: Floats  # shape (kept, n), or (kept, n delays) where it is drawn how long each waits
     entered: Counts  # shape (1,): steps entered so far
     cursor: Counts  # shape (delays,): step at or before the time one delay ago
 
 
-def first_history(delays: Delays, rate: float, kept: int, n: int = 1) -> History:
-    """Return the history at time 0, after breaks at a constant rate."""
-    times, broken = np.zeros(kept), np.zeros((kept, n))
+def first_history(delays: Delays, rate: Floats) -> History:
+    """Return the history at time 0, after breaks at a constant rate in each of its columns."""
+    times, broken = np.zeros(KEPT), np.zeros((KEPT, rate.size))
     times[0] = -max([1.0, *delays.time])
     broken[0] = rate * times[0]
     return History(times, broken, np.array([2]), np.zeros(delays.time.size, np.int64))
@@ -60,25 +61,27 @@ def due(history: History, delays: Delays, dt: float, found: Floats) -> float:
     Returns the fraction of what breaks in that time that re-attaches in it, too.
     """
     times, kept, last = history.times, history.times.size, history.entered[0] - 1
-    now = times[last % kept]
+    now, columns = times[last % kept], history.broken.shape[1] // found.size
     fraction = 0.0
     found[:] = 0.0
     for k in range(delays.time.size):
         i, then, weight = history.cursor[k], now + dt - delays.time[k], delays.weight[k]
+        c, share = (k, 1.0) if columns > 1 else (0, weight)
         while i < last - 1 and times[(i + 1) % kept] <= now - delays.time[k]:
             i += 1
         history.cursor[k] = i
         if then >= now:
             fraction += weight * (then - now) / dt
             for j in range(found.size):
-                found[j] += weight * history.broken[last % kept, j]
+                found[j] += share * history.broken[last % kept, columns * j + c]
             continue
         while i < last - 1 and times[(i + 1) % kept] <= then:
             i += 1
         a, b = i % kept, (i + 1) % kept
         u = (then - times[a]) / (times[b] - times[a])
         for j in range(found.size):
-            found[j] += weight * (history.broken[a, j] + u * (history.broken[b, j] - history.broken[a, j]))
+            before, after = history.broken[a, columns * j + c], history.broken[b, columns * j + c]
+            found[j] += share * (before + u * (after - before))
     return fraction
 
 

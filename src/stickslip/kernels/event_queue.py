@@ -119,16 +119,10 @@ def _new_chunk(queue: Queue, before: int) -> int:
 
 
 @inlined
-def _is_short(queue: Queue) -> bool:
-    """Whether there is no empty chunk but that kept for moving entries."""
-    return bool(queue.counts[_FREE] < 0 and queue.counts[_UNUSED] >= queue.before.size - 1)
-
-
-@inlined
 def push(queue: Queue, key: float, slot: int) -> int:
     """Add an entry, of which the caller may fill the rest, and return its place; the queue must not be full."""
     counts = queue.counts
-    if _is_short(queue):
+    if counts[_FREE] < 0 and counts[_UNUSED] >= queue.before.size - 1:  # but for the chunk kept for moving entries
         _pack(queue)
     bin_ = math.floor(key * queue.per_bin)
     if bin_ < counts[BIN] or counts[FIRST] == counts[LAST]:

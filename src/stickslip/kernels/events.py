@@ -390,7 +390,7 @@ def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -
 @inlined
 def _strike(state: State, side: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
     """The clock ahead (0) or behind (1) proposes that a contact breaks: it does so, or is proposed again later."""
-    m, slot = state.motion[0], shared_clock.struck(boxes.clock, side, state.size)
+    m, slot = state.motion[0], winner(boxes.clock.readings[side], state.size)
     place = boxes.of[slot]["place"]
     birth, threshold = state.ahead.entries[place]["birth"], state.ahead.entries[place]["threshold"]
     if _variate(m, draws) < shared_clock.chance(boxes.clock, side, boxes.rule, m.position, m.position - birth):

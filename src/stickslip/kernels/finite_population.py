@@ -27,7 +27,7 @@ from .panel_step import element_at
 from .reattachment import in_panel
 from .records import Floats, Record
 from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
-from .survival import value_at, values_at
+from .survival import GONE, drawn, value_at, values_at
 
 
 class Life(NamedTuple):
@@ -39,18 +39,7 @@ class Life(NamedTuple):
     since: float
 
 
-_GONE = 1e-13  # fraction of contacts so small that none of them is left
 _COARSE = 0.02  # largest error of merging two cohorts, in units of the tolerance
-
-
-@inlined
-def _drawn(finite: FiniteNumber, count: float, held: float) -> float:
-    """How many of a number break if each holds with a probability."""
-    if held >= 1.0 - _GONE or count == 0.0:  # rounding draws no number
-        return 0.0
-    if held <= 0.0:
-        return count
-    return float(finite.rng.binomial(np.int64(count), 1.0 - held))
 
 
 @bare
@@ -121,7 +110,7 @@ def settle(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float
             clock, most = carried(work.reading.way, breaking, b - origin, clock, r, age, 0.0, nodes.size - 2)
             if (most > r and most > breaking.thresholds.bottom) or breaking.width > 0.0:
                 held = min(max(N * cohorts[MASS, g, j] * survival(breaking, clock, most)[0] / n, 0.0), 1.0)
-                k = _drawn(finite, n, held)
+                k = drawn(finite.rng, n, held)
                 more = k - n * (1.0 - held)
                 x = origin + place - b
                 excess += more
@@ -172,7 +161,7 @@ def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
                 continue
             x = reach_at(breaking.growth, abs(X - b), state.motion.time - since)
             if x > r:
-                k = _drawn(finite, n, _held(case, u, r, u, x))
+                k = drawn(finite.rng, n, _held(case, u, r, u, x))
                 r = x
                 total += k
                 n -= k
@@ -185,7 +174,7 @@ def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
 def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
     """What a clock and a reach leave of contacts that have survived smaller ones."""
     before = survival(case.breaking, u, r)[0]
-    return survival(case.breaking, clock, most)[0] / before if before > _GONE else 0.0
+    return survival(case.breaking, clock, most)[0] / before if before > GONE else 0.0
 
 
 @inlined
@@ -196,7 +185,7 @@ def _put(cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float
     g, j = place // Q, place % Q
     J = survival(case.breaking, life.clock, life.reach)[0]
     cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[WHOLE, g, j], cohorts[COUNT, g, j] = life.b, life.reach, 0.0, n
-    cohorts[MASS, g, j] = n / (finite.contacts * J) if J > _GONE else 0.0
+    cohorts[MASS, g, j] = n / (finite.contacts * J) if J > GONE else 0.0
     cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = life.clock, life.since
     return 1
 
@@ -247,13 +236,13 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
     """Divide what broke in a panel between the delays, and what has a delay from a distribution between its nodes."""
     left, rest = more, 1.0
     for i in range(delays.time.size):
-        k = _drawn(finite, left, 1.0 - delays.weight[i] / rest)
+        k = drawn(finite.rng, left, 1.0 - delays.weight[i] / rest)
         panel[WAITING + i] += k
         left -= k
         rest = max(rest - delays.weight[i], 1e-300)
     if delays.fraction == 0.0:
         return
-    k = _drawn(finite, left, 1.0 - delays.fraction / rest)
+    k = drawn(finite.rng, left, 1.0 - delays.fraction / rest)
     left, rest = k, 1.0
     full = panel[2 + P] - panel[2]
     for j in range(Q):
@@ -261,7 +250,7 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
         for a in range(P + 1):
             part += INCREASE[P - 1, j, a] * (panel[2 + a] - panel[2])
         part = max(part / full, 0.0)
-        k = left if j == Q - 1 else _drawn(finite, left, 1.0 - part / rest)
+        k = left if j == Q - 1 else drawn(finite.rng, left, 1.0 - part / rest)
         panel[WAITING + delays.time.size + j] += k
         left -= k
         rest = max(rest - part, 1e-300)
@@ -288,7 +277,7 @@ def _arrivals(state: State, case: Case, finite: FiniteNumber, before: float, now
             if until < start + length:
                 gone = (in_panel(panels, p, before - delays.time[i]) - panels[p, 2]) / full
                 held = (1.0 - (in_panel(panels, p, until) - panels[p, 2]) / full) / max(1.0 - gone, 1e-14)
-            k = _drawn(finite, n, held)
+            k = drawn(finite.rng, n, held)
             panels[p, WAITING + i] = n - k
             total += k
         if delays.fraction == 0.0:
@@ -301,10 +290,10 @@ def _arrivals(state: State, case: Case, finite: FiniteNumber, before: float, now
             age = now - start - GAUSS[j] * length
             left = value_at(delays.continuous, max(age, 0.0))
             first = value_at(delays.continuous, max(age - (now - before), 0.0))
-            k = _drawn(finite, n, left / first if first > _GONE else 0.0)
+            k = drawn(finite.rng, n, left / first if first > GONE else 0.0)
             total += k
             panels[p, i] = n - k
-            if left > _GONE:
+            if left > GONE:
                 panels[p, 3 + P + j] = (n - k) / (N * delays.fraction * left)
     return total
 
@@ -321,18 +310,18 @@ def _attach(
     for j in range(Q):
         part, b = dot(INCREASE[P - 1, j], nodes.reattached), dot(PART[P - 1, j], nodes.x)
         part = max(part / nodes[P].reattached, 0.0) if nodes[P].reattached > 1e-15 else WEIGHT[j]
-        here = left if j == Q - 1 else _drawn(finite, left, 1.0 - part / rest)
+        here = left if j == Q - 1 else drawn(finite.rng, left, 1.0 - part / rest)
         left -= here
         rest = max(rest - part, 1e-300)
         more, other = here, 1.0
         for i in range(newborn.stretching.size):
-            n = more if i == newborn.stretching.size - 1 else _drawn(finite, more, 1.0 - newborn.fraction[i] / other)
+            n = more if i == newborn.stretching.size - 1 else drawn(finite.rng, more, 1.0 - newborn.fraction[i] / other)
             more -= n
             other = max(other - newborn.fraction[i], 1e-300)
             at, x0 = b - direction * newborn.stretching[i], newborn.tried * abs(newborn.stretching[i])
             u, r = carried(work.reading.way, case.breaking, at, NEVER, x0, 0.0, GAUSS[j], nodes.size - 2)
             if r > x0 or u > NEVER:
-                k = _drawn(finite, n, _held(case, NEVER, x0, u, r))
+                k = drawn(finite.rng, n, _held(case, NEVER, x0, u, r))
                 broken += k
                 n -= k
             life = Life(origin + at, u, r, state.motion.time - (1.0 - GAUSS[j]) * dt)
@@ -359,7 +348,7 @@ def attach_all(state: State, case: Case, finite: FiniteNumber) -> None:
     more = math.floor(more)
     for i in range(newborn.stretching.size):
         x = motion.direction * newborn.stretching[i]
-        n = more if i == newborn.stretching.size - 1 else _drawn(finite, more, 1.0 - newborn.fraction[i] / other)
+        n = more if i == newborn.stretching.size - 1 else drawn(finite.rng, more, 1.0 - newborn.fraction[i] / other)
         more -= n
         other = max(other - newborn.fraction[i], 1e-300)
         life = Life(motion.position - x, NEVER, newborn.tried * abs(x), motion.time)
@@ -412,8 +401,8 @@ def counted(state: State, case: Case, finite: FiniteNumber) -> State:
         past[:, WAITING:] = rng.multinomial(count - attached, (parts / parts.sum()).ravel()).reshape(parts.shape)
         if delays.fraction > 0.0:
             waiting = past[:, WAITING + delays.time.size :]
-            parted = N * delays.fraction * np.maximum(left, _GONE)
-            past[:, 3 + P : WAITING] = np.where(left > _GONE, waiting / parted, 0)
+            parted = N * delays.fraction * np.maximum(left, GONE)
+            past[:, 3 + P : WAITING] = np.where(left > GONE, waiting / parted, 0)
     count_up(state, N)
     state.motion.lost = 0.0
     return state
@@ -435,5 +424,5 @@ def joined(cohorts: Floats, used: int, breaking: Breaking, finite: FiniteNumber,
     made = np.zeros((COHORT_ROWS, -(-total.size // Q) * Q))
     alive = survivals(breaking, u, r)
     made[[PLACE, REACH, CLOCK, SINCE, COUNT], : b.size] = b, r, u, since, np.round(total)
-    made[MASS, : b.size] = np.where(alive > _GONE, total / (finite.contacts * np.maximum(alive, _GONE)), 0.0)
+    made[MASS, : b.size] = np.where(alive > GONE, total / (finite.contacts * np.maximum(alive, GONE)), 0.0)
     return made.reshape(COHORT_ROWS, -1, Q)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .records import Floats, Mask
+from .records import Floats
 
 NOTHING = 1e-18  # survival below which a distribution is taken to have ended
 
@@ -121,29 +121,17 @@ def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Floats, breakin
 
 def _initial(contacts: Contacts, X: Floats) -> Response:
     """The contacts of the start: those still there, and those that break for the first time."""
-    known = contacts.reach[:, None]
-    values = np.zeros((4, X.size))
-    for block in _blocks(contacts, X):
-        inside, x, survivors, scale = _survivors(contacts, X[block])
-        breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
-        values[:, block][:, inside] = [
-            np.sum(term, axis=0) for term in (x * survivors, survivors, breaking, survivors - x * breaking)
-        ]
-    return Response(*values)
-
-
-def _blocks(contacts: Contacts, X: Floats) -> list[slice]:
-    """Parts of the positions for which a table by node of the start and position takes some 10 MB."""
-    size = max(1_000_000 // contacts.stretching.size, 1)
-    return [slice(begin, begin + size) for begin in range(0, X.size, size)]
-
-
-def _survivors(contacts: Contacts, X: Floats) -> tuple[Mask, Floats, Floats, Floats]:
-    """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its distribution."""
-    inside = X + contacts.stretching.min() < _end(contacts)
-    x = contacts.stretching[:, None] + X[inside]
+    known, values = contacts.reach[:, None], np.zeros((4, X.size))
     scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
-    return inside, x, scale * contacts.excess(np.maximum(x, contacts.reach[:, None]), 0), scale
+    inside = np.flatnonzero(X + contacts.stretching.min() < _end(contacts))  # where any are left
+    size = max(1_000_000 // contacts.stretching.size, 1)  # so that a table by node of the start takes some 10 MB
+    for part in (inside[begin : begin + size] for begin in range(0, inside.size, size)):
+        x = contacts.stretching[:, None] + X[part]
+        survivors = scale * contacts.excess(np.maximum(x, known), 0)
+        breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
+        terms = x * survivors, survivors, breaking, survivors - x * breaking
+        values[:, part] = [np.sum(term, axis=0) for term in terms]
+    return Response(*values)
 
 
 def _end(contacts: Contacts) -> float:

@@ -22,7 +22,7 @@ from .boxes import CHANCE, Rule
 from .event_queue import Queue, size, used
 from .hazard import BELL, LOGARITHMIC
 from .records import Floats, Record, blank, record
-from .tournament import enter, play, smallest, tournaments, winner
+from .tournament import enter, play, smallest, tournaments
 
 _LAG = 30.0  # widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again
 _SPAN = 0.25, 1e3  # widths from the slider to an edge of the window, at least and about at most
@@ -87,12 +87,6 @@ def strikes(clock: Clock, rule: Rule, now: float) -> tuple[float, int]:
     """Time of the next proposal, and of which clock."""
     ahead, behind = _strikes(clock, 0, rule.hazard.scale), _strikes(clock, 1, rule.hazard.scale)
     return max(min(ahead, behind), now), int(behind < ahead)
-
-
-@inlined
-def struck(clock: Clock, side: int, contacts: int) -> int:
-    """Contact of the next proposal."""
-    return winner(clock.readings[side], contacts)
 
 
 @inlined

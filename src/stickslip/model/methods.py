@@ -62,7 +62,7 @@ class Population(Record):
     Parameters
     ----------
     count : int
-        Number of contacts ``N``.
+        Number of contacts ``N``; of an elastic slider, those of each block.
     seed : int
         The same seed gives the same run, bit for bit, whatever is recorded. (Where a piece of the drive ends on a
         condition, other times of recording may give another run of the same distribution.)

@@ -113,19 +113,16 @@ def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) ->
     return np.asarray(rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached))
 
 
-@lru_cache(maxsize=64)
-def _survival_of(distribution: Distribution) -> Table:
-    return tabulate(distribution.survival, *end_and_knots(distribution))
-
-
-def survival_of(distribution: Distribution) -> Table:
-    """Return the survival of thresholds as kernels take it."""
-    table: Table = _survival_of(hashable(distribution))
+def survival_of(distribution: Distribution, width: float = 0.0, squared: bool = False) -> Table:
+    """Return the survival of thresholds as kernels take it; with a width that of newborns, at ``u = A ln G``."""
+    table: Table = _survival_of(hashable(distribution), width, squared)
     return table
 
 
-@lru_cache(maxsize=64)
-def _blurred(distribution: Distribution, width: float, squared: bool) -> Table:
+@lru_cache(maxsize=128)
+def _survival_of(distribution: Distribution, width: float, squared: bool) -> Table:
+    if width == 0.0:
+        return tabulate(distribution.survival, *end_and_knots(distribution))
     known, end, knots = survival_of(distribution), distribution.support[1], np.array(distribution.knots)
 
     def survival(at: Array) -> Array:
@@ -138,12 +135,6 @@ def _blurred(distribution: Distribution, width: float, squared: bool) -> Table:
     return tabulate(blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=-38.0 * width)
 
 
-def blurred_of(distribution: Distribution, width: float, squared: bool = False) -> Table:
-    """Return the survival of a newborn of any threshold at ``u = A ln G``, as kernels take it."""
-    table: Table = _blurred(hashable(distribution), width, squared)
-    return table
-
-
 def breaking_of(interface: Interface) -> Breaking:
     """Return how contacts break as kernels take it, where a clock and a reach say what is left of them."""
     distribution, temperature = interface.threshold_distribution, interface.temperature
@@ -152,7 +143,7 @@ def breaking_of(interface: Interface) -> Breaking:
     if isinstance(temperature, (Bell, Parabolic)):
         squared = isinstance(temperature, Parabolic)
         width = temperature.temperature if isinstance(temperature, Parabolic) else temperature.width
-        blurred = blurred_of(distribution, width, squared)
+        blurred = survival_of(distribution, width, squared)
         return Breaking(table, knots, blurred, width, temperature.attempts, growth, squared)
     if interface.ageing is None:
         knots = end_and_knots(distribution)[1]

@@ -12,17 +12,20 @@ from scipy.sparse.linalg import spsolve
 from stickslip.errors import InputError
 from stickslip.kernels import block_cohorts, blocks, drive, quasistatic
 from stickslip.kernels.blocks import Draws
-from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays, longer
+from stickslip.kernels.cohort_store import ALIVE, KEPT, PLACE, Delays, longer
 from stickslip.kernels.drive import Piece, Sampling
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS, Motion, Network, at_rest, fastest, stiffest_dashpot
 from stickslip.model import (
     Chain,
     Contacts,
     Delay,
+    DelayModel,
     ElasticBody,
     FromRest,
     Interface,
     MasterEquation,
+    Method,
+    Population,
     Prestressed,
     QuasiStatic,
 )
@@ -37,13 +40,12 @@ ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: spee
 _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
 _POOL = 256
 """Random numbers drawn at once for a block. The same seed gives another run with another length."""
-_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 2e-8, 3e-8, 4.5e-9, 7e-7, 4e-8
-"""Seconds a step of a block takes where no contact breaks, and with cohorts; each of these at the end of a stage; a
-break; and a block at each break in balance."""
+_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 2e-8, 3e-8, (4.5e-9, 1.8e-8), 7e-7, 4e-8
+"""Seconds a step of a block takes where no contact breaks, and with cohorts; each of these at the end of a stage, and
+if its contacts are counted; a break; and a block at each break in balance."""
 _CONTACT = 64.0  # bytes of a contact
 _CELLS = 400.0  # cohorts on a breaking displacement for an error of 1e-5
 _STAGES = 100.0  # stages in a delay, at least
-_KEPT = 1024  # stages of which breaks are remembered, at first
 _BUDGET = 2_000_000  # events, or eight steps of a block each, in an advance: some 50 to 200 ms
 
 
@@ -102,9 +104,14 @@ def longest_step(network: Network) -> float:
     return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
 
 
-def cells_of(method: MasterEquation) -> float:
+def cells_of(method: MasterEquation | Population) -> float:
     """Cohorts on a breaking displacement: the error is of second order in the distance between two."""
     return _CELLS * math.sqrt(1e-4 / method.rtol)
+
+
+def longest_stage(delay: DelayModel, body: ElasticBody, cells: float) -> float:
+    """Longest stage of cohorts: it resolves the delay, or what a block does on its contacts alone if that is slower."""
+    return max(delay.moment(1) / _STAGES, ANGLE * math.sqrt(body.mass)) * _CELLS / cells
 
 
 class Streams:
@@ -166,12 +173,13 @@ class ElasticEngine(Engine):
     slider: ElasticBody
     _motion: Motion
 
-    def __init__(self, beginning: Beginning, method: Contacts | MasterEquation | QuasiStatic) -> None:
+    def __init__(self, beginning: Beginning, method: Method) -> None:
         body = beginning.slider
         assert isinstance(body, ElasticBody)
         self.slider, self._sliding = body, beginning.interface.sliding_force
         load, push, self._prestress = balanced(beginning, always=isinstance(method, QuasiStatic))
         self._network = network_of(body, load, push)
+        self._longest = longest_step(self._network)
         self._slides = np.full(body.size, beginning.sliding) & (np.arange(body.size) >= beginning.at_rest)
         self._anchored = np.where(self._slides, self._sliding, self._prestress)
         self._element = np.clip(self._anchored, -self._sliding, self._sliding)
@@ -189,7 +197,7 @@ class ElasticEngine(Engine):
         return X, beginning.velocity * (1.0 + perturbation) * self._slides
 
     @staticmethod
-    def cost(rig: Rig, method: Contacts | MasterEquation | QuasiStatic, course: Course) -> tuple[Part, ...]:
+    def cost(rig: Rig, method: Method, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: of steps, unless in balance all the time, and of breaks."""
         body, balanced = rig.slider, isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
@@ -199,16 +207,18 @@ class ElasticEngine(Engine):
             step = longest_step(network)
             stiff = step < longest_step(network._replace(lag=0.0))  # dashpots ask for shorter steps than springs
             steps = body.size * rig.drive.duration / step
-        if isinstance(method, MasterEquation):
-            cells, delay, moving = cells_of(method), rig.interface.delay.moment(1), _STEP_OF_COHORTS
+        if isinstance(method, MasterEquation | Population):
+            cells, delay, moving = cells_of(method), rig.interface.delay, _STEP_OF_COHORTS
             distribution = rig.interface.threshold_distribution
             steps *= max(1.0, cells / _CELLS)
             way = course.distance * distribution.moment(1)
-            stages = cells * way
-            stages += _STAGES * cells / _CELLS * rig.drive.duration / delay if delay > 0 else math.inf
-            stages, cohorts = min(stages, steps / body.size), cells * min(survival_of(distribution).top, way)
+            stages = min(cells * way + rig.drive.duration / longest_stage(delay, body, cells), steps / body.size)
+            cohorts = cells * min(survival_of(distribution).top, way)
             what, each = f"{stages:.2g} stages of {cohorts:.2g} cohorts on each block", cohorts * body.size
-            contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, _COHORT * each * stages, _CONTACT * each)
+            counted = isinstance(method, Population)
+            waiting = 8.0 * KEPT * body.size * (delay.quadrature()[0].size if counted else 1)
+            seconds, room = _COHORT[counted] * each * stages, _CONTACT * each + waiting
+            contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, seconds, room)
         else:
             count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
             contacts = breaking(count, max(lifetimes_in(rig, course)[0], 1.0), each, _CONTACT)._replace(
@@ -251,16 +261,12 @@ class ElasticEngine(Engine):
     def _provide(self, why: int) -> bool:
         """Provide what the kernel has come back for; whether it was for that."""
 
-    def longest_step(self) -> float:
-        """Longest step in time."""
-        return longest_step(self._network)
-
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         sampling = Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
         self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
-        piece = Piece(leg.drive, leg.end, leg.stop, look, self.longest_step())
+        piece = Piece(leg.drive, leg.end, leg.stop, look, self._longest)
         while self._provide(why := self._move(piece, sampling)):
             pass
         rows = sampling.samples[: self._motion.now.sampled]
@@ -294,6 +300,7 @@ class BlocksOfContacts(ElasticEngine):
         self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
         if self._balanced:
             self._network = self._network._replace(mass=0.0)  # creep has a velocity, but no kinetic energy
+            self._longest = math.inf
             self._room = np.zeros((7, body.size))
 
     def stretchings(self) -> Stretchings:
@@ -301,10 +308,6 @@ class BlocksOfContacts(ElasticEngine):
         contacts = self._state.contacts
         x = (self._motion.blocks.X[:, None] - contacts.birth)[contacts.threshold > 0]
         return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
-
-    def longest_step(self) -> float:
-        """Longest step in time; in balance any will do."""
-        return math.inf if self._balanced else super().longest_step()
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
         state, network, draws = self._state, self._network, self._streams.draws
@@ -319,52 +322,45 @@ class BlocksOfContacts(ElasticEngine):
                 f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
-        kinds = {drive.THRESHOLDS_USED_UP: 1, drive.DELAYS_USED_UP: 2, drive.ARRESTED: 3}
+        kinds = drive.THRESHOLDS_USED_UP, drive.DELAYS_USED_UP, drive.ARRESTED
         if why in kinds:
-            self._streams.refill(block, kinds[why])
-        if why == drive.THRESHOLDS_USED_UP:
-            contacts.next_threshold[block] = 0
-        elif why == drive.DELAYS_USED_UP:
-            contacts.next_delay[block] = 0
+            self._streams.refill(block, kinds.index(why) + 1)
+            if why != drive.ARRESTED:  # what has been drawn is still to be used
+                (contacts.next_threshold if why == kinds[0] else contacts.next_delay)[block] = 0
         return why in kinds
 
 
 @solves(MasterEquation, elastic=True)
+@solves(Population, elastic=True)
 class BlocksOfCohorts(ElasticEngine):
-    """Blocks with infinitely many contacts each, in cohorts: `stickslip.kernels.block_cohorts`."""
+    """Blocks with infinitely many contacts each, or counted, in cohorts: `stickslip.kernels.block_cohorts`."""
 
     smooth = True
 
-    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
+    def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
         super().__init__(beginning, method)
         interface = beginning.interface
         if beginning.at_rest:
-            raise InputError(
-                f"FromSliding.at_rest = {beginning.at_rest}: not available with MasterEquation; use Contacts"
-            )
+            name = type(method).__name__
+            raise InputError(f"FromSliding.at_rest = {beginning.at_rest}: not available with {name}; use Contacts")
         table = survival_of(interface.threshold_distribution)
-        self._cells = cells_of(method)
-        past_rate = 0.0
+        cells, past_rate = cells_of(method), 0.0
+        self._longest *= min(1.0, _CELLS / cells)  # finer cohorts come with finer steps
         if beginning.sliding:
-            x, fraction = block_cohorts.smooth_sliding(table, self._cells, beginning.attached)
+            x, fraction = block_cohorts.smooth_sliding(table, cells, beginning.attached)
             past_rate = beginning.attached * beginning.velocity / interface.threshold_distribution.moment(1)
         elif isinstance(beginning.start, Prestressed):
             x, fraction = np.zeros(1), np.ones(1)
         else:
             x, fraction = stretching_nodes(interface.initial, interface.threshold_distribution)
         x = self._prestress[:, None] + x
-        delays, longest = Delays(*interface.delay.quadrature()), interface.delay.moment(1) * _CELLS / _STAGES
-        self._case = block_cohorts.Case(table, delays, self._sliding, 1.0 / self._cells, longest / self._cells)
+        count, seed = (float(method.count), method.seed) if isinstance(method, Population) else (math.inf, 0)
+        limits = 1.0 / cells, longest_stage(interface.delay, self.slider, cells), count, np.random.default_rng(seed)
+        self._case = block_cohorts.Case(table, Delays(*interface.delay.quadrature()), self._sliding, *limits)
         X, V = self._start(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * self._element)
         self._motion = at_rest(X, V, self._sliding, self._anchored)
-        room, fractions = int(2.0 * self._cells * table.top) + x.shape[1] + 64, np.broadcast_to(fraction, x.shape)
-        self._state = block_cohorts.make_state(
-            self._motion, X[:, None] - x, fractions, self._case, past_rate, room, _KEPT
-        )
-
-    def longest_step(self) -> float:
-        """Longest step in time; finer cohorts come with finer steps."""
-        return longest_step(self._network) * min(1.0, _CELLS / self._cells)
+        room = int(2.0 * cells * table.top) + x.shape[1] + 64
+        self._state = block_cohorts.make_state(self._motion, X[:, None] - x, fraction, self._case, past_rate, room)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts of all blocks now."""
@@ -377,9 +373,10 @@ class BlocksOfCohorts(ElasticEngine):
         return block_cohorts.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
 
     def _provide(self, why: int) -> bool:
+        cohorts = self._state.cohorts
         if why == drive.NO_ROOM:
-            self._state = block_cohorts.with_room(self._state)
+            cohorts = cohorts._replace(cohort=np.append(cohorts.cohort, np.zeros_like(cohorts.cohort), axis=2))
         elif why == drive.NO_HISTORY:
-            cohorts = self._state.cohorts
-            self._state = self._state._replace(cohorts=cohorts._replace(history=longer(cohorts.history)))
+            cohorts = cohorts._replace(history=longer(cohorts.history))
+        self._state = self._state._replace(cohorts=cohorts)
         return why in (drive.NO_ROOM, drive.NO_HISTORY)

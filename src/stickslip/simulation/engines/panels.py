@@ -15,7 +15,7 @@ from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
 from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.lifetimes import reach
-from stickslip.kernels.panel_state import NEGLIGIBLE, UNSTRETCHED, Accuracy, Delays, Newborn
+from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
 from stickslip.kernels.panels import advance
 from stickslip.kernels.records import Record
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
@@ -37,7 +37,7 @@ from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
-from stickslip.simulation.engines.beginnings import blurred_of, breaking_of, end_and_knots, survival_of
+from stickslip.simulation.engines.beginnings import breaking_of, end_and_knots, survival_of
 from stickslip.simulation.work import Course, Part, course_of
 
 _SAFETY = 1e-4, 0.87
@@ -259,8 +259,8 @@ def _accuracy(distribution: Distribution, breaking: Breaking, rtol: float, count
 @lru_cache(maxsize=64)
 def _width(distribution: Distribution, width: float, fixed: bool, tolerance: float, most: float) -> float:
     """Widest panel, up to the most, on which a sum over nodes is good to a tolerance: between knots where it is cut."""
-    table = survival_of(distribution) if width == 0.0 else blurred_of(distribution, width)
-    return widest(table, end_and_knots(distribution)[1] if fixed else np.empty(0), tolerance, most, order=1)
+    knots = end_and_knots(distribution)[1] if fixed else np.empty(0)
+    return widest(survival_of(distribution, width), knots, tolerance, most, order=1)
 
 
 @lru_cache(maxsize=64)
@@ -332,9 +332,8 @@ def _lives_met(
         alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
         parts.append((x, mass * weight * alive, clock, most, age))
     x, weight, clock, most, age = (np.concatenate(part) for part in zip(*parts, strict=True))
+    kept = weight.sum(axis=1) > 1e-17
     path = float(weight.sum())
-    beyond = np.cumsum((weight * (1.0 + x)).sum(axis=1)[::-1])[::-1]  # mass and force of all that follow
-    kept = beyond > NEGLIGIBLE * case.accuracy.tolerance * path
     return x[kept], weight[kept] / weight[kept].sum(), (clock[kept], most[kept], age[kept]), path
 
 
