@@ -43,6 +43,11 @@ def chart(
     one, other = here
     if bistable:
         check_rig(natural, FromRest(), METHOD)
+        if rig.interface.ageing is not None and rig.interface.temperature is not None:
+            raise InputError(
+                "map: --bistable: of contacts that age and break by heat it takes hours; leave it out, and ask "
+                "bistable_range() over the velocity for one value of the other parameter"
+            )
         if units := [p.name for p in map(parameter_named, over) if p.rescales]:
             raise InputError(
                 f"map: over = {units[0]}: stick-slip is not followed along a unit of the rig; leave out --bistable"
