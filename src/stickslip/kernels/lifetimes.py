@@ -16,7 +16,8 @@ from .rules import dot, integrals, radau, solve
 
 NODES = 8
 FOLDS = 1.75  # powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost
-QUIET = 24.0  # breaks up to where panels begin to follow the rate: ``exp(-QUIET)``
+QUIET = 20.0
+"""Breaks up to where panels begin to follow the rate, and what is left where they end: ``exp(-QUIET)``, 2e-9, too."""
 
 NODE = radau(NODES)
 INTEGRAL = integrals(NODE)  # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
@@ -93,12 +94,11 @@ def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: floa
     c, pace = _threshold(growth, strength, here / v)
     exponent, steep, hard = log_rate(hazard, here, c)
     h = min(0.25 * end, end - here)
-    if growth.first != 0.0:
-        memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
-        h = min(h, 0.5 * (here + memory))
     if not hazard.attempts > 0.0:
         return h
     fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
+    if growth.first != 0.0:
+        fine = min(fine, 0.5 * (here + (v * growth.second if growth.kind == LOGARITHMIC else v / growth.first)))
     if hazard.kind == PARABOLIC:
         most = end / hazard.scale
         fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
@@ -135,7 +135,7 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
             continue
         here, broken, late, first = 0.0, 0.0, 0.0, True
         pushed = 0.0
-        while here < end and broken < 45.0:
+        while here < end and broken < QUIET:
             h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
             if end - here - h < 1e-3 * h:
                 h = end - here
@@ -170,7 +170,7 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
             broken, late = integrated[NODES - 1], aged[NODES - 1]
             panels += 1
             here = end if h == end - here else here + h
-        if broken < 45.0:
+        if broken < QUIET:
             _, pace = _threshold(growth, xi, end / v)
             held = part * np.exp(-broken)
             cap[0, i], cap[1, i] = end, held / (1.0 - pace / v)
@@ -207,9 +207,9 @@ def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
 @inlined
 def _gone(z: complex) -> complex:
     """``1 - exp(-z)`` without cancellation."""
-    half = np.sin(0.5 * z.imag)
-    fall = np.expm1(-z.real)
-    return complex(-fall * np.cos(z.imag) + 2.0 * half * half, (1.0 + fall) * np.sin(z.imag))
+    if abs(z.real) + abs(z.imag) > 1e-3:  # else it loses more than 1e-12
+        return complex(1.0 - np.exp(-z))
+    return z * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z / 24.0)))
 
 
 @jit
@@ -225,7 +225,7 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
     stiff = bool(np.any(lifetimes.decay != 0.0))
     thermal = bool(np.any(lifetimes.push != 0.0))
     for m in range(q.size):
-        here, start, left = q[m], 0.0j, 1.0 + 0.0j
+        here, size, start, left = q[m], abs(q[m]), 0.0j, 1.0 + 0.0j
         lost, work, breaks, yields = 0.0j, 0.0j, 0.0j, 0.0j
         for k in range(lifetimes.width.size):
             h, at = lifetimes.width[k], k * NODES
@@ -256,8 +256,8 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                 x, weight = lifetimes.x[i], lifetimes.weight[i]
                 gone = 1.0 + 0.0j
                 if not fast:
-                    # what is left of exp(-q x), from panel to panel, but where the difference would lose digits
-                    gone = _gone(here * x) if abs(here) * x < 0.1 else 1.0 - left * turn[i - at]
+                    # what is left of exp(-q x), from panel to panel
+                    gone = _gone(here * x) if size * x < 1e-3 else 1.0 - left * turn[i - at]
                 lost += weight * lifetimes.survival[i] * gone
                 work += weight * lifetimes.survival[i] * x * (1.0 - gone)
                 if thermal:

@@ -1,16 +1,19 @@
 """A decreasing function of one variable, such as the survival of thresholds, as a table of polynomials."""
 
+from bisect import bisect_left
 from collections.abc import Callable
 from itertools import pairwise
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import bare, inlined
+from ._jit import inlined, jit
 from .records import Floats
 from .rules import GAUSS, WEIGHT
 
 DEGREE = 5
+_POWERS = range(DEGREE + 1)
 GONE = 1e-13  # fraction of contacts so small that none of them is left
 
 
@@ -28,7 +31,9 @@ class Table(NamedTuple):
 
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
 _FIT = np.linalg.inv(np.vander(_NODE, increasing=True))
-_CHECK = (np.arange(DEGREE) + 1.0) / (DEGREE + 1)
+_CHECK = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE) + 1.0) / (DEGREE + 1)))  # where an error is largest
+_HALF = np.array([[[comb(k, j) * half ** max(k - j, 0) / 2.0**k for j in _POWERS] for k in _POWERS] for half in (0, 1)])
+"""What turns the coefficients on a cell into those on either half of it."""
 
 
 def tabulate(
@@ -39,34 +44,35 @@ def tabulate(
     most: int = 2**14,
     low: float = 0.0,
 ) -> Table:
-    """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the tolerance, or in the most."""
-    count = 64
+    """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the tolerance, or in the most.
+
+    Where a cell meets it, its halves keep its polynomial.
+    """
+    pieces, rough, check = np.zeros((128, DEGREE + 3)), np.arange(64), np.vander(_CHECK, DEGREE + 1, increasing=True).T
     while True:
+        count = len(pieces) // 2
         width = (top - low) / count
-        left = low + width * np.arange(count)
+        left = low + width * rough
         right = left + width
-        first, second = right.copy(), left.copy()
+        inner = right.copy()
         for knot in knots:
-            cell = min(int((knot - low) / width), count - 1)
-            if left[cell] < knot < right[cell]:
-                first[cell] = second[cell] = knot
-        pieces = np.zeros((count, 2, DEGREE + 3))
-        worst = 0.0
-        for side, (a, b) in enumerate(((left, first), (second, right))):
-            x = a[:, None] + (b - a)[:, None] * _NODE
-            pieces[:, side, 0], pieces[:, side, 1] = a, 1.0 / (b - a)
-            pieces[:, side, 2:] = function(x) @ _FIT.T
-            fitted = pieces[:, side, 2:] @ np.vander(_CHECK, DEGREE + 1, increasing=True).T
-            worst = max(
-                worst, np.abs(fitted - function(np.asarray(a[:, None] + (b - a)[:, None] * _CHECK, float))).max()
-            )
-        if worst < tolerance or 2 * count > most:
+            inner[(left < knot) & (knot < right)] = knot
+        cut = inner < right
+        a, b = np.append(left, inner[cut])[:, None], np.append(inner, right[cut])[:, None]
+        fitted = function(a + (b - a) * _NODE) @ _FIT.T
+        missed = np.abs(fitted @ check - function(a + (b - a) * _CHECK)).max(axis=1) >= tolerance
+        place, pieces[2 * rough + 1, 0] = np.append(2 * rough, 2 * rough[cut] + 1), np.inf
+        pieces[place] = np.hstack([a, 1.0 / (b - a), fitted])
+        if not missed.any() or 2 * count > most:
             break
-        count *= 2
-    one = np.flatnonzero(function(np.asarray(left + width, float)) < function(np.full(1, low)) * (1.0 - 1e-15))
-    bottom = float(left[one[0]]) if one.size else top
-    pieces[second == left, 1, 0] = np.inf
-    return Table(pieces.reshape(2 * count, -1), 1.0 / width, bottom, low, top)
+        again = np.unique(np.append(place[missed] // 2, rough[cut]))
+        halves = np.full((count, 2, 2, DEGREE + 3), np.inf)
+        halves[..., 0, 0] = low + 0.5 * width * np.arange(2 * count).reshape(count, 2)
+        halves[..., 0, 1], halves[..., 0, 2:] = 2.0 / width, np.einsum("ck,hkj->chj", pieces[::2, 2:], _HALF)
+        pieces, rough = halves.reshape(4 * count, -1), np.append(2 * again, 2 * again + 1)
+    whole = function(np.full(1, low)) * (1.0 - 1e-15)
+    full = bisect_left(range(count), True, key=lambda i: bool(function(np.full(1, low + width * (i + 1.0))) < whole))
+    return Table(pieces, 1.0 / width, low + width * full, low, top)
 
 
 @inlined
@@ -93,16 +99,12 @@ def value_at(table: Table, x: float) -> float:
     return value_and_slope(table, x)[0]
 
 
-@bare
-def _fill(table: Table, x: Floats, values: Floats) -> None:
-    for i in range(x.size):
-        values[i] = value_at(table, x[i])
-
-
+@jit
 def values_at(table: Table, x: Floats) -> Floats:
     """Values at many places."""
     values = np.empty(x.size)
-    _fill(table, x, values)
+    for i in range(x.size):
+        values[i] = value_at(table, x[i])
     return values
 
 

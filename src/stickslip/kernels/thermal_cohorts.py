@@ -18,7 +18,7 @@ import numpy as np
 from ._jit import bare, inlined
 from .cohort_store import ALIVE, MASS, PLACE, Delays, History, due, first_history, has_room, join, longer
 from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STILL, STOPPED, Quadratic, Stop, drive_at, holds
-from .hazard import EXPONENTIAL, Growth, Hazard, rate, threshold_at
+from .hazard import EXPONENTIAL, LOGARITHMIC, Growth, Hazard, grown, rate
 from .oscillator import Load, Motion, Slider, Travel, free_amplitude, is_rigid, spring_force, travel
 from .records import Floats, Record, blank, record
 from .rules import gauss
@@ -69,6 +69,7 @@ class State(NamedTuple):
     cohort: Floats  # shape (ROWS, room)
     run: Floats  # shape (room, nodes): by cohort ``H`` at the nodes
     trial: Floats  # the same at the end of a step under trial
+    course: Floats  # shape (4, n): of a cohort in it weights and stretchings, and factors and addends of its thresholds
     history: History
     used: Record  # record of COUNTS
     before: Record  # MOTION, shape (1,): motion at the start of a step
@@ -105,44 +106,43 @@ class _Trial(NamedTuple):
 
 
 @bare
-def _integral(hazard: Hazard, growth: Growth, strength: float, age: float, dt: float, x: float, dx: float) -> float:
-    """Integral of the rate over a time in which the stretching goes from `x` by `dx`, uniformly."""
-    ratio = 0.0
-    if growth.first == 0.0 or (growth.kind == EXPONENTIAL and growth.first * age > 40.0):
-        pieces, logarithmic = 1, False
-    elif growth.kind == EXPONENTIAL:
-        pieces, logarithmic = 1 + int(min(2.0 * growth.first * dt, 200.0)), False
-    else:
-        ratio = dt / (age + growth.second)
-        logarithmic = ratio > _PIECE
-        pieces = 1 + int(math.log1p(ratio) / _PIECE) if logarithmic else 1
-    total = 0.0
-    for i in range(pieces):
-        for k in range(3):
-            part = (i + _NODE[k]) / pieces
-            t, density = part * dt, dt
-            if logarithmic:
-                whole = math.log1p(ratio)
-                t = (age + growth.second) * math.expm1(part * whole)
-                density = (age + growth.second + t) * whole
-            threshold = threshold_at(growth, strength, age + t)
-            total += _WEIGHT[k] / pieces * density * rate(hazard, x + dx * t / dt, threshold)
-    return total
+def _lay(course: Floats, growth: Growth, age: float, dt: float, x: float, dx: float) -> int:
+    """Lay a course over a time in which the stretching goes from `x` by `dx`, uniformly: how many nodes it has."""
+    pieces, span = 1, 0.0  # of the logarithm of the age
+    if growth.kind == EXPONENTIAL and growth.first * age < 40.0:
+        pieces += int(min(2.0 * growth.first * dt, 1e6))
+    elif growth.kind == LOGARITHMIC and growth.first > 0.0:
+        span = math.log1p(dt / (age + growth.second))
+        pieces += int(span / _PIECE)
+    pieces = min(pieces, course.shape[1] // 3)
+    for n in range(3 * pieces):
+        part = (n // 3 + _NODE[n % 3]) / pieces
+        t, density = part * dt, dt
+        if span > 0.0:
+            t = (age + growth.second) * math.expm1(part * span)
+            density = (age + growth.second + t) * span
+        course[0, n], course[1, n] = _WEIGHT[n % 3] / pieces * density, x + dx * t / dt
+        course[2, n], course[3, n], _, _ = grown(growth, age + t)
+    return int(3 * pieces)
 
 
 @bare
 def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, dX: float) -> float:
     """Take a cohort along: the fraction of it that survives."""
     age, x = now - state.cohort[SINCE, j], X - state.cohort[PLACE, j]
+    course, count = state.course, _lay(state.course, model.growth, age, dt, x, dX)
+    factor, addend, _, _ = grown(model.growth, age + dt)
     fraction = seen = 0.0
     end = abs(x + dX)
     for k in range(model.node.size):
-        run = state.run[j, k]
+        run, strength = state.run[j, k], model.node[k]
         if run < 40.0:
-            if end >= threshold_at(model.growth, model.node[k], age + dt):
+            if end >= strength * factor + addend:
                 run = math.inf
             else:
-                run += _integral(model.hazard, model.growth, model.node[k], age, dt, x, dX)
+                for n in range(count):
+                    threshold = strength * course[2, n] + course[3, n]
+                    run += course[0, n] * rate(model.hazard, course[1, n], threshold)
                 fraction += model.weight[k] * math.exp(-run)
         state.trial[j, k] = run
         seen += model.weight[k]
@@ -222,22 +222,20 @@ def _try_step(state: State, case: Case, dt: float) -> tuple[_Trial, Load, float]
     motion, slider, width = state.motion, case.slider, case.model.width
     part = due(state.history, case.delays, dt, state.due)
     known = state.due[0] - motion.reattached
-    load = _load(case, motion, motion.loss)
-    trial = _arrive(state, case, known, part, dt, load)
-    disagreement = 0.0
-    loss = (motion.contact_force + load.stiffness * (trial.X - motion.position) - _friction(trial)) / dt
-    if not is_rigid(slider):
-        for _ in range(2 if slider.mass > 0.0 else 4):
-            guess = trial.X
-            trial = _arrive(state, case, known, part, dt, _load(case, motion, loss))
-            loss = (motion.contact_force + load.stiffness * (trial.X - motion.position) - _friction(trial)) / dt
-            disagreement = abs(trial.X - guess)
-            if disagreement < 1e-3 * case.limits.reach * case.limits.reach * width:
-                break
+    load, guess = _load(case, motion, motion.loss), math.inf
+    for _ in range(1 if is_rigid(slider) else (3 if slider.mass > 0.0 else 5)):
+        trial = _arrive(state, case, known, part, dt, load)
+        disagreement, guess = abs(trial.X - guess), trial.X
+        load = _load(
+            case, motion, (motion.contact_force + load.stiffness * (trial.X - motion.position) - _friction(trial)) / dt
+        )
+        if disagreement < 1e-3 * case.limits.reach * case.limits.reach * width:
+            break
+    disagreement = 0.0 if is_rigid(slider) else disagreement
     trouble = abs(trial.X - motion.position) / (case.limits.reach * width)
     trouble = max(trouble, trial.broken / case.limits.broken, trial.attaching / (8.0 * case.limits.broken))
     trouble = max(trouble, math.sqrt(disagreement / (0.02 * case.limits.reach * width)))
-    return trial, _load(case, motion, loss), trouble
+    return trial, load, trouble
 
 
 @bare
@@ -455,7 +453,17 @@ def _empty(model: Model, delays: Delays, room: int, rate_before: float) -> State
     """Make room for a state; contacts broke at this rate before."""
     run = np.zeros((room, model.node.size))
     history, cohort = first_history(delays, np.full(1, rate_before)), np.zeros((ROWS, room))
-    state = State(blank(MOTION), cohort, run, run.copy(), history, blank(COUNTS), blank(MOTION, 1), np.zeros(1))
+    state = State(
+        blank(MOTION),
+        cohort,
+        run,
+        run.copy(),
+        np.empty((4, 603)),
+        history,
+        blank(COUNTS),
+        blank(MOTION, 1),
+        np.zeros(1),
+    )
     state.motion.reattached = -rate_before * float((delays.time * delays.weight).sum())
     return state
 

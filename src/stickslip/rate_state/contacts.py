@@ -9,13 +9,14 @@ from scipy import interpolate, special
 
 from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import instance
-from stickslip.model import Barrier, Delay, Interface, Langevin, MasterEquation, Parabolic
+from stickslip.model import Delay, Interface, Langevin, MasterEquation
 from stickslip.model.records import hashable
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
 
-ROUGH = MasterEquation(rtol=1e-3)  # for a step that is fitted: errs by 1 % of its range, laws by several
+ROUGH = MasterEquation(rtol=1e-3)  # for a step that is fitted: errs by .1 % of its range, laws by several
 _FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
+_MISSED = 1.6e-3  # of the response, by a spline of fourth order before it knows a middle: an error of 1e-4 with it
 
 
 def small_step(
@@ -29,9 +30,7 @@ def small_step(
     gives an error of 1e-4.
     """
     y, kappa = _answer(hashable(interface), velocity, coarse)
-    if math.isfinite(stiffness):
-        kappa = kappa * stiffness / (kappa + stiffness)
-    factor = np.asarray(kappa).imag / y
+    factor = (kappa / (1.0 + kappa / stiffness)).imag / y
     # Below the first frequency the factor is dF/dln v.
     y, factor = np.append(0.0, y), np.append(factor[0], factor)
     x = slip[:, None]
@@ -47,26 +46,30 @@ def _answer(interface: Interface, velocity: float, coarse: float) -> tuple[Array
     """Wave numbers that follow every turn of the response, and ``kappa`` there."""
     response, thresholds = respond(interface), interface.threshold_distribution
     mean = thresholds.moment(1)
-
-    def stiffness_at(wave: Array) -> ComplexArray:
-        """By wave number, in units of one over the mean threshold."""
-        return response.stiffness(velocity, 1j * wave / mean * velocity)
-
     # Contacts that are nearly alike break together, life after life: a resonance of this width, from its first on.
     away, cv = velocity * interface.delay.longest / mean, thresholds.standard_deviation() / mean
     sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
-    fine = min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
+    fine = coarse * min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
     few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
     top = 1e3 if isinstance(interface.ageing, Langevin) else 1e5  # its table has no more
-    y = np.concatenate(
-        [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, top, many)]
-    )
-    if isinstance(interface.temperature, Parabolic | Barrier):
-        # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
-        middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
-        known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
-        return y / mean, interpolate.CubicSpline(np.log1p(known), stiffness_at(known))(np.log1p(y))
-    return y / mean, stiffness_at(y)
+    y = np.concatenate([np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, fine)[1:], np.geomspace(30.0, top, many)])
+    u = np.log1p(y)
+
+    def factor_at(wave: Array) -> ComplexArray:
+        return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity)) / wave
+
+    # At first as far apart as no resonance is passed over, and a fourth of its period; halved where a spline misses.
+    apart = max(int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine), 1)
+    known = np.append(np.arange(0, y.size - 1, apart), y.size - 1)
+    factor, new = factor_at(y[known]), np.setdiff1d((known[1:] + known[:-1]) // 2, known)
+    mean_factor = np.trapezoid(np.abs(factor.imag), u[known]) / u[-1]
+    while new.size:
+        found = factor_at(y[new])
+        missed = np.abs(interpolate.CubicSpline(u[known], factor)(u[new]) - found) > _MISSED * mean_factor
+        known, order = np.unique(np.append(known, new), return_index=True)
+        factor, at = np.append(factor, found)[order], np.searchsorted(known, new[missed])
+        new = np.setdiff1d(np.append(known[at - 1] + known[at], known[at] + known[at + 1]) // 2, known)
+    return y / mean, interpolate.CubicSpline(u[known], factor)(u) * y
 
 
 def finite_step(

@@ -65,8 +65,7 @@ def export_rate_and_state(
     if math.isnan(stress) and program in ("qdyn", "tandem"):
         raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
     si = fit.in_units(scales)
-    speed = engineering(si.velocity, "m/s")
-    faster = engineering(si.velocity * si.step, "m/s")
+    speed, faster = (engineering(value, "m/s") for value in (si.velocity, si.velocity * si.step))
     notes = (
         f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
         f"Fit of the {si.law} law to a step from {speed} to {faster} over six breaking displacements; forces are those "

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -10,8 +11,6 @@ from scipy import optimize
 from stickslip.errors import UndecidedError
 from stickslip.measure.arrays import Array
 from stickslip.words import prefixed
-
-_STEP = math.sqrt(np.finfo(float).eps)
 
 
 class Estimate(float):
@@ -88,9 +87,6 @@ def least_squares(
         except UndecidedError:
             return np.full(data.size, 1e3)
 
-    def slopes(place: Array) -> Array:
-        return np.asarray(optimize.approx_fprime(place, residual, _STEP, like))
-
     least, largest = places(low), places(high)
     best_tried = sorted(tried, key=lambda one: float(np.sum(residual(places(one)) ** 2)))[:1]
     fits = (
@@ -98,7 +94,7 @@ def least_squares(
             residual,
             np.clip(places(start), least + 1e-9, largest - 1e-9),
             bounds=(least, largest),
-            jac="2-point" if like is None else slopes,
+            jac="2-point" if like is None else partial(optimize.approx_fprime, f=partial(residual, model=like)),
             x_scale="jac",
             xtol=tolerance,
             ftol=tolerance,

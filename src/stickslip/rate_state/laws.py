@@ -95,8 +95,7 @@ class RateAndState(Record):
         found, (later, place) = np.zeros_like(x), np.unique(x[x > 0], return_inverse=True)
         if later.size:  # in units of the first velocity
             time = np.concatenate([[-1.0, 0.0], later / ratio])
-            pull = np.where(time < 0, 1.0, ratio)
-            found[x > 0] = self.slide(time, pull, stiffness=stiffness)[0, 2:][place]
+            found[x > 0] = self.slide(time, np.where(time < 0, 1.0, ratio), stiffness=stiffness)[0, 2:][place]
         return found
 
     def small_step(self, slip: ArrayLike, *, stiffness: float) -> Array:

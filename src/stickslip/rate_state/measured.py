@@ -300,7 +300,7 @@ def fit_contacts(
     trend : bool
         Whether friction may change linearly with displacement besides.
     linear : bool
-        Only fit the linear response, which takes a quarter of the time: for steps by a factor of a few.
+        Only fit the linear response, which takes half of the time: for steps by a factor of a few.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def fit_contacts(
     }
     tried = [np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)]
     given, quick = {"thresholds": thresholds, "linear": False}, {"thresholds": thresholds, "linear": True}
-    how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4}
+    how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4 if linear else ROUGH.rtol}  # no finer than what is fitted
     found, _ = _fitted(ContactsFit, step, quick, ranges, [], tried=tried, most=50, **how)
     if not linear:
         start = np.array([*(getattr(found, name) for name in ranges), found.late])

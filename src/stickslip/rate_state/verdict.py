@@ -111,13 +111,12 @@ class RateAndStateFit(Answer):
         side = {"none": "", "too low": "on the unsafe side", "too high": "on the safe side"}[self.danger]
         percent = f"{100 * abs(1 - self.ratio):.0f} % " if math.isfinite(self.ratio) else ""
         away = f" ({percent}{self.danger}, {side})" if side else ""
-        stable = self.exact_critical_stiffness == self.critical_stiffness == 0
         lines = [
             f"rate-and-state-like: {self.reason}",
             f"{self.law} law, a = {self.a.words(force)}, b = {self.b.words(force)}, "
             f"D = {self.distance.words(length)}, a - b = {engineering(self.a - self.b, force, 3)}",
             "steady sliding is stable on any spring, by rate and state as by the contacts"
-            if stable
+            if self.exact_critical_stiffness == self.critical_stiffness == 0
             else f"critical stiffness in steady sliding: {exact} exactly, {fitted} by rate and state{away}",
         ]
         if self.healing is not None:
@@ -173,10 +172,9 @@ def rate_and_state(
     if not failing:
         low, high = (_small(interface, v).value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
         drift = ((high - low) / small.value).tolist()
-        for (name, most), now in zip(DRIFTS.items(), drift, strict=True):
-            if not failing and abs(now) >= most:
-                limit = f"must be below {100 * most:g} %"
-                failing = f"{name} changes by {100 * now:.3g} % over a decade of velocity; {limit}"
+        said = "{} changes by {:.3g} % over a decade of velocity; must be below {:g} %"
+        changed = zip(DRIFTS, drift, DRIFTS.values(), strict=True)
+        failing = next((said.format(one, 100 * now, 100 * most) for one, now, most in changed if abs(now) >= most), "")
     chosen, asymmetry = laws[0], None
     if not failing:
         chosen, fit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
@@ -186,6 +184,7 @@ def rate_and_state(
         exact = critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)))
     except UndecidedError:
         exact = math.nan
+    tested = "misfit {:.2g} %; over a decade a changes by {:.2g} %, b by {:.2g} %, D by {:.2g} %"
     return RateAndStateFit(
         law=chosen,
         **found,
@@ -201,10 +200,7 @@ def rate_and_state(
         critical_stiffness=RateAndState(law=chosen, **found).critical_stiffness(spring),
         exact_critical_stiffness=exact,
         holds=not failing,
-        reason=failing
-        or "misfit {:.2g} %; over a decade a changes by {:.2g} %, b by {:.2g} %, D by {:.2g} %".format(
-            *(100.0 * part for part in (small.misfit, *drift))
-        ),
+        reason=failing or tested.format(*(100.0 * part for part in (small.misfit, *drift))),
     )
 
 
@@ -251,9 +247,8 @@ def _failing(interface: Interface, velocity: float, fit: Fit) -> str:
     kappa = complex(respond(interface).stiffness(velocity, wave * velocity))
     direct = (kappa * spring / (wave * (spring - kappa))).real
     if not direct > _RESOLVED * a:
-        remedy = "; add [interface.temperature]" if interface.temperature is None else ""
         found = f"a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
-        return f"no direct effect: {found}{remedy}"
+        return f"no direct effect: {found}" + ("" if interface.temperature else "; add [interface.temperature]")
     if a < 2.0 * a.error:
         return f"a = {a:.2g} ± {a.error:.1g} is not resolved"
     if fit.misfit >= MISFIT:

@@ -41,8 +41,9 @@ def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
     """Return the mean life of contacts that break by temperature, or whose thresholds grow by a fixed rule."""
     lifetimes = lifetimes_of(interface, velocity)
     survival, slope = lifetimes.weight * lifetimes.survival, lifetimes.weight * lifetimes.slope
-    longer, more = slope.sum() + lifetimes.cap_slope.sum(), lifetimes.x @ slope + lifetimes.cap_x @ lifetimes.cap_slope
-    return MeanLifetimes(*np.array([[survival.sum(), lifetimes.x @ survival, longer, more, 1.0]]).T)
+    work, more = (np.sum(lifetimes.x * value) for value in (survival, slope))
+    longer, more = slope.sum() + lifetimes.cap_slope.sum(), more + np.sum(lifetimes.cap_x * lifetimes.cap_slope)
+    return MeanLifetimes(*np.array([[survival.sum(), work, longer, more, 1.0]]).T)
 
 
 def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:

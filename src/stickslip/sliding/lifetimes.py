@@ -223,9 +223,10 @@ def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v:
         places += [(float(np.interp(knot, reached, x)), A) for knot in knots if knot < reached[-1]]
     places += [(kernel.reach(growth, knot, v), A) for knot in distribution.knots if knot > 0 or growth.first > 0.0]
     edges = panel_edges(distribution, 0.0, end, places, follow)
-    # All have broken long before the strongest meet their thresholds.
+    # All but next to none have broken long before the strongest meet their thresholds.
     width, x, _ = _radau(edges)
-    broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], _barrier(hazard, np.array(high))[1] + 4.0 * A)
+    last = np.minimum(distribution.inverse_survival(math.exp(-kernel.QUIET)), high)
+    broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], _barrier(hazard, last)[1] + 4.0 * A)
     return edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
 
 

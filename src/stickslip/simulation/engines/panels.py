@@ -15,7 +15,7 @@ from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
 from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.lifetimes import reach
-from stickslip.kernels.panel_state import UNSTRETCHED, Accuracy, Delays, Newborn
+from stickslip.kernels.panel_state import NEGLIGIBLE, UNSTRETCHED, Accuracy, Delays, Newborn
 from stickslip.kernels.panels import advance
 from stickslip.kernels.records import Record
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
@@ -332,8 +332,9 @@ def _lives_met(
         alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
         parts.append((x, mass * weight * alive, clock, most, age))
     x, weight, clock, most, age = (np.concatenate(part) for part in zip(*parts, strict=True))
-    kept = weight.sum(axis=1) > 1e-17
     path = float(weight.sum())
+    beyond = np.cumsum((weight * (1.0 + x)).sum(axis=1)[::-1])[::-1]  # mass and force of all that follow
+    kept = beyond > NEGLIGIBLE * case.accuracy.tolerance * path
     return x[kept], weight[kept] / weight[kept].sum(), (clock[kept], most[kept], age[kept]), path
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from stickslip.kernels import thermal_cohorts as kernel
 from stickslip.kernels.cohort_store import ALIVE, PLACE, Delays
+from stickslip.kernels.hazard import BARRIER, log_rate
 from stickslip.kernels.thermal_cohorts import advance
 from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, MasterEquation, Parabolic
 from stickslip.model.distributions import Distribution
@@ -17,7 +18,8 @@ from stickslip.simulation.work import Course, Part
 from stickslip.sliding.lifetimes import growth_of, hazard_of
 
 _NODES = 240  # nodes of thresholds, at most, where one number does not do
-_BROKEN = 0.006  # largest fraction of the contacts that breaks in a step
+_FARTHEST = 4.0  # widths in a step: what grows by so many powers of e, three nodes of Gauss integrate to 1e-3
+_BROKEN = 0.006  # largest fraction of the contacts that breaks in a step of half a width
 _COHORT, _NODE = 7e-7, 3e-7  # seconds a cohort takes in a step, and each of its nodes that is about to break
 _BAND = 25.0  # that is within so many widths
 
@@ -39,10 +41,8 @@ class ThermalPopulation(Cohorts):
         thresholds, width = interface.threshold_distribution, activation_width(interface)
         hazard, growth = hazard_of(interface.temperature), growth_of(interface.ageing)
         model = kernel.Model(hazard, growth, *_threshold_nodes(thresholds, width), width)
-        # Second order: half a width makes 1e-5 of the force.
-        coarser = min(math.sqrt(method.rtol / 1e-4), 2.0)
-        reach = 0.5 * coarser
-        broken = min(1.5 * reach * width / thresholds.moment(1), _BROKEN * coarser)
+        reach = min(0.5 * math.sqrt(method.rtol / 1e-4), _FARTHEST)  # of second order
+        broken = reach * min(1.5 * width / thresholds.moment(1), 2.0 * _BROKEN)
         limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
         delays = Delays(*interface.delay.quadrature())
         self._case = kernel.Case(model, delays, self.slider, interface.sliding_force, limits)
@@ -60,7 +60,7 @@ class ThermalPopulation(Cohorts):
         """Return the work of a run, by part: a few steps and cohorts on a width, fewer where few contacts may break."""
         interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
         width, (lives, _) = activation_width(interface), lifetimes_in(rig, course)
-        finer, way = max(0.5, math.sqrt(1e-4 / method.rtol)), mean * (course.distance + course.shaken)
+        finer, way = max(0.5 / _FARTHEST, math.sqrt(1e-4 / method.rtol)), mean * (course.distance + course.shaken)
         moving = finer * max(2.0 * way / width, lives / _BROKEN)
         steps, cohorts = moving + 3.0 * course.rung, 2.0 * moving / max(lives, 1.0)  # some last twice as long as most
         node = _threshold_nodes(interface.threshold_distribution, width)[0]
@@ -78,15 +78,9 @@ class ThermalPopulation(Cohorts):
 
 def activation_width(interface: Interface) -> float:
     """Stretching over which the rate of breaking grows by a factor of e, where contacts mostly break."""
-    mean = interface.threshold_distribution.moment(1)
-    match interface.temperature:
-        case Parabolic(temperature=temperature):
-            return temperature / mean
-        case Barrier(height=height, power=power):
-            left = min(1.0, (10.0 / height) ** (1.0 / power))
-            return float(mean / (height * power * left ** (power - 1.0)))
-    assert isinstance(interface.temperature, Bell)
-    return interface.temperature.width
+    hazard, mean = hazard_of(interface.temperature), interface.threshold_distribution.moment(1)
+    left = min(1.0, (10.0 / hazard.scale) ** (1.0 / hazard.power)) if hazard.kind == BARRIER else 0.0
+    return float(1.0 / log_rate(hazard._replace(kramers=0.0), mean * (1.0 - left), mean)[1])
 
 
 def _threshold_nodes(distribution: Distribution, width: float) -> tuple[Array, Array]:
