@@ -26,6 +26,7 @@ PRECISION = 0.05  # where motion changes is found to this part of the value; nor
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
 MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
 _PER_DECADE, _DEAR_PER_DECADE = 16, 6  # points at which growing modes are counted; the latter where `is_dear` says so
+_PER_EDGE = 12  # looks that a limit takes: some four steps of Newton's method, each at three values of the parameter
 _NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
 Turn = tuple[Parameter, int]  # a parameter that a factor makes larger, or on side -1 smaller
 _APART = 3.0  # speeds at which runs are made first lie within this factor of each other
@@ -143,7 +144,9 @@ def theory_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, hig
     known = len({(there.interface, there.velocity) for there in ends}) == 1
     each = sum(cost.again if known else cost.look for cost in map(effort, ends)) / len(ends)
     looks = each * (1.0 + _per_decade(rig) * math.log10(high / low))
-    return trials.theory(stability_along, rig, parameter, low, high, looks=looks)
+    before, found = trials.spent, trials.theory(stability_along, rig, parameter, low, high, looks=looks)
+    trials.spent += each * _PER_EDGE * (len(found) - 1) if trials.spent > before else 0.0
+    return found
 
 
 # By runs
