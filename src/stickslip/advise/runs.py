@@ -177,10 +177,9 @@ class Trials:
         """
         try:
             for other, rig in product(range(1, seeds + 1), rigs):
-                lasts = 0.0
-                if other == 2:
-                    until, length = self.theory(until_decayed, rig, roots=1), length_of(rig)
-                    lasts = min(_PATIENCE * length, max(until, 2.0 * length))
+                until = self.theory(until_decayed, rig, roots=1) if other == 2 else 0.0
+                length = length_of(rig) if other == 2 else 0.0
+                lasts = min(_PATIENCE * length, max(until, 2.0 * length))
                 if self.judge(trial(rig, lasts, other), first=other == 1).kind != "smooth sliding":
                     return False
         except InputError:  # such a rig cannot be simulated
