@@ -40,7 +40,7 @@ class MasterEquation(Record):
         time follow from it. With thresholds that age by `Langevin` it is the kinetic equation that is solved, at a
         resolution whose error in the steady force is ten times that, up to ``velocity = rate**2`` (default: 0.1 %,
         peaks to 0.5 %). By `Barrier`, `Parabolic` with growth, and `Bell` with `ExponentialGrowth`, no step is longer
-        than the stretching over which the rate of breaking grows by e, which is that of 4e-4: more costs as much.
+        than four times the stretching over which the rate of breaking grows by e, that of 6e-3: more costs as much.
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
         memory and gives an oscillation of its own; for comparison only.
