@@ -256,8 +256,8 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
 
 
 def _in_all_runs(rig: ss.Rig) -> bool:
-    """Whether runs slide smoothly from 8 of 8 seeds, as an attempt denies."""
-    return all(motion(rig, seed=seed) == {"smooth sliding"} for seed in range(8000, 16000, 1000))
+    """Whether runs slide smoothly from 32 of 32 seeds: with one in eight that does not, 8 of 8 do in a third of cases."""
+    return all(motion(rig, seed=seed) == {"smooth sliding"} for seed in range(8000, 40000, 1000))
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
