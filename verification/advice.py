@@ -256,7 +256,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
 
 
 def _in_all_runs(rig: ss.Rig) -> bool:
-    """Whether runs slide smoothly from 32 of 32 seeds: with one in eight that does not, 8 of 8 do in a third of cases."""
+    """Whether 32 of 32 runs slide smoothly: where one in eight does not, 8 of 8 do in a third of cases."""
     return all(motion(rig, seed=seed) == {"smooth sliding"} for seed in range(8000, 40000, 1000))
 
 
