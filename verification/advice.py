@@ -195,7 +195,7 @@ def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
             return kinds
         if max(ratios) < _NOISE:
             # Contacts so few that each break is a slip: noise, by their number, and slips all the same.
-            slips = min(look.fastest for look in looks[-2:]) > _FAST[0] / _FAST[1]
+            slips = min(look.fastest for look in looks[-2:]) > 2.0 * _FAST[0]
             return {"smooth sliding", "stick-slip"} if slips else {"smooth sliding"}
     return kinds | {"smooth sliding", "either"}
 
@@ -256,8 +256,8 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
 
 
 def _in_all_runs(rig: ss.Rig) -> bool:
-    """Whether 32 of 32 runs slide smoothly: where one in eight does not, 8 of 8 do in a third of cases."""
-    return all(motion(rig, seed=seed) == {"smooth sliding"} for seed in range(8000, 40000, 1000))
+    """Whether runs slide smoothly from 8 of 8 seeds, as an attempt denies."""
+    return all(motion(rig, seed=seed) == {"smooth sliding"} for seed in range(8000, 16000, 1000))
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
