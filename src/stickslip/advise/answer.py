@@ -171,8 +171,10 @@ class Prediction(Foretold):
     #: Two changes that give smooth sliding together, each smaller than any one alone, if that was asked for and found.
     pair: tuple[Mitigation, ...] = ()
 
-    #: Parameters that give no smooth sliding, with the range searched.
+    #: Parameters that give no smooth sliding, with the range searched; and at the furthest value of which some of the
+    #: runs slide smoothly, not all: that value, and their fraction.
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unreliable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     not_searched: tuple[str, ...] = ()  #: parameters whose search was given up for its cost
     complete: bool = False  #: whether mitigations, and the speeds from rest, have been looked for
     doubt: Doubt | None = None  #: what it would do with other values of what the rig's file calls assumed

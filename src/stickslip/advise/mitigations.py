@@ -56,7 +56,7 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
     rig, search = found.rig, _Search(found, trials)
     changes, tried = dict[Parameter, Mitigation](), dict[Parameter, tuple[float, float]]()
-    rough, left, pair = dict[Parameter, float](), list[Parameter](), tuple[Mitigation, ...]()
+    rough, left, pair, some = dict[Parameter, float](), list[Parameter](), tuple[Mitigation, ...](), tried.copy()
     # What can be changed on a machine first: by one run at a time, each with a fair share of half of what is left; then
     # by all runs, the smallest change first.
     for step, (group, seeds) in enumerate(product((TURNABLE, _OTHERS), (1, SEEDS))):
@@ -73,6 +73,8 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
                 (changes[parameter],) = _changes(rig, factor, (parameter, -1 if down.factor else 1))
             elif down.reached * up.reached > 1.0:
                 tried[parameter] = rig.value(parameter) / down.reached, rig.value(parameter) * up.reached
+            for end, part in filter(None, (up.some, down.some)):
+                some[parameter] = rig.value(parameter) * end, part
             if not (up.wholly and down.wholly) or (factor and seeds == 1):
                 left.append(parameter)
     if pairs:
@@ -85,6 +87,7 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
         mitigations=tuple(changes[each] for each in mitigations),
         pair=pair,
         attempts={each.name: ends for each, ends in tried.items() if each not in changes},
+        unreliable={each.name: found for each, found in some.items() if each not in changes},
         not_searched=tuple(each.title for each in left if each not in changes),
     )
 
@@ -134,6 +137,7 @@ class _Outcome(NamedTuple):
     factor: float | None
     reached: float
     wholly: bool
+    some: tuple[float, float] | None = None  # the furthest, and the fraction of runs there that slide smoothly
 
 
 class _Search:
@@ -163,7 +167,8 @@ class _Search:
     def along(self, *turns: Turn, seeds: int = SEEDS, most: float = math.inf) -> _Outcome:
         """The smallest factor on some parameters, up to `most`, from which on stick-slip decays from rest.
 
-        Within `PRECISION`, in so many runs. Steps double from just past where smooth sliding may be stable on.
+        Within `PRECISION`, in so many runs. Steps double from just past where smooth sliding may be stable on. A factor
+        that the first run does not deny, but another, is not counted among those from which on there is none.
         """
         self._reached, change, furthest = 1.0, factor_on(*turns), min(most, self._furthest(*turns))
         try:
@@ -175,6 +180,10 @@ class _Search:
                     return _Outcome(value * (1.0 + PRECISION), self._reached, True)
                 if value is not None and high == furthest:  # too near to the end to stand with room beyond it
                     return _Outcome(None, self._reached, True)
+            if furthest > 1.0 and seeds > 1 and self._smooth(change, furthest, 1):
+                rigs, others = self._varied(change, furthest), range(1, seeds + 1)
+                part = sum(self._trials.slide_smoothly(rigs, [other]) for other in others) / seeds
+                return _Outcome(None, self._reached, True, (furthest ** turns[0][1], part))
         except Spent:
             return _Outcome(None, self._reached, False)
         return _Outcome(None, max(furthest, 1.0), True)
@@ -183,19 +192,23 @@ class _Search:
         """The smallest factor in a range, to `PRECISION`, with so many smooth runs, if its steps meet any."""
         steps = [low * _CLEARANCE * (1.0 + PRECISION) ** (2**k - 1) for k in range(halvings(high / low) + 1)]
         for rough, step in pairwise([low, *(step for step in steps if step < high), high]):
-            self._reached = rough
+            if rough == low or not self._smooth(change, rough, 1):
+                self._reached = rough
             if self._smooth(change, step, seeds):
                 width = 1.001 * math.log1p(PRECISION)  # to which doubled steps are halved, whatever the rounding
                 return halved(lambda factor: self._smooth(change, factor, seeds), rough, step, width)[1]
         return None
 
+    def _varied(self, change: Parameter, factor: float) -> list[Rig]:
+        return [change.set(rig, factor) for rig in self._rigs]
+
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all speeds, and in runs."""
-        rigs = [change.set(rig, factor) for rig in self._rigs]
+        rigs = self._varied(change, factor)
         if any(self._trials.theory(linearly_unstable, rig) for rig in rigs):
             return False
         bands = theory_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
-        return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, seeds)
+        return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, range(1, seeds + 1))
 
     def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
         """Ranges of the factor in which linear theory does not call smooth sliding unstable at any of the speeds.

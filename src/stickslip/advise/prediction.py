@@ -13,7 +13,7 @@ from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveA
 from stickslip.advise.bands import Band, Survey, scaled, stability_along, theory_along
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import TURNABLE, has, mitigated, reach, speeds_of
-from stickslip.advise.runs import OSCILLATES, SEEDS, Spent, Trials, cycle_of, method_of, stays, trial
+from stickslip.advise.runs import OSCILLATES, SEEDS, Spent, Trials, cycle_of, fluctuation, method_of, stays, trial
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
@@ -133,11 +133,10 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
 def _shown(rig: Rig, modes: int | None, trials: Trials, run: Recording) -> dict[str, Any]:
     """What a run shows, made longer until that can be told, as fields of the answer."""
     run, seen, _ = trials.watch(run)
-    late = run.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
     return {
         "recording": run,
         "regime": seen,
-        "noise": float(late.std() / abs(late.mean())) if seen.is_noise else None,
+        "noise": fluctuation(run, seen) if seen.is_noise else None,
         "stays": not (seen.kind in OSCILLATES and modes == 0) or stays(rig),
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
@@ -170,13 +170,13 @@ class Trials:
             self.seen[case] = seen
         return self.seen[case]
 
-    def slide_smoothly(self, rigs: Sequence[Rig], seeds: int) -> bool:
-        """Whether so many runs of each rig, all of other contacts, slide smoothly at last.
+    def slide_smoothly(self, rigs: Sequence[Rig], others: Iterable[int]) -> bool:
+        """Whether the runs of each rig with other contacts, by their number from 1 on, slide smoothly at last.
 
         The second of each lasts until its slowest mode has decayed. What does not slide, the first tells most often.
         """
         try:
-            for other, rig in product(range(1, seeds + 1), rigs):
+            for other, rig in product(others, rigs):
                 until = self.theory(until_decayed, rig, roots=1) if other == 2 else 0.0
                 length = length_of(rig) if other == 2 else 0.0
                 lasts = min(_PATIENCE * length, max(until, 2.0 * length))
@@ -185,6 +185,15 @@ class Trials:
         except InputError:  # such a rig cannot be simulated
             return False
         return True
+
+    def _fades(self, run: Recording, seen: Regime) -> bool:
+        """Whether the force of four times as many contacts fluctuates half as much, as noise does, or as much.
+
+        It tells where the velocity fluctuates by more than its mean, which the linear theory of noise does not cover.
+        """
+        assert isinstance(run.rig.method, DRAWN)
+        many = replace(run.rig, method=replace(run.rig.method, count=4 * run.rig.method.count))
+        return fluctuation(self.record(many), seen) < math.sqrt(0.5) * fluctuation(run, seen)
 
     def watch(self, run: Recording, longest: float = math.inf) -> tuple[Recording, Regime, bool]:
         """What a run that ends at a constant speed shows, or a longer one that tells; False if that was too dear.
@@ -202,7 +211,8 @@ class Trials:
                     tests, until = {test.name: test for test in seen.table}, self.theory(until_decayed, case, roots=1)
                     lasts, half = min(_PATIENCE * length_of(case), until), 0.5 * (1.0 - seen.window[0] / seen.window[1])
                     repeats = REPEATS in tests and tests[REPEATS].passed
-                    if stays(case) and not repeats and (noise := replace(seen, kind="smooth sliding")).is_noise:
+                    noise = replace(seen, kind="smooth sliding")
+                    if not repeats and noise.is_noise and (stays(case) or self._fades(run, seen)):
                         seen = replace(noise, reason="irregular slips, no more than the noise of the contacts makes")
                     elif stays(case) and seen.kind != "stick-slip" and CHANGE in tests and until:
                         fall = math.log(seen.trend) + _DECAYS * half * way / until  # less than that of the mode
@@ -215,6 +225,12 @@ class Trials:
                 run = self.record(case, run if case.method == run.rig.method else None, max(2.0, lasts / way))
             except Spent:
                 return run, doubtful, False
+
+
+def fluctuation(run: Recording, seen: Regime) -> float:
+    """Standard deviation of the spring force over its mean, from where a regime was judged on."""
+    late = run.dataset()["spring_force"].sel(time=slice(seen.window[0], None)).to_numpy()
+    return float(late.std() / abs(late.mean()))
 
 
 def _part_broken(run: Recording) -> float:

@@ -215,7 +215,8 @@ def mitigations(found: Prediction) -> Iterator[str]:
     if found.pair:
         yield f"the smallest two together: {' and '.join(changed(found, each) for each in found.pair)}"
     if found.complete and found.ill and not found.mitigations:
-        yield "none found of a single parameter; what was tried:" if found.attempts else "none: nothing can be varied"
+        tried = found.attempts or found.unreliable
+        yield "none found of a single parameter; what was tried:" if tried else "none: nothing can be varied"
 
 
 def changed(found: Prediction, each: Mitigation) -> str:
@@ -234,6 +235,9 @@ def attempts(found: Prediction) -> Iterator[str]:
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
         yield f"{parameter_named(name).title}: no value found from {low} to {high} with smooth sliding in 8 of 8 runs"
+    for name, (value, part) in found.unreliable.items():
+        times, furthest = round(8 * part), amount(found.rig, name, value)
+        yield f"{parameter_named(name).title}: at {furthest}, the furthest, smooth sliding in {times} of 8 runs"
 
 
 # Elastic sliders
