@@ -173,6 +173,7 @@ class _Search:
         self._reached, change, furthest = 1.0, factor_on(*turns), min(most, self._furthest(*turns))
         try:
             for low, high in self._may_be_stable(*turns, most=most):
+                self._reached = low
                 value = self._first(change, low, high, 1)
                 if value is not None and not self._smooth(change, value, seeds):
                     value = self._first(change, value, high, seeds) if value < high else None
@@ -192,7 +193,7 @@ class _Search:
         """The smallest factor in a range, to `PRECISION`, with so many smooth runs, if its steps meet any."""
         steps = [low * _CLEARANCE * (1.0 + PRECISION) ** (2**k - 1) for k in range(halvings(high / low) + 1)]
         for rough, step in pairwise([low, *(step for step in steps if step < high), high]):
-            if rough == low or not self._smooth(change, rough, 1):
+            if rough > low and not self._smooth(change, rough, 1):
                 self._reached = rough
             if self._smooth(change, step, seeds):
                 width = 1.001 * math.log1p(PRECISION)  # to which doubled steps are halved, whatever the rounding
