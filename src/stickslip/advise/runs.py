@@ -154,14 +154,14 @@ class Trials:
     def judge(self, case: Rig, *, first: bool = True) -> Regime:
         """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told.
 
-        Stick-slip of few contacts, which is tried first where it costs less, is that of more, too, unless their noise
-        leaves smooth sliding, and that of all contacts does not.
+        Stick-slip of few contacts, which is tried first where it costs less, is that of more, too, unless it may be by
+        their noise that they leave smooth sliding.
         """
         if case not in self.seen:
-            count, seen, paid = method_of(case).count, None, False
+            seen, paid = None, False
             few = replace(case, method=replace(method_of(case), count=_FEW))
             cheaper = first and 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
-            if cheaper and not _FEW < self.theory(linear_from, case, roots=1) <= count:
+            if cheaper and self.theory(linear_from, case, roots=1) <= _FEW:
                 _, seen, paid = self.watch(self.record(few), _PATIENCE)
             if seen is None or seen.kind != "stick-slip":
                 _, seen, paid = self.watch(self.record(case), _LONGEST)
