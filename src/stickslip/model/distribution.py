@@ -276,6 +276,7 @@ def _density(distribution: Distribution, x: Array) -> Array:
 
 _TURN = 8.0  # phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding
 _NODES = 1 << 20  # most nodes of a transform
+TRAPEZOID = 0.17  # its width over that of the strip on either side in which an integrand is bounded: exp(-2 pi/.17)
 
 
 def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray) -> ComplexArray:

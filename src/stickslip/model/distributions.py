@@ -17,10 +17,10 @@ from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError, number, numbers, whole
 from stickslip.model.distribution import DISTRIBUTIONS as DISTRIBUTIONS
 from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
+from stickslip.model.distribution import TRAPEZOID, transforms_on_a_path
 from stickslip.model.distribution import Distribution as Distribution
 from stickslip.model.distribution import excess as excess
 from stickslip.model.distribution import register as register
-from stickslip.model.distribution import transforms_on_a_path
 from stickslip.model.records import Number, Part
 
 LARGEST_STRETCHING = 1e12  # in ``x_s``: beyond any distribution of contacts
@@ -252,7 +252,8 @@ class _PowerOfGamma(Distribution):
         if power == 1:
             base = 1.0 + scale * q
             return base**-shape, np.asarray(scale * shape * base ** (-shape - 1.0))
-        t = np.exp(np.arange(-40.0, 4.8, 0.05) - 0.7j * min(1.0, power))  # turned off the real axis
+        turn = 0.7 * min(1.0, power)  # off the real axis
+        t = np.exp(np.arange(-40.0, 4.8, TRAPEZOID * turn) - 1j * turn)
         weight = t**shape * np.exp(-t)
         return transforms_on_a_path(q, scale * t ** (1.0 / power), weight / weight.sum())
 
@@ -328,7 +329,8 @@ class LogNormal(Distribution):
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2), at most 90.
-        z = np.arange(-9.0, 9.0, 0.04) - 1j * min(3.0, 0.7 / self.log_std)
+        turn = min(3.0, 0.7 / self.log_std)
+        z = np.arange(-9.0, 9.0, TRAPEZOID * turn) - 1j * turn
         x, weight = np.exp(self.log_mean + self.log_std * z), np.exp(-0.5 * z * z)
         return transforms_on_a_path(q, x, weight / weight.sum())
 
