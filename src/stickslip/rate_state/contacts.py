@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from scipy import interpolate, special
+from scipy import special
 
 from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import instance
@@ -13,6 +13,7 @@ from stickslip.model import Delay, Interface, Langevin, MasterEquation
 from stickslip.model.records import hashable
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
+from stickslip.sliding.response import splined
 
 ROUGH = MasterEquation(rtol=1e-3)  # for a step that is fitted: errs by .1 % of its range, laws by several
 _FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
@@ -56,20 +57,11 @@ def _answer(interface: Interface, velocity: float, coarse: float) -> tuple[Array
     u = np.log1p(y)
 
     def factor_at(wave: Array) -> ComplexArray:
-        return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity)) / wave
+        return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity) / wave)[None, :]
 
     # At first as far apart as no resonance is passed over, and a fourth of its period; halved where a spline misses.
     apart = max(int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine), 1)
-    known = np.append(np.arange(0, y.size - 1, apart), y.size - 1)
-    factor, new = factor_at(y[known]), np.setdiff1d((known[1:] + known[:-1]) // 2, known)
-    mean_factor = np.trapezoid(np.abs(factor.imag), u[known]) / u[-1]
-    while new.size:
-        found = factor_at(y[new])
-        missed = np.abs(interpolate.CubicSpline(u[known], factor)(u[new]) - found) > _MISSED * mean_factor
-        known, order = np.unique(np.append(known, new), return_index=True)
-        factor, at = np.append(factor, found)[order], np.searchsorted(known, new[missed])
-        new = np.setdiff1d(np.append(known[at - 1] + known[at], known[at] + known[at + 1]) // 2, known)
-    return y / mean, interpolate.CubicSpline(u[known], factor)(u) * y
+    return y / mean, splined(factor_at, y, u, apart, _MISSED)(u)[0] * y
 
 
 def finite_step(

@@ -15,7 +15,6 @@ from functools import lru_cache, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
 from stickslip.model import Interface
@@ -24,7 +23,6 @@ from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.response import STEP, Array, ComplexArray, Fluctuations, Response, Scales, Unperturbed
 
 _FINEST = 25.0  # wave number, over one over the standard deviation, up to which anything of a life is remembered
-_LONG = 3.0  # phase of the longest life from which on transforms are read off a table, to 1e-5
 _NARROWEST = 150.0  # longest life over the standard deviation: seconds to compute, once for an interface
 _PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
 
@@ -87,14 +85,6 @@ def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
     return np.concatenate([np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts])
 
 
-@lru_cache(maxsize=32)
-def _on_axis(interface: Interface) -> Any:
-    """`_transforms` on the imaginary axis, the same at all velocities."""
-    lives = lives_of(interface)
-    y = np.linspace(0.0, lives.highest, math.ceil(lives.highest * lives.x[-1] / STEP) + 1)
-    return CubicSpline(y, _transforms(lives, 1j * y))
-
-
 def response_of_areas(interface: Interface) -> "DrawnResponse":
     """Return the linear response of contacts that draw their areas; of others raises `InputError`."""
     who = "the linear response of areas"
@@ -132,10 +122,7 @@ class DrawnResponse(Response):
         lives, size = lives_of(self.interface), np.abs(q)
         held, newborn = lives.held, lives.newborn
         found, fast = np.empty((q.size, 6), dtype=complex), size > lives.highest
-        # What is small beside its parts, where a wave is longer than a life, is not told from a table.
-        known = (q.real == 0.0) & (q.imag * lives.x[-1] > _LONG) & ~fast
-        found[known] = _on_axis(self.interface)(q[known].imag) if known.any() else 0.0
-        found[~known & ~fast] = _transforms(lives, q[~known & ~fast])
+        found[~fast] = _transforms(lives, q[~fast])
         found[fast] = newborn[0] / q[fast, None] + newborn[1] / q[fast, None] ** 2
         survival, whole, a_left, b_left, a_pull, b_pull = found.T
         rest, _, _, b, _, b_sum = held.sum(axis=0).tolist()
@@ -145,8 +132,7 @@ class DrawnResponse(Response):
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
         lives = lives_of(self.interface)
-        step = STEP / (lives.x[-1] + velocity * self.interface.delay.longest)
-        step = max(step, lives.highest / 8000.0)
+        step = max(STEP / (lives.x[-1] + velocity * self.interface.delay.longest), lives.highest / 8000.0)
         slow = np.geomspace(1e-4 * step, step, 60, endpoint=False)
         fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90)
         return np.asarray(velocity * np.concatenate([slow, np.arange(step, lives.highest - 0.5 * step, step), fast]))

@@ -20,7 +20,7 @@ from stickslip.kernels.langevin_response import Excursions, excursions, life_tra
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.sliding.lifetimes import hazard_of
-from stickslip.sliding.response import Array, ComplexArray, Fluctuations, Perturbed, Response, Scales, stretched
+from stickslip.sliding.response import STEP, Array, ComplexArray, Fluctuations, Perturbed, Response, Scales, stretched
 
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
@@ -62,10 +62,10 @@ class AgedResponse(Response):
         del top
         u = self._reduced(velocity)
         longest = 1.0 / (u + u * u) + self.delay.longest * self._square
-        fine = np.arange(1.0, 4000.0) * 0.2 / longest
-        highest = self._highest(u)
-        w = np.union1d(np.geomspace(1e-4 / longest, highest, 240), fine[fine < highest])
-        return np.asarray(w * self._square)
+        step, highest = STEP / longest, self._highest(u)
+        top = min(4000.0 * step, highest)
+        w = [np.geomspace(5e-4 * step, step, 60), np.arange(2.0 * step, top, step), np.geomspace(top, highest, 90)]
+        return np.asarray(self._square * np.unique(np.concatenate(w)))
 
     def scales(self, velocity: float) -> Scales:
         u = self._reduced(velocity)

@@ -7,17 +7,21 @@ the modes of `stickslip.stability`.
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 from stickslip.arrays import Array as Array
 from stickslip.arrays import ComplexArray as ComplexArray
 from stickslip.errors import InputError
 
+Spline = Callable[[Array], ComplexArray]
 SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
+_APART = 8  # frequencies of a scan, first known: a fourth of a turn
 STEP = 0.2  # phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3
 
 
@@ -124,7 +128,8 @@ class Response(ABC):
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         """Return frequencies that follow every turn of kappa, up to `top` at least, and its parts there."""
         del top  # known to where it turns no more
-        omega, (kappa, _) = whole_axis(self, velocity)
+        omega, table = whole_axis(self, velocity)
+        kappa = table(np.log(omega))[0]
         return omega, Parts(kappa, np.ones_like(kappa))
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
@@ -148,10 +153,33 @@ class Response(ABC):
 
 
 @lru_cache(maxsize=64)
-def whole_axis(response: Response, velocity: float) -> tuple[Array, Fluctuations]:
-    """Return frequencies that follow every turn of kappa, and the fluctuations there, the same for all rigs."""
+def whole_axis(response: Response, velocity: float) -> tuple[Array, Spline]:
+    """Return frequencies that follow every turn of kappa, and `Fluctuations` over their logarithm, good for all rigs.
+
+    They are as accurate as the response is; a noise that is not known is 0.
+    """
     omega = response.frequencies(velocity, math.inf)
-    return omega, response.fluctuations(velocity, 1j * omega)
+
+    def at(some: Array) -> ComplexArray:
+        return np.asarray(np.nan_to_num(np.stack(response.fluctuations(velocity, 1j * some))))
+
+    return omega, splined(at, omega, np.log(omega), _APART, response.accuracy)
+
+
+def splined(at: Callable[[Array], ComplexArray], y: Array, u: Array, apart: int, most: float) -> Spline:
+    """A function of `y` as a spline in `u`, from its values along the last axis at every so many `apart`, and halfway.
+
+    Further ones are asked beside those that a spline misses by more than `most` of them: in the end it errs by less.
+    """
+    known = np.append(np.arange(0, y.size - 1, apart), y.size - 1)
+    found, new = at(y[known]), np.setdiff1d((known[1:] + known[:-1]) // 2, known)
+    while new.size:
+        more = at(y[new])
+        missed = np.any(np.abs(CubicSpline(u[known], found, axis=-1)(u[new]) - more) > most * np.abs(more), axis=0)
+        known, order = np.unique(np.append(known, new), return_index=True)
+        found, place = np.append(found, more, axis=-1)[:, order], np.searchsorted(known, new[missed])
+        new = np.setdiff1d(np.append(known[place - 1] + known[place], known[place] + known[place + 1]) // 2, known)
+    return CubicSpline(u[known], found, axis=-1)
 
 
 class Unperturbed(NamedTuple):

@@ -12,11 +12,10 @@ per contact; the spring force is ``K`` times the displacement. It is not in the 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from stickslip.answers import Answer, plain
 from stickslip.arrays import Array
@@ -27,7 +26,7 @@ from stickslip.model.rig import Rig
 from stickslip.sliding import Response, kinetic_friction
 from stickslip.sliding.response import Fluctuations, whole_axis
 from stickslip.stability import modes, roots
-from stickslip.stability.impedances import Impedance
+from stickslip.stability.impedances import is_plain
 from stickslip.words import number as digits
 
 if TYPE_CHECKING:
@@ -216,7 +215,8 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
             f"contact_noise: smooth sliding at velocity {rig.in_units(velocity, 'x_s/time')} is unstable, with "
             f"{growing} growing modes: the rig leaves it, however many its contacts; simulate(rig) shows for what"
         )
-    omega, weight, displaced = _spectrum(response, body, velocity)
+    known: Any = _spectrum if is_plain(body) else _spectrum.__wrapped__  # others may not be fit for the key of a table
+    omega, weight, displaced = known(response, body, velocity)
     moved, pulled = omega**2 * displaced, stiffness**2 * displaced
     whole, square, fast = (float(weight @ each) / math.pi for each in (pulled, pulled**2, moved))
     memory = square / whole**2
@@ -246,13 +246,12 @@ def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuation
         def between(omega: Array) -> Fluctuations:
             return response.fluctuations(velocity, 1j * omega)
     else:
-        known, (kappa, noise) = whole_axis(response, velocity)
+        known, table = whole_axis(response, velocity)
         lowest, highest = float(known[0]), float(known[-1])
-        table = CubicSpline(np.log(known), np.stack([kappa.real, kappa.imag, np.log(noise)]), axis=1)
 
         def between(omega: Array) -> Fluctuations:
-            real, imaginary, noise = table(np.log(omega))
-            return Fluctuations(real + 1j * imaginary, np.exp(noise))
+            kappa, noise = table(np.log(omega))
+            return Fluctuations(kappa, noise.real)
 
     def everywhere(omega: Array) -> Fluctuations:
         inside, whose = np.unique(np.clip(omega, lowest, highest), return_inverse=True)
@@ -263,7 +262,8 @@ def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuation
     return everywhere
 
 
-def _spectrum(response: Response, body: Impedance, velocity: float) -> tuple[Array, Array, Array]:
+@lru_cache(maxsize=64)
+def _spectrum(response: Response, body: Any, velocity: float) -> tuple[Array, Array, Array]:
     """Frequencies, their weights in an integral, and the spectrum of the displacement there for one contact.
 
     On panels that are halved until that changes neither the variance of the displacement nor that of the velocity.
@@ -272,7 +272,7 @@ def _spectrum(response: Response, body: Impedance, velocity: float) -> tuple[Arr
 
     def displaced(omega: Array) -> Array:
         kappa, noise = known(omega.ravel())
-        if np.isnan(noise).any():
+        if np.isnan(noise).any() or not noise.any():
             raise InputError("Interface.ageing: the noise of contacts that age by a rule of your own is not known")
         return np.asarray(noise / np.abs(body(1j * omega.ravel()) + kappa) ** 2).reshape(omega.shape)
 
