@@ -66,13 +66,17 @@ class DelayModel(Record):
         """``1 - laplace(s)``, without cancellation at small `s`."""
         s = np.asarray(s, dtype=complex)
         missing = np.asarray(1.0 - self.laplace(s))
-        one, two, three = (self.moment(n) for n in (1, 2, 3))
+        one, two, three = self._moments
         if math.isinf(one):
             return missing
         small = np.abs(s) * three < 1e-4 * two
         return np.where(small, s * (one - s * (two / 2 - s * three / 6)), missing)
 
-    @property
+    @cached_property
+    def _moments(self) -> tuple[float, float, float]:
+        return self.moment(1), self.moment(2), self.moment(3)
+
+    @cached_property
     def longest(self) -> float:
         """Delay that one contact in 1e5 exceeds."""
         tau, weight = self.quadrature()

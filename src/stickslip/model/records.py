@@ -81,8 +81,8 @@ def check(record: Any) -> None:
 
 def _numbers(kind: Any, place: str, value: object, mark: Number) -> float | tuple[float, ...]:
     """A number within the bounds declared, or as many as are given where there may be several."""
-    kinds = (kind, *get_args(kind))
-    if not any(get_origin(each) is tuple for each in kinds) or (float in kinds and isinstance(value, Real)):
+    several = kind is not float and any(get_origin(each) is tuple for each in (kind, *get_args(kind)))
+    if not several or (float in get_args(kind) and isinstance(value, Real)):
         return _number(kind, place, value, mark)
     items = enumerate(sequence(place, value, mark.hint))
     return tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items)
@@ -99,6 +99,7 @@ def _number(kind: Any, place: str, value: object, mark: Number) -> float:
     return number(place, value, **bounds, infinite=mark.infinite, hint=hint)
 
 
+@lru_cache(maxsize=256)
 def choices_of(kind: Any) -> tuple[str, ...]:
     """All that a field may be, if its type says so."""
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())

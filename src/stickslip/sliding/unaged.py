@@ -69,7 +69,7 @@ class UnagedResponse(Response):
 
     def scales(self, velocity: float) -> Scales:
         (_, delay, scatter), cycle = self._means, float(self._path(velocity)) / velocity
-        memory = self._largest / velocity + self._longest
+        memory = self._largest / velocity + self.delay.longest
         if self.inert:
             return Scales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
         # At high frequencies the delay is all that is left of the response, and f_d keeps it from fading.
@@ -95,14 +95,13 @@ class UnagedResponse(Response):
         return Parts(given_up * missing / self._path(velocity), missing + (1.0 - missing) * complement)
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        q, away = np.asarray(s / velocity, dtype=np.complex128), velocity * self.delay.moment(1)
-        remembered = np.abs(q) * self.distribution.standard_deviation() < _REMEMBERED
+        (mean, delay, scatter), q = self._means, np.asarray(s / velocity, dtype=np.complex128)
+        remembered = np.abs(q) * scatter < _REMEMBERED
         complement, shape = np.ones_like(q), 1.0 / q
         complement[remembered], shape[remembered] = transforms(self.distribution, q[remembered])
         numerator, denominator = self._joined(velocity, s, complement, shape)
-        mean, half_square = self.distribution.moment(1), 0.5 * self.distribution.moment(2)
-        life = stretched(q, mean - complement / q, shape / q, mean, half_square)
-        noise = life.noise(q, self.delay.absence(s), away, self.sliding_force) / velocity
+        life = stretched(q, mean - complement / q, shape / q, mean, 0.5 * self.distribution.moment(2))
+        noise = life.noise(q, self.delay.absence(s), velocity * delay, self.sliding_force) / velocity
         return Fluctuations(numerator / denominator, noise)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
@@ -161,10 +160,6 @@ class UnagedResponse(Response):
         return self.distribution.moment(1), self.delay.moment(1), self.distribution.standard_deviation()
 
     @cached_property
-    def _longest(self) -> float:
-        return self.delay.longest
-
-    @cached_property
     def _largest(self) -> float:
         # One contact in 1e5 beyond it moves the response by no more than 1e-5.
         distribution = self.distribution
@@ -205,22 +200,15 @@ def axis_table(distribution: Distribution, step: float, count: int) -> tuple[Arr
 def transforms(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in the moments where `q` is small."""
     radius, a, b = _series(hashable(distribution))
-    q = np.asarray(q, dtype=complex)
+    q = np.asarray(q, dtype=np.complex128)
     small = np.abs(q) < radius
-    if not small.any():
-        return _outer(distribution, q)
-    complement, shape = np.empty_like(q), np.empty_like(q)
-    inner = q[small]
-    complement[small] = inner * np.polynomial.polynomial.polyval(inner, a)
-    shape[small] = inner * np.polynomial.polynomial.polyval(inner, b)
-    if not small.all():
-        complement[~small], shape[~small] = _outer(distribution, q[~small])
+    complement, shape, outer = np.empty_like(q), np.empty_like(q), q[~small]
+    if small.any():
+        complement[small] = q[small] * np.polynomial.polynomial.polyval(q[small], a)
+        shape[small] = q[small] * np.polynomial.polynomial.polyval(q[small], b)
+    mean, slope = distribution.transform(outer)
+    complement[~small], shape[~small] = 1.0 - mean, (1.0 - mean) / outer - slope
     return complement, shape
-
-
-def _outer(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    mean, slope = distribution.transform(np.asarray(q, dtype=np.complex128))
-    return 1.0 - mean, (1.0 - mean) / q - slope
 
 
 @lru_cache(maxsize=256)

@@ -30,6 +30,8 @@ def scan(response: Response, body: Impedance, velocity: float, softest: float | 
     own = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
     if math.isinf(top) and own > 0.3 * omega[-1]:  # the rig has frequencies above those of the contacts
         more = np.union1d(more, np.geomspace(omega[-1], 10.0 * own + omega[-1], 120)[1:])
+    if not more.size:
+        return omega, value
     return merged(omega, more, value, loss(body(1j * more), response.parts(velocity, 1j * more)))
 
 
