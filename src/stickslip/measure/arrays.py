@@ -3,14 +3,15 @@
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
@@ -26,7 +27,6 @@ CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chanc
 RESTS = 0.25
 """Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
 the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
-_AT_ONCE = 2**16  # samples: what they need fits into a cache
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
 _VARIABLES = {
     "t": "time",
@@ -91,8 +91,8 @@ class Trace:
         for key, name in _VARIABLES.items():
             if name not in data:
                 continue
-            check_numbers("measure", data[name])
-            along = data[name].mean("block") if "block" in data[name].dims else data[name]
+            check_numbers("measure", along := data[name])
+            along = along.mean("block") if "block" in along.dims else along
             arrays[key] = values = np.asarray(along.values, dtype=float)
             if values.shape != arrays["t"].shape:
                 raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
@@ -130,7 +130,7 @@ class Trace:
             quantity="coefficient of friction" if "coefficient" in str(told.get("long_name", "")) else "force",
         )
 
-    @property
+    @cached_property
     def pace(self) -> Array | None:
         """Velocity of the slider over the usual one of the drive; None where it is not known."""
         drive = 0.0 if self.drive is None else float(np.median(self.drive))
@@ -161,15 +161,11 @@ class Trace:
 
 def without_drift(values: Array) -> Array:
     """Even samples less their line, and what goes through fewer than four cycles: too slow to be told from a drift."""
-    at, size = np.arange(0.5, values.size), np.zeros(2 * FEWEST_CYCLES)
-    rest, parts = values - slope(values, at) * at, [slice(i, i + _AT_ONCE) for i in range(0, values.size, _AT_ONCE)]
-    for part in parts:  # cosines, which are Chebyshev's polynomials of the first
-        waves = chebyshev.chebvander(np.cos(np.pi / values.size * at[part]), size.size - 1)
-        size += 2.0 / values.size * np.einsum("i,ij->j", rest[part], waves)
-    size[0] *= 0.5
-    for part in parts:
-        rest[part] -= chebyshev.chebval(np.cos(np.pi / values.size * at[part]), size)
-    return rest
+    at = np.arange(0.5, values.size)
+    rest = values - slope(values, at) * at
+    waves = fft.dct(rest)
+    waves[2 * FEWEST_CYCLES :] = 0.0
+    return np.asarray(rest - fft.idct(waves))
 
 
 def slope(values: Array, at: Array) -> float:

@@ -153,7 +153,7 @@ class Window:
         if self.cycles and found.size:  # of a sine with noise of a sensor on top, peak to peak is more than the sine's
             swing = min(swing, 2.0 * math.sqrt(2.0 * max(float(force.var()) - found.noise**2, 0.0)))
         repeats = self.cycles.correlation if self.cycles else min(known.correlation, regularity(known.variation))
-        kurtosis = float(np.mean(rest**4)) / scatter**4 if scatter else math.nan
+        kurtosis = float(np.mean((rest**2) ** 2)) / scatter**4 if scatter else math.nan
         trend, error = self.trend
         change, steady, ripple = abs(math.log(trend)), STEADY + ERRORS * error, math.sqrt(12.0) * late
         # What neither swings nor slips nor changes is smooth whatever makes it: to ask theory for its noise is dear.

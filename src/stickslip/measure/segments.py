@@ -21,10 +21,11 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS, int(np.ptp(trace.t) / (usual or 1e-300)))
     if count < 2 * FEWEST_CYCLES or not np.ptp(trace.force):
         return []
-    blocks = np.array_split(trace.force, count)
-    firsts, scatter = np.cumsum([0, *map(len, blocks)]), np.array([block.std() for block in blocks])
+    length = trace.t.size // count
+    blocks = trace.force[-count * length :].reshape(count, length)
+    firsts, scatter = trace.t.size - length * np.arange(count, -1, -1), blocks.std(axis=1)
     scale = float(np.median(scatter)) or float(scatter.max())
-    series = np.array([[block.mean() / scale for block in blocks], np.log(np.maximum(scatter, 1e-6 * scale))])
+    series = np.array([blocks.mean(axis=1) / scale, np.log(np.maximum(scatter, 1e-6 * scale))])
     # By medians, which steps do not move. Of a series with a memory r, differences of the next but one are larger by
     # 1 + r in squares, and means scatter as if it were larger by (1 + r)/(1 - r).
     one, two = (1.4826 * np.median(np.abs(series[:, k:] - series[:, :-k]), axis=1) for k in (1, 2))
@@ -54,11 +55,10 @@ def _edges(series: Array) -> list[int]:
     sums, squares = padded.cumsum(axis=1), (padded**2).sum(axis=0).cumsum()
     # So much does a step that is none take off two series of unit scatter by chance (chi squared with two degrees).
     price, least, came = 2.0 * math.log(count / CHANCE), np.full(count + 1, math.inf), np.zeros(count + 1, dtype=int)
-    least[0] = 0.0
+    least[0], lasts = 0.0, np.maximum(np.arange(count + 1)[:, None] - np.arange(count + 1), 1)
+    within = squares[:, None] - squares - ((sums[:, :, None] - sums[:, None, :]) ** 2).sum(axis=0) / lasts
     for end in range(FEWEST_CYCLES, count + 1):
-        begin = np.arange(end - FEWEST_CYCLES + 1)
-        within = squares[end] - squares[begin] - ((sums[:, [end]] - sums[:, begin]) ** 2).sum(axis=0) / (end - begin)
-        total = least[begin] + within + price
+        total = least[: end - FEWEST_CYCLES + 1] + within[end, : end - FEWEST_CYCLES + 1] + price
         came[end], least[end] = int(np.argmin(total)), float(total.min())
     edges = [count]
     while edges[0]:
