@@ -56,12 +56,13 @@ def _answer(interface: Interface, velocity: float, coarse: float) -> tuple[Array
     y = np.concatenate([np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, fine)[1:], np.geomspace(30.0, top, many)])
     u = np.log1p(y)
 
-    def factor_at(wave: Array) -> ComplexArray:
+    def factor_at(places: Array) -> ComplexArray:
+        wave = np.expm1(places)
         return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity) / wave)[None, :]
 
     # At first as far apart as no resonance is passed over, and a fourth of its period; halved where a spline misses.
     apart = max(int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine), 1)
-    return y / mean, splined(factor_at, y, u, apart, _MISSED)(u)[0] * y
+    return y / mean, splined(factor_at, u, apart, _MISSED)(u)[0] * y
 
 
 def finite_step(

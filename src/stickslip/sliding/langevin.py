@@ -63,9 +63,9 @@ class AgedResponse(Response):
         u = self._reduced(velocity)
         longest = 1.0 / (u + u * u) + self.delay.longest * self._square
         step, highest = STEP / longest, self._highest(u)
-        top = min(4000.0 * step, highest)
-        w = [np.geomspace(5e-4 * step, step, 60), np.arange(2.0 * step, top, step), np.geomspace(top, highest, 90)]
-        return np.asarray(self._square * np.unique(np.concatenate(w)))
+        top = min(4000.0 * step, 0.5 * highest)
+        slow, fast = np.geomspace(5e-4 * step, step, 60), np.geomspace(top, highest, 90)
+        return np.asarray(self._square * np.concatenate([slow, np.arange(2.0 * step, top - 0.5 * step, step), fast]))
 
     def scales(self, velocity: float) -> Scales:
         u = self._reduced(velocity)
