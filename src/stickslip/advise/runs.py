@@ -13,7 +13,7 @@ from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
 from stickslip.measure.arrays import ERRORS
-from stickslip.measure.evidence import CHANGE, NOISE_OF_CONTACTS, REPEATS, SMALL, STEADY, TINY
+from stickslip.measure.evidence import CHANGE, NOISE_OF_CONTACTS, REPEATS, STEADY, TINY
 from stickslip.model import Contacts
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -35,9 +35,7 @@ _LONGEST = 8.0  # runs: what cannot be judged is made twice as long, up to that
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of three of all runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 _READING = 5e-3, 2e-7  # seconds that the regime of a run takes, and for each sample
-# Independent contacts whose noise, three standard deviations of it, could just hide a small oscillation; and as many
-# as slide as smoothly as more do: their noise is told from none no more.
-_FEW, _UNSEEN = (math.ceil((ERRORS * NOISE_OF_CONTACTS / swing) ** 2) for swing in (SMALL, TINY))
+_UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)  # contacts: that noise of so many is seen no more
 
 
 def cycle_of(rig: Rig) -> float:
@@ -79,17 +77,14 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
     return replace(there, drive=constant(speed, max(length_of(there), distance) / speed))
 
 
-def linear_from(rig: Rig) -> int:
-    """How many contacts make so little noise that smooth sliding that is linearly stable stays."""
-    try:
-        return contact_noise(rig, contacts=1).contacts_for(1.0, of="velocity")
-    except (InputError, UndecidedError):  # no theory of their noise
-        return 1
-
-
 def stays(rig: Rig) -> bool:
     """Whether smooth sliding that is linearly stable stays, with the noise of the contacts."""
-    return not isinstance(rig.method, DRAWN) or rig.method.count >= linear_from(rig)
+    if not isinstance(rig.method, DRAWN):
+        return True
+    try:
+        return rig.method.count >= contact_noise(rig, contacts=1).contacts_for(1.0, of="velocity")
+    except (InputError, UndecidedError):  # no theory of their noise
+        return True
 
 
 def effort(rig: Rig) -> Effort:
@@ -151,20 +146,10 @@ class Trials:
         self.spent += work * (self._part - foreseen) + _READING[0] + _READING[1] * run.track.times.size
         return run
 
-    def judge(self, case: Rig, *, first: bool = True) -> Regime:
-        """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told.
-
-        Stick-slip of few contacts, which is tried first where it costs less, is that of more, too, unless it may be by
-        their noise that they leave smooth sliding.
-        """
+    def judge(self, case: Rig) -> Regime:
+        """The regime that a run leads to; raises `Spent` if the work that is allowed ends before it is told."""
         if case not in self.seen:
-            seen, paid = None, False
-            few = replace(case, method=replace(method_of(case), count=_FEW))
-            cheaper = first and 2.0 * (estimate(few).seconds + effort(case).root) < estimate(case).seconds
-            if cheaper and self.theory(linear_from, case, roots=1) <= _FEW:
-                _, seen, paid = self.watch(self.record(few), _PATIENCE)
-            if seen is None or seen.kind != "stick-slip":
-                _, seen, paid = self.watch(self.record(case), _LONGEST)
+            _, seen, paid = self.watch(self.record(case), _LONGEST)
             if not paid:
                 raise Spent
             self.seen[case] = seen
@@ -180,7 +165,7 @@ class Trials:
                 until = self.theory(until_decayed, rig, roots=1) if other == 2 else 0.0
                 length = length_of(rig) if other == 2 else 0.0
                 lasts = min(_PATIENCE * length, max(until, 2.0 * length))
-                if self.judge(trial(rig, lasts, other), first=other == 1).kind != "smooth sliding":
+                if self.judge(trial(rig, lasts, other)).kind != "smooth sliding":
                     return False
         except InputError:  # such a rig cannot be simulated
             return False
