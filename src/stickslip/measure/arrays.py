@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import fft
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
@@ -162,10 +161,12 @@ class Trace:
 def without_drift(values: Array) -> Array:
     """Even samples less their line, and what goes through fewer than four cycles: too slow to be told from a drift."""
     at = np.arange(0.5, values.size)
-    rest = values - slope(values, at) * at
-    waves = fft.dct(rest)
-    waves[2 * FEWEST_CYCLES :] = 0.0
-    return np.asarray(rest - fft.idct(waves))
+    rest = values - values.mean() - slope(values, at) * (at - 0.5 * values.size)
+    before, wave = np.ones(1), (first := np.cos(np.pi / values.size * at))
+    for _ in range(2 * FEWEST_CYCLES - 1):  # cosines, orthogonal to one another, each from the two before
+        rest -= 2.0 / values.size * float((rest * wave).sum()) * wave
+        before, wave = wave, 2.0 * first * wave - before
+    return np.asarray(rest)
 
 
 def slope(values: Array, at: Array) -> float:

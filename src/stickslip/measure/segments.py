@@ -21,9 +21,8 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS, int(np.ptp(trace.t) / (usual or 1e-300)))
     if count < 2 * FEWEST_CYCLES or not np.ptp(trace.force):
         return []
-    length = trace.t.size // count
-    blocks = trace.force[-count * length :].reshape(count, length)
-    firsts, scatter = trace.t.size - length * np.arange(count, -1, -1), blocks.std(axis=1)
+    blocks = trace.force[trace.t.size % count :].reshape(count, -1)
+    firsts, scatter = trace.t.size % count + blocks.shape[1] * np.arange(count + 1), blocks.std(axis=1)
     scale = float(np.median(scatter)) or float(scatter.max())
     series = np.array([blocks.mean(axis=1) / scale, np.log(np.maximum(scatter, 1e-6 * scale))])
     # By medians, which steps do not move. Of a series with a memory r, differences of the next but one are larger by
