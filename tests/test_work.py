@@ -102,19 +102,19 @@ def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
     assert expected / 2 < breaks < 2 * expected
 
 
+@pytest.mark.takes(8)
 @pytest.mark.parametrize("name", rig_files.example_names())
 def test_the_estimate_holds_for_the_examples(name):
     """Within a factor 3 of what runs take on a quiet machine; a busy one, or another, may differ by as much again."""
     rig = ss.example(name)
     ss.simulate(ss.example("brake_pad"))  # compiled
     took = math.inf
-    for _ in range(2):
+    for _ in range(1 if estimate(rig).seconds > 1.0 else 2):
         begun = time.process_time()
         ss.simulate(rig)
         took = min(took, time.process_time() - begun)
-    assert took / 6 < estimate(rig).seconds + 0.02
-    if name != "pmma_slider":  # its slips are so fast that contacts hardly attach in them: the estimate is a bound
-        assert estimate(rig).seconds < 6 * (took + 0.02)
+    # The slips of one are so fast that contacts hardly attach in them: the estimate is a bound.
+    assert took / 6 - 0.02 < estimate(rig).seconds < (math.inf if name == "pmma_slider" else 6 * (took + 0.02))
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,7 @@ from stickslip.simulation.work import Course, Part, breaking
 
 ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
 _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
-_POOL = 256
-"""Random numbers drawn at once for a block. The same seed gives another run with another length."""
+_POOL = 256  # random numbers drawn at once for a block; the same seed gives another run with another length
 _STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 2e-8, 3e-8, (4.5e-9, 1.8e-8), 7e-7, 4e-8
 """Seconds a step of a block takes where no contact breaks, and with cohorts; each of these at the end of a stage, and
 if its contacts are counted; a break; and a block at each break in balance."""
@@ -221,9 +220,9 @@ class ElasticEngine(Engine):
             contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, seconds, room)
         else:
             count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
-            contacts = breaking(count, max(lifetimes_in(rig, course)[0], 1.0), each, _CONTACT)._replace(
-                value=method.count
-            )
+            # The prestress may break each once, however short the way of the drive.
+            lives = max(lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed)))
+            contacts = breaking(count, lives, each, _CONTACT)._replace(value=method.count)
         name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
         words = f"{steps:.2g} steps of blocks"
         return Part(f"slider.{name}", getattr(body, name), name, power, words, moving * steps), contacts

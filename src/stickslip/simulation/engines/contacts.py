@@ -18,8 +18,7 @@ from stickslip.model.rig import Rig
 from stickslip.simulation.engines import base, beginnings
 from stickslip.simulation.work import Course, Part, breaking, oscillation
 
-_BLOCK = 16_384
-"""Random numbers drawn at once. The same seed gives another run with another length."""
+_BLOCK = 16_384  # random numbers drawn at once; the same seed gives another run with another length
 _EVENTS = 400_000  # events in an advance: some 50 ms
 _BREAK, _CLOCKED_BREAK, _BOX = 2.4e-7, 6e-7, 2e-7
 """Seconds a break takes, and one by the shared clock; and another box of a contact that is in boxes of its own."""
@@ -91,16 +90,15 @@ class EventByEvent(base.Engine):
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part: of breaks, and of turns while the slider rings."""
-        interface, count, how = rig.interface, method.count, ""
+        interface, count = rig.interface, method.count
+        how = " by thermal activation" if interface.temperature is not None else ""
         lives, boxes = beginnings.lifetimes_in(rig, course)
         each, more = _BREAK, _BOX * count * boxes
-        if interface.temperature is not None:
-            how = " by thermal activation"
         if isinstance(interface.temperature, Bell) and interface.ageing is None:
             way = interface.threshold_distribution.moment(1) * (course.distance + course.shaken)
             each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * way / interface.temperature.width
-        # Once a slider that sticks rings no more, its turns cost nothing; unless the rounding of time hides them.
-        radians = course.turns if course.turns * _FINEST_TURN > 1.0 else course.rung
+        # Once it rings no more, turns cost nothing, unless rounding hides them or detached contacts hold again there.
+        radians = course.turns if interface.sliding_force > 0.0 or course.turns * _FINEST_TURN > 1.0 else course.rung
         return *oscillation(rig, radians), breaking(count, lives, each, _CONTACT, how, more)
 
     def _first(self, beginning: base.Beginning, count: int) -> tuple[Array, Array, Array, Array]:
@@ -165,9 +163,10 @@ class EventByEvent(base.Engine):
         """Force of the contacts now, per contact."""
         return force_of(self._state)
 
-    def stretchings(self) -> base.Stretchings:
-        """Stretchings of the attached contacts now."""
-        return self._stretchings(self.here()[1])
+    def stretchings(self, X: float | None = None) -> base.Stretchings:
+        """Stretchings of the attached contacts now, with the slider at `X` or where it is."""
+        x = (self.here()[1] if X is None else X) - kernel.attached_contacts(self._state)["birth"]
+        return base.Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def individuals(self) -> base.Individuals:
         """Every contact by itself, now."""
@@ -176,10 +175,6 @@ class EventByEvent(base.Engine):
         stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
         attached[contacts["slot"]] = True
         return base.Individuals(stretching, attached)
-
-    def _stretchings(self, X: float) -> base.Stretchings:
-        x = X - kernel.attached_contacts(self._state)["birth"]
-        return base.Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def _arrest(self) -> None:
         """The slider has stopped after a break: contacts attach to another track."""
@@ -207,7 +202,7 @@ class EventByEvent(base.Engine):
             elif why == ARRESTED:
                 self._arrest()
             elif why == LOOK:  # before the flight that passes it, so that none is cut in two
-                seen.append(self._stretchings(m.looked))
+                seen.append(self.stretchings(m.looked))
             else:
                 break
         while looks[len(seen)] <= m.time:  # at the very end

@@ -9,7 +9,7 @@ from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.kernels import stepping
 from stickslip.kernels.drive import Quadratic, Stop, holds
-from stickslip.kernels.langevin_contacts import advance_contacts, awake
+from stickslip.kernels.langevin_contacts import SLEEP, advance_contacts, awake
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.model import Contacts, Delay, Interface, Langevin, MasterEquation
 from stickslip.model.distributions import SteadyState
@@ -22,13 +22,12 @@ from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
 _STEP = 0.02  # largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements
-_COLD, _HOT = (3e-7, 1.2e-6), (9e-6, 8e-6)
-"""Seconds a contact takes in a time of ageing, whether it breaks or not, and a break; at a temperature none sleeps."""
+_TAKEN, _ASLEEP, _LOOK, _HOT = 5e-7, 1.7e-9, 3e-8, (9e-6, 8e-6)
+"""Seconds a step takes, a contact asleep in it, and a look at one; at a temperature a time of ageing, and a break."""
 _CONTACT = 150.0  # bytes of a contact
 _POOL = 65_536  # delays drawn for contacts to choose from; one will do if all are the same
 _AGED = 9.6e-3  # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order
-_BUDGET, _HOT_BUDGET = 500_000, 25_000
-"""Steps of a contact in an advance; with temperature each is a step of many."""
+_BUDGET, _HOT_BUDGET = 500_000, 25_000  # steps of a contact in an advance; with temperature each is a step of many
 
 
 class Steps(base.Engine, Protocol):
@@ -93,7 +92,7 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     begin = _start(base.Beginning(case.interface, case.slider, case.velocity, case.start), rate)
     ages = (rig.drive.duration - begin) * rate**2
     ageing = Part("interface.ageing.time", rate**-2, "time", -1.0, f"{ages:.2g} times of ageing", aged * ages)
-    return *oscillation(rig, course.turns), part, ageing
+    return *oscillation(rig, course.rung), part, ageing
 
 
 @base.solves(Contacts, Langevin)
@@ -107,8 +106,7 @@ class LangevinContacts(Steps):
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
         self._hazard = hazard_of(beginning.interface.temperature)
-        hot = beginning.interface.temperature is not None
-        self.budget = max((_HOT_BUDGET if hot else _BUDGET) // method.count, 1)
+        self.budget = max((_BUDGET if beginning.interface.temperature is None else _HOT_BUDGET) // method.count, 1)
         self.longest, self.reach = _STEP / self._constants.rate**2, _STEP * self._constants.mean
         delay = beginning.interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else _POOL)
@@ -127,9 +125,17 @@ class LangevinContacts(Steps):
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        hot, count = rig.interface.temperature is not None, method.count
-        how, (age, each) = (" by thermal activation", _HOT) if hot else ("", _COLD)
-        return _cost(rig, course, age * count, breaking(count, lifetimes_in(rig, course)[0], each, _CONTACT, how))
+        count, thresholds = method.count, rig.interface.threshold_distribution
+        if rig.interface.temperature is not None:
+            broken = breaking(count, lifetimes_in(rig, course)[0], _HOT[1], _CONTACT, " by thermal activation")
+            return _cost(rig, course, _HOT[0] * count, broken)
+        # All are looked at in each step of a moving slider; in one of ageing, of margins uniform up to the mean, those
+        # too small for sleep. Larger ones sleep for a time that goes as their square: as many looks again.
+        moved, step = (course.distance + course.shaken) / _STEP, _TAKEN + count * _ASLEEP
+        awake = math.sqrt(2.0 * _STEP / SLEEP) * thresholds.standard_deviation() / thresholds.moment(1)
+        seconds, what = (step + count * _LOOK) * moved, f"{moved:.2g} steps of {count:.2g} contacts"
+        looks = Part("simulation.contacts", count, None, 1.0, what, seconds, _CONTACT * count)
+        return _cost(rig, course, (step + count * _LOOK * min(2.0 * awake, 1.0)) / _STEP, looks)
 
     def stretchings(self) -> base.Stretchings:
         """Stretchings of the attached contacts now."""
