@@ -219,11 +219,11 @@ def fluctuation(run: Recording, seen: Regime) -> float:
 
 
 def _part_broken(run: Recording) -> float:
-    """How often contacts have broken in a run, over how often they would in smooth sliding, by the energy they lost.
-
-    In stick-slip from a soft spring it is a hundredth: contacts hold once a cycle, not once in the way that they take.
-    """
+    """What a run has taken over its estimate, by the energy that breaks lost; in stick-slip they may be a hundredth."""
     if "broken_energy" not in run.track.columns or run.rig.interface.mechanisms & {"ageing", "temperature"}:
         return 1.0
     rig, each = run.rig.natural, 0.5 * run.rig.interface.threshold_distribution.moment(2)
-    return float(min(run.track["broken_energy"][-1] / each / lifetimes_in(rig, course_of(rig))[0], 1.0))
+    broken = min(run.track["broken_energy"][-1] / each / lifetimes_in(rig, course_of(rig))[0], 1.0)
+    work = estimate(run.rig)
+    breaks = sum(part.seconds for part in work.parts if part.key == "simulation.contacts")
+    return float(1.0 - (1.0 - broken) * breaks / work.seconds)
