@@ -101,7 +101,7 @@ class Response(ABC):
     def effort(self, velocity: float) -> Effort:
         """What it takes to compute, by estimate."""
         del velocity
-        return Effort(look=0.05, again=0.002, root=0.01)
+        return Effort(look=0.03, again=0.0013, root=0.01)
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""

@@ -81,7 +81,7 @@ class UnagedResponse(Response):
     def effort(self, velocity: float) -> Effort:
         del velocity
         closed = isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform)  # the others share tables
-        return Effort(look=2e-3, again=1e-3, root=1e-2) if closed else Effort(look=8e-3, again=3e-3, root=2e-2)
+        return Effort(look=2e-3, again=1e-3, root=5e-3) if closed else Effort(look=8e-3, again=2e-3, root=1.5e-2)
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         if self.inert:
