@@ -29,8 +29,8 @@ from stickslip.stability import contact_noise, count_unstable
 
 # By convention, in seconds of one core by estimate: what a verdict may take, and all of an answer. The parts of what is
 # left at its turn that the first run gets, if it lasts long enough, other speeds, and what is assumed.
-_FAST, _ALL = 2.0, 13.0
-_FOR_FIRST, _FOR_SPEEDS, _FOR_DOUBT = 0.5, 0.4, 0.2
+_FAST, _ALL = 2.0, 14.0
+_FOR_FIRST, _FOR_SPEEDS, _FOR_DOUBT = 0.5, 0.5, 0.2
 _FEWEST_CYCLES = 3.3  # that the first run lasts for, by their longest, whatever that takes; most are shorter
 _MODES, _WAVES = 64, 5  # of an elastic slider, the softest: that are counted; that are told of, of different stiffness
 _DELAYS = (0.01, 10.0)  # tried where a rig names no mechanism, in breaking displacements over the speed

@@ -9,12 +9,14 @@ from dataclasses import replace
 from itertools import product
 from typing import Any, TypeVar
 
+import numpy as np
+
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
 from stickslip.measure.arrays import ERRORS
 from stickslip.measure.evidence import CHANGE, NOISE_OF_CONTACTS, REPEATS, STEADY, TINY
-from stickslip.model import Contacts
+from stickslip.model import Contacts, Langevin
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
@@ -108,7 +110,7 @@ class Trials:
     """
 
     def __init__(self, seconds: float) -> None:
-        self.allowed, self.spent, self._part = seconds, 0.0, 1.0
+        self.allowed, self.spent, self._times = seconds, 0.0, 1.0
         self.seen, self._known, self._tables = dict[Rig, Regime](), dict[Any, Any](), set[Any]()
 
     @contextmanager
@@ -140,10 +142,10 @@ class Trials:
     def record(self, case: Rig, begun: Recording | None = None, times: float = 2.0) -> Recording:
         """Make a run, or go on with one, so many times as long; raise `Spent` if that would cost more than is left."""
         work = estimate(case).seconds * (1.0 if begun is None else times - 1.0)
-        self.pay(work * self._part)
+        self.pay(work * self._times)
         run = record(case, long=True) if begun is None else begun.longer(times * case.drive.duration)
-        foreseen, self._part = self._part, _part_broken(run)
-        self.spent += work * (self._part - foreseen) + _READING[0] + _READING[1] * run.track.times.size
+        foreseen, self._times = self._times, _taken(run)
+        self.spent += work * (self._times - foreseen) + _READING[0] + _READING[1] * run.track.times.size
         return run
 
     def judge(self, case: Rig) -> Regime:
@@ -218,12 +220,20 @@ def fluctuation(run: Recording, seen: Regime) -> float:
     return float(late.std() / abs(late.mean()))
 
 
-def _part_broken(run: Recording) -> float:
-    """What a run has taken over its estimate, by the energy that breaks lost; in stick-slip they may be a hundredth."""
-    if "broken_energy" not in run.track.columns or run.rig.interface.mechanisms & {"ageing", "temperature"}:
+def _taken(run: Recording) -> float:
+    """What a run has taken over its estimate, which is for smooth sliding.
+
+    In stick-slip contacts may break a hundredth as often, by the energy that breaks lost; and the slider may go several
+    times as far as the drive, while looks at ageing contacts go by its way.
+    """
+    rig, course = run.rig.natural, course_of(run.rig.natural)
+    if isinstance(rig.interface.ageing, Langevin) and rig.interface.temperature is None:
+        times = float(np.abs(np.diff(run.track["displacement"])).sum()) / course.distance
+    elif "broken_energy" in run.track.columns and not rig.interface.mechanisms & {"ageing", "temperature"}:
+        each = 0.5 * rig.interface.threshold_distribution.moment(2)
+        times = min(float(run.track["broken_energy"][-1]) / each / lifetimes_in(rig, course)[0], 1.0)
+    else:
         return 1.0
-    rig, each = run.rig.natural, 0.5 * run.rig.interface.threshold_distribution.moment(2)
-    broken = min(run.track["broken_energy"][-1] / each / lifetimes_in(rig, course_of(rig))[0], 1.0)
     work = estimate(run.rig)
-    breaks = sum(part.seconds for part in work.parts if part.key == "simulation.contacts")
-    return float(1.0 - (1.0 - broken) * breaks / work.seconds)
+    looks = sum(part.seconds for part in work.parts if part.key == "simulation.contacts")
+    return float(1.0 + (times - 1.0) * looks / work.seconds)
