@@ -23,38 +23,22 @@ from stickslip.simulation.steps_and_holds import slide_hold_slide
 class Options:
     """What may be asked of a rig, and what is to be known of a measured step."""
 
-    law: Literal["best", "ageing", "slip"] = "best"
-    """Which law to fit."""
-    velocity: str | None = None
-    """Of smooth sliding before the step; the rig's own by default."""
-    step: str = "10"
-    """Ratio of the velocities."""
-    holds: str | None = None
-    """Also slide, hold and slide, with these times of rest: '1 s, 10 s, 100 s'."""
-    export: Program | None = None
-    """Print, or write, the input of another program."""
-    load: str | None = None
-    """Normal load, for coefficients of friction and for the export: '2 kN'."""
-    area: str | None = None
-    """Area of the surface, for the export: '1 cm^2'."""
-    output: Annotated[Path | None, Parameter(alias="-o")] = None
-    """Write the export to a file."""
-    step_at: str | None = None
-    """Of a trace: about when the step came, '68.7 s'."""
-    from_: Annotated[str | None, Parameter(name="--from")] = None
-    """Of a trace: velocity before the step, '3 um/s'."""
-    to: str | None = None
-    """Of a trace: velocity after the step."""
-    span: str | None = None
-    """Of a trace: displacement before and after the step, '5 um, 120 um'."""
-    trend: bool = True
-    """Of a trace: fit a linear trend in displacement besides."""
-    stiffness: str | None = None
-    """Of a trace: between load point and surface, '0.006 1/um'; fitted by default."""
-    json: Annotated[bool, Parameter(negative="")] = False
-    """Print JSON for a machine to read."""
-    plot: Path | None = None
-    """Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf."""
+    law: Annotated[Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")] = "best"
+    velocity: Annotated[str | None, Parameter(help="Before the step of a rig; by default its own.")] = None
+    step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10"
+    holds: Annotated[str | None, Parameter(help="Also slide and hold, with these times of rest: '1 s, 10 s'.")] = None
+    export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None
+    load: Annotated[str | None, Parameter(help="Normal load, for coefficients and the export: '2 kN'.")] = None
+    area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None
+    output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None
+    step_at: Annotated[str | None, Parameter(help="Of a trace: about when the step came, '68.7 s'.")] = None
+    from_: Annotated[str | None, Parameter(name="--from", help="Of a trace: velocity before it, '3 um/s'.")] = None
+    to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None
+    span: Annotated[str | None, Parameter(help="Of a trace: displacement about it, '5 um, 120 um'.")] = None
+    trend: Annotated[bool, Parameter(help="Of a trace: fit a linear trend in displacement besides.")] = True
+    stiffness: Annotated[str | None, Parameter(help="Of a trace: '0.006 1/um'; fitted by default.")] = None
+    json: Annotated[bool, Parameter(negative="", help="Print JSON for a machine to read.")] = False
+    plot: Annotated[Path | None, Parameter(help="Draw the fit of a trace, or peaks after holds.")] = None
 
 
 def rsf(data: Path, *, given: Options = Options()) -> None:
