@@ -32,9 +32,6 @@ app = App(
 )
 
 
-# ---------------------------------------------------------------- shared options
-
-
 def _number(_type: object, tokens: Sequence[Token]) -> float:
     """Read a plain number, which its errors show."""
     from stickslip.model.quantities import read_number
@@ -103,9 +100,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
-        hint = (
-            "; a value that begins with '-' is written --NAME=VALUE" if isinstance(error, MissingArgumentError) else ""
-        )
+        dashed = isinstance(error, MissingArgumentError)
+        hint = "; a value that begins with '-' is written --NAME=VALUE" if dashed else ""
         return _fail(f"{error}{hint} (see stickslip --help)")
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
@@ -120,9 +116,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _fail(message: str, code: int = 2) -> int:
     print(f"stickslip: {one_line(message)}", file=sys.stderr)
     return code
-
-
-# ---------------------------------------------------------------- shared steps
 
 
 def _check_outputs(
@@ -181,8 +174,6 @@ def _answer(text: object, content: Any, json: bool, **written: Path | None) -> N
     else:
         print(text, *(f"{what}: {place}" for what, place in written.items() if place is not None), sep="\n")
 
-
-# ---------------------------------------------------------------- commands
 
 app.command(
     "stickslip.rate_state.command:rsf",
@@ -350,14 +341,8 @@ def measure(
     means = ss.measure.statistics(catalogue)
     where = "in all of the data" if since is None else f"after t = {engineering(since, units['time'])}"
     head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"
-    lines = [
-        _motion(trace, seen),
-        *([str(moves)] if moves else []),
-        "",
-        head,
-        *(f"{name}: {text}" for name, text in means),
-    ]
-    lines += [f"note: {note}"] if note else []
+    lines = [_motion(trace, seen), *([str(moves)] if moves else []), "", head]
+    lines += [*(f"{name}: {text}" for name, text in means), *([f"note: {note}"] if note else [])]
     _answer("\n".join(lines), content, json, **{about["drops_are"]: events, "picture": plot})
 
 
@@ -452,9 +437,7 @@ def map(
     _check_outputs(picture=output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
-        raise InputError(
-            f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
-        )
+        raise InputError(f"--over {shortened(over)}: must name two parameters, such as stiffness,velocity")
     described = ss.read_rig(rig)
     with console.working("mapping") as progress:
         found = chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
