@@ -39,9 +39,6 @@ def moved(contacts, X, points=1000, distance=None):
     return renewal.observe(contacts, renewal.solve(contacts, distance, points), np.asarray(X, float))
 
 
-# ---------------------------------------------------------------- closed forms
-
-
 @pytest.mark.eq(1, 2, 4)
 def test_exponential_thresholds_break_at_a_constant_rate():
     X = np.linspace(0.0, 10.0, 777)
@@ -60,9 +57,6 @@ def test_contacts_that_never_come_back_follow_the_survival(distribution):
     assert response.attached == pytest.approx(J, abs=1e-12)
     assert response.force == pytest.approx(X * J, abs=1e-12)
     assert response.stiffness[1:] == pytest.approx((J - X * P)[1:], abs=1e-11)
-
-
-# ---------------------------------------------------------------- against itself and others
 
 
 @pytest.mark.eq(1, 2, 3, 4)

@@ -43,9 +43,6 @@ def test_started_in_the_steady_state_the_force_is_constant(distribution):
     assert np.max(effective_stiffness(rig, np.linspace(0, 3, 301))) <= (0.05 if jumps else 100 * slack)
 
 
-# ------------------------------------------------------------------------------------------------ K*
-
-
 @pytest.mark.eq(8)
 def test_critical_stiffness_without_reattachment():
     """In closed form from a delta start: max of X P_c(X) - J_c(X); whether contacts come back late does not enter."""
@@ -111,9 +108,6 @@ def test_effective_stiffness_is_minus_the_slope_of_the_force(distribution, veloc
         differences = (F[2:] - F[:-2]) / (2 * h)
         error = np.abs(differences - slope[1:-1]) / scale
         assert np.quantile(error, 0.97) < 1e-3  # all but the corner at X = v tau
-
-
-# ------------------------------------------------------------------------------------------------ three solvers
 
 
 @pytest.mark.parametrize("method", [ss.MasterEquation(rtol=1e-4), ss.Contacts(4_000, seed=1)], ids=["m", "c"])

@@ -42,9 +42,6 @@ MOTIONS = {
 }
 
 
-# ------------------------------------------------------------------------------------------------ the result
-
-
 def test_the_result_is_labelled():
     run = ss.simulate(FIG4, output=ss.Output(interval=0.01, snapshots=(1.0, 2.0), bins=50))
     energies = {"work", "kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy"}
@@ -84,9 +81,6 @@ def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interva
     assert np.all(np.isfinite(run["displacement"]))
 
 
-# ------------------------------------------------------------------------------------------------ conservation
-
-
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.eq(11)
 def test_books_balance_and_what_is_recorded_changes_no_bit(name):
@@ -108,9 +102,6 @@ def test_books_balance_and_what_is_recorded_changes_no_bit(name):
     assert float(many["damped_energy"][-1]) > 0 or rig.slider.damping == 0
 
 
-# ------------------------------------------------------------------------------------------------ exact answers
-
-
 @pytest.mark.parametrize("count", [1, 17])
 def test_equal_contacts_break_together(count):
     """All thresholds 1, all born at 0, none comes back: the force is X up to X = 1 and 0 beyond."""
@@ -122,9 +113,6 @@ def test_equal_contacts_break_together(count):
     assert run["broken_energy"][-1] == pytest.approx(0.5, rel=1e-15)
     # Afterwards it follows the drive at the distance that drags against the damping.
     assert float(run["spring_force"][-1]) == pytest.approx(1e-4 * 200 * 1.0, rel=1e-9)
-
-
-# ------------------------------------------------------------------------------------------------ snapshots
 
 
 @pytest.mark.parametrize("method", [ss.Contacts(40_000, seed=7), ss.MasterEquation()], ids=["contacts", "cohorts"])
