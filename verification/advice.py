@@ -244,33 +244,39 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         yield from _about_a_band(found, band)
     for mitigation in found.mitigations:
         yield from _about_a_mitigation(found, mitigation)
-    if found.between is None and len(found.at_speeds) < 2:
-        for name, searched in found.attempts.items():
-            for end in searched:
-                yield from _about_an_attempt(name, at(rig, name, end), 0.0)
-        for name, (end, part) in found.unreliable.items():
-            yield from _about_an_attempt(name, at(rig, name, end), part)
+    alone = found.between is None and len(found.at_speeds) < 2
+    for name, searched in found.attempts.items() if alone else ():
+        for end in searched:
+            try:
+                there = at(rig, name, end)
+                smooth = not count_unstable(there.natural) and all(one == {"smooth sliding"} for one in _runs(there))
+            except (TooDear, ss.InputError, ss.UndecidedError):
+                yield "attempt, too dear", ""
+                continue
+            yield "attempt", f"{name} at {end:.4g}: smooth sliding in all runs" if smooth else ""
+    for name, (end, part) in found.unreliable.items() if alone else ():
+        yield from _about_a_part(name, at(rig, name, end), part)
 
 
-_SEEDS = range(8000, 16000, 1000)
+def _runs(rig: ss.Rig) -> Iterator[set[str]]:
+    """What may be said of runs from 8 seeds, as many as an attempt speaks of."""
+    return (motion(rig, seed=seed) for seed in range(8000, 16000, 1000))
 
 
-def _about_an_attempt(name: str, there: ss.Rig, part: float) -> Iterator[tuple[str, str]]:
-    """Not all 8 of 8 runs slide smoothly; where a fraction is said to, as many as that within three standard errors."""
+def _about_a_part(name: str, there: ss.Rig, part: float) -> Iterator[tuple[str, str]]:
+    """As many of 8 runs slide smoothly as are said to, within three standard errors."""
     try:
-        kinds = [motion(there, seed=seed) for seed in _SEEDS] if not count_unstable(there.natural) else [set[str]()]
+        kinds = [*_runs(there)] if not count_unstable(there.natural) else [set[str]()]
     except (TooDear, ss.InputError, ss.UndecidedError):
-        yield "attempt, too dear", ""
+        yield "attempt in part, too dear", ""
         return
-    all_, least = len(_SEEDS), sum(kind == {"smooth sliding"} for kind in kinds)
-    where = f"{name} at {there.value(name):.4g}"
-    if not part:
-        yield "attempt", f"{where}: smooth sliding in all runs" if least == all_ else ""
-        return
-    nearest = min(max(part, least / all_), sum("smooth sliding" in kind for kind in kinds) / all_)
+    sure = float(np.mean([each == {"smooth sliding"} for each in kinds]))
+    likely = float(np.mean(["smooth sliding" in each for each in kinds]))
+    nearest = min(max(part, sure), likely)
     mean = 0.5 * (part + nearest)
-    far = abs(nearest - part) > 3.0 * math.sqrt(2.0 * mean * (1.0 - mean) / all_)
-    yield "attempt in part", f"{where}: {100 * nearest:.0f} % smooth, not {100 * part:.0f} %" if far else ""
+    far = abs(nearest - part) > 3.0 * math.sqrt(2.0 * mean * (1.0 - mean) / 8)
+    wrong = f"{name} at {there.value(name):.4g}: {100 * nearest:.0f} % smooth, not {100 * part:.0f} %"
+    yield "attempt in part", wrong if far else ""
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
