@@ -3,7 +3,6 @@
 A result carries, as one JSON string in its attribute ``provenance``, all that is needed to make it again.
 """
 
-import gc
 import json
 import math
 import os
@@ -161,10 +160,9 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
                 return data.load()
     except Exception as error:  # a damaged file fails in many ways
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
-        gc.collect()  # while nobody hears of objects that fail as they are taken down
-        raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged") from None
     finally:
         sys.unraisablehook = before
+    raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged")
 
 
 def is_netcdf(path: str | os.PathLike[str]) -> bool:
