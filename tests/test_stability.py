@@ -11,6 +11,7 @@ import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
 from stickslip.io.datasets import read_provenance
 from stickslip.model import Bell, Delay, ExponentialGrowth, Interface, Langevin, RandomDelay, Rig, Slider, constant
+from stickslip.model.ageing import LogarithmicGrowth
 from stickslip.model.distributions import Exponential, Gaussian, LogNormal
 from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG7, FIG8
@@ -92,9 +93,6 @@ def roots_by_hand(left, **parameters):
         if not any(abs(root - other) < 1e-6 for other in distinct):
             distinct.append(root)
     return np.array(distinct)
-
-
-# ---------------------------------------------------------------- numbers
 
 
 def test_first_critical_velocity_of_fig_7a():
@@ -257,6 +255,15 @@ def test_the_critical_spring_divides_stable_from_unstable(name):
     assert [count == 0 for count in counts] == [False, True, True]
 
 
+def test_the_critical_spring_is_the_stiffest_at_any_frequency():
+    # Light, hardly damped: sharp resonances of the lives of contacts, and turns of the delay where they are forgotten.
+    grown = replace(case(Gaussian(1.0, 0.18), Delay(0.41)), ageing=LogarithmicGrowth(slope=0.11, time=0.28))
+    held, s = rig(2.9, on=grown, stiffness=7.0, mass=1.6e-4, damping=2.4e-3), 1j * np.arange(0.05, 600.0, 0.05)
+    total = impedance(held.slider)(s) + dynamic_stiffness(grown, 2.9, s)
+    neutral = np.sign(total[1:].imag) != np.sign(total[:-1].imag)
+    assert critical_spring(held) == pytest.approx(7.0 - np.min(total[1:].real[neutral]), rel=2e-3)
+
+
 BORN = replace(case(), sliding_force=0.3, newborn=Gaussian(mean=0.1, std=0.0))
 
 
@@ -313,9 +320,6 @@ def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
         low, high = limits(last * (1.0 - short))
         assert math.log(high / low) == pytest.approx(4.1 * math.sqrt(short), rel=0.03)  # two roots of a parabola
         assert limits(last * (1.0 + short)) == []
-
-
-# ---------------------------------------------------------------- refusals
 
 
 @pytest.mark.parametrize("thresholds", [ss.Uniform(0.6, 1.4), Gaussian(mean=1.0, std=0.3)], ids=str)

@@ -19,7 +19,6 @@ from stickslip.arrays import Array as Array
 from stickslip.arrays import ComplexArray as ComplexArray
 from stickslip.errors import InputError
 
-Spline = Callable[[Array], ComplexArray]
 SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
 _APART, _LOST = 8, 1e-5  # frequencies of a scan, first known, a fourth of a turn; of values, that none asks for
 STEP = 0.2  # phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3
@@ -153,8 +152,8 @@ class Response(ABC):
 
 
 @lru_cache(maxsize=64)
-def whole_axis(response: Response, velocity: float) -> tuple[Array, Spline]:
-    """Frequencies that follow all turns of kappa, and `Fluctuations` over their logarithm; unknown noise is 0."""
+def whole_axis(response: Response, velocity: float) -> tuple[Array, "CubicSpline[np.complex128]"]:
+    """Frequencies that follow all turns and peaks, and `Fluctuations` over their logarithm; unknown noise is 0."""
     omega = response.frequencies(velocity, math.inf)
     # Where contacts break together, life after life, they answer within less than a step: up to a sixteenth of it.
     u = np.unique(np.interp(np.arange(16 * omega.size - 15) / 16.0, np.arange(omega.size), np.log(omega)).round(9))
@@ -162,10 +161,11 @@ def whole_axis(response: Response, velocity: float) -> tuple[Array, Spline]:
     def at(some: Array) -> ComplexArray:
         return np.asarray(np.nan_to_num(np.stack(response.fluctuations(velocity, 1j * np.exp(some)))))
 
-    return omega, splined(at, u, 16 * _APART, max(response.accuracy, _LOST))
+    table = splined(at, u, 16 * _APART, max(response.accuracy, _LOST))
+    return np.exp(np.union1d(u[::16], table.x)), table
 
 
-def splined(at: Callable[[Array], ComplexArray], u: Array, apart: int, most: float) -> Spline:
+def splined(at: Callable[[Array], ComplexArray], u: Array, apart: int, most: float) -> "CubicSpline[np.complex128]":
     """A function as a spline, from its values along the last axis at every so many of some points, and halfway.
 
     Further ones are asked beside those that a spline misses by more than `most` of them: in the end it errs by less.
