@@ -149,12 +149,10 @@ def sample_interval(rig: Rig, angle: float) -> float:
     slider, duration = rig.slider, rig.drive.duration
     if rig.output.interval is not None:
         return rig.output.interval
-    most, turns = _MOST, 0.0
+    most, turns = _MOST, course_of(rig).turns
     if isinstance(slider, ElasticBody):
         most = min(max(_NUMBERS / slider.size, 200.0), most)
         turns = duration * math.sqrt((float(slider.pulled.mean()) + 1.0 + slider.coupling) / slider.mass)
-    elif isinstance(slider, Slider) and slider.mass > 0:
-        turns = duration * math.sqrt((slider.stiffness + 1.0) / slider.mass)
     return duration / math.ceil(min(max(turns / angle, min(_FEWEST, most)), most))
 
 
@@ -168,9 +166,7 @@ def sampling(rig: Rig, angle: float) -> Part:
     return Part("simulation.interval", interval, "time", -1.0, f"{samples:.2g} {what}", seconds, size)
 
 
-def breaking(
-    count: float, lifetimes: float, each: float, bytes: float, how: str = "", more: float = 0.0, of: str = "contacts"
-) -> Part:
-    """Return the work of breaks of N contacts or cohorts, `each` of so many seconds, and some `more`."""
-    what = f"about {count * lifetimes:.2g} breaks of {count:.2g} {of}{how}"
-    return Part(f"simulation.{of}", count, None, 1.0, what, each * count * lifetimes + more, bytes * count)
+def breaking(count: float, lifetimes: float, each: float, bytes: float, how: str = "", more: float = 0.0) -> Part:
+    """Return the work of breaks of N contacts, `each` of so many seconds, and some `more`."""
+    what = f"about {count * lifetimes:.2g} breaks of {count:.2g} contacts{how}"
+    return Part("simulation.contacts", count, None, 1.0, what, each * count * lifetimes + more, bytes * count)

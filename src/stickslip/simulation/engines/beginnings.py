@@ -8,7 +8,7 @@ import numpy as np
 from stickslip.kernels.boxes import Rule, lifetimes
 from stickslip.kernels.breaking import Breaking
 from stickslip.kernels.survival import Table, tabulate, values_at
-from stickslip.model import Bell, Delay, DelayModel, FixedGrowth, Interface, OnArrest, Parabolic
+from stickslip.model import Bell, Delay, DelayModel, FixedGrowth, FromSliding, Interface, OnArrest, Parabolic
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.drive import Piece
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
@@ -56,13 +56,12 @@ def track_factor(interface: Interface, rng: np.random.Generator) -> float:
 def newborns(
     interface: Interface, size: int, factor: float, newborns: np.random.Generator, thresholds: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Draw stretchings of contacts that re-attach, along the motion (none if unstretched), and their thresholds."""
+    """Draw stretchings of contacts that re-attach, along the motion, and their thresholds."""
     if interface.newborn is not None:
         x = stretchings_within(interface.newborn, newborns, size, _largest(interface))
         return x, _thresholds_of(interface, thresholds, x, factor)
-    drawn = interface.threshold_distribution.sample(thresholds, size)
-    drawn = drawn if factor == 1.0 else factor * drawn
-    return np.empty(0), drawn if interface.areas is None else np.sqrt(drawn)
+    drawn = factor * interface.threshold_distribution.sample(thresholds, size)
+    return np.zeros(size), drawn if interface.areas is None else np.sqrt(drawn)
 
 
 def _largest(interface: Interface) -> float:
@@ -83,16 +82,17 @@ def lives_met(
 ) -> tuple[Array, Array, Array, Array]:
     """Draw the contacts of steady sliding from lifetimes, as `first_contacts`, and how far each has come since.
 
-    Lives go from stretchings at the `start` (none if unstretched) to those `reached`; long ones are met more often.
+    Lives go from stretchings at the `start` to those `reached`; long ones are met more often.
     """
-    path = reached - start if start.size else reached
+    path = reached - start
     mean = float(path.mean())
     away = beginning.velocity * beginning.interface.delay.moment(1)
     attached = round(count * mean / (mean + away)) if mean > 0.0 else 0
     met = rng.choice(path.size, attached, p=path / path.sum()) if attached else np.empty(0, dtype=np.intp)
     gone = path[met] * rng.random(attached)
-    x = gone + start[met] if start.size else gone
-    return *with_detached(beginning, count, rng, x, threshold[met]), np.append(gone, np.zeros(count - attached))
+    return *with_detached(beginning, count, rng, gone + start[met], threshold[met]), np.append(
+        gone, np.zeros(count - attached)
+    )
 
 
 def with_detached(
@@ -138,15 +138,13 @@ def _survival_of(distribution: Distribution, width: float, squared: bool) -> Tab
 def breaking_of(interface: Interface) -> Breaking:
     """Return how contacts break as kernels take it, where a clock and a reach say what is left of them."""
     distribution, temperature = interface.threshold_distribution, interface.temperature
-    growth = growth_of(interface.ageing)
-    table, knots = survival_of(distribution), np.empty(0)
+    growth, table = growth_of(interface.ageing), survival_of(distribution)
     if isinstance(temperature, (Bell, Parabolic)):
         squared = isinstance(temperature, Parabolic)
         width = temperature.temperature if isinstance(temperature, Parabolic) else temperature.width
         blurred = survival_of(distribution, width, squared)
-        return Breaking(table, knots, blurred, width, temperature.attempts, growth, squared)
-    if interface.ageing is None:
-        knots = end_and_knots(distribution)[1]
+        return Breaking(table, np.empty(0), blurred, width, temperature.attempts, growth, squared)
+    knots = end_and_knots(distribution)[1] if interface.ageing is None else np.empty(0)
     return Breaking(table, knots, table, 0.0, 0.0, growth)
 
 
@@ -157,9 +155,18 @@ def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
     return (1.02 * top if knots.size and knots[-1] > top * (1 - 1e-6) else top), knots
 
 
+_DRAW = (6e-5, 6e-8), (1.2e-4, 3e-7), (2.4e-3, 4.2e-6)
+"""Seconds that the contacts of a block take to be drawn, and each: at rest, and from lives or as roots in sliding."""
 _DRAWN = 256
 """Lifetimes drawn to say how many there are: known to a tenth, where a factor of two is what theory tells."""
 _STILL = 1e-9  # way of a slider at rest, in mean thresholds
+
+
+def drawing(rig: Rig, count: int, blocks: int = 1) -> float:
+    """Seconds that it takes to draw the contacts of each block with which a run begins."""
+    still = rig.start.at_rest if isinstance(rig.start, FromSliding) else blocks
+    sliding = _DRAW[1 if rig.interface.mechanisms - {"sliding_force", "on_arrest"} else 2]
+    return sum(n * (block + each * count) for n, (block, each) in ((still, _DRAW[0]), (blocks - still, sliding)))
 
 
 def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
@@ -177,8 +184,7 @@ def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
     way, duration, delay, rule = way_of(piece), piece.duration, interface.delay, rule_of(interface)
     arrests = isinstance(delay, OnArrest)  # one ends each slip
     if rule is None or not (interface.temperature or isinstance(interface.ageing, FixedGrowth) or interface.areas):
-        mean, away = interface.threshold_distribution.moment(1), delay.moment(1) * way / duration
-        away = 0.0 if arrests else away
+        mean, away = interface.threshold_distribution.moment(1), 0.0 if arrests else delay.moment(1) * way / duration
         return (way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)), 0.0
     velocity = max(way, _STILL) / duration
     start, reached, boxes = drawn_lives(interface, velocity)
@@ -194,7 +200,6 @@ def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, in
     """Draw some lives in steady sliding, always the same: from which to which stretching, and in how many boxes."""
     rng, rule = np.random.default_rng(0), rule_of(interface)
     start, strength = newborns(interface, _DRAWN, 1.0, rng, rng)
-    start = start if start.size else np.zeros(_DRAWN)
     if rule is None or velocity <= 0.0:
         return start, strength, 0
     return start, *lifetimes_of(rule, start, strength, velocity, rng)
@@ -213,7 +218,6 @@ def lifetimes_of(
     """Draw the stretchings at which newborn contacts break in steady sliding; and in how many boxes."""
     reached, done, boxes = np.empty(strength.size), 0, 0
     drawn = max(16 * strength.size, 2**14)
-    start = start if start.size else np.zeros(strength.size)
     while done < strength.size:
         more = lifetimes(rule, start[done:], strength[done:], velocity, rng.random(drawn), reached[done:])
         done, boxes = done + more[0], boxes + more[1]

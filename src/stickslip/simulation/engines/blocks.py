@@ -33,7 +33,7 @@ from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import stretching_nodes, thresholds_beyond
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import first_contacts, lifetimes_in, survival_of, track_factor
+from stickslip.simulation.engines.beginnings import drawing, first_contacts, lifetimes_in, survival_of, track_factor
 from stickslip.simulation.work import Course, Part, breaking
 
 ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
@@ -222,7 +222,8 @@ class ElasticEngine(Engine):
             count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
             # The prestress may break each once, however short the way of the drive.
             lives = max(lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed)))
-            contacts = breaking(count, lives, each, _CONTACT)._replace(value=method.count)
+            drawn = drawing(rig, method.count, body.size)
+            contacts = breaking(count, lives, each, _CONTACT, more=drawn)._replace(value=method.count)
         name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
         words = f"{steps:.2g} steps of blocks"
         return Part(f"slider.{name}", getattr(body, name), name, power, words, moving * steps), contacts

@@ -99,6 +99,7 @@ class EventByEvent(base.Engine):
             each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * way / interface.temperature.width
         # Once it rings no more, turns cost nothing, unless rounding hides them or detached contacts hold again there.
         radians = course.turns if interface.sliding_force > 0.0 or course.turns * _FINEST_TURN > 1.0 else course.rung
+        more += beginnings.drawing(rig, count)
         return *oscillation(rig, radians), breaking(count, lives, each, _CONTACT, how, more)
 
     def _first(self, beginning: base.Beginning, count: int) -> tuple[Array, Array, Array, Array]:
@@ -119,10 +120,9 @@ class EventByEvent(base.Engine):
             x, strength, pending, gone = beginnings.lives_met(beginning, count, rng, start, strength, reached)
             return x, strength, pending, -gone / velocity
         # Each is met somewhere in one of its own lifetimes and the time after it, the long ones more often.
-        begun = start if start.size else np.zeros(count)
-        every = np.repeat(begun, _LIVES), np.repeat(strength, _LIVES)
+        every = np.repeat(start, _LIVES), np.repeat(strength, _LIVES)
         reached, _ = beginnings.lifetimes_of(self._rule, *every, velocity, rng)
-        path = reached.reshape(count, _LIVES) - begun[:, None]
+        path = reached.reshape(count, _LIVES) - start[:, None]
         length = path + velocity * self._delay.sample(rng, path.size).reshape(path.shape)
         met = np.argmax(rng.random((count, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
         path, length = (np.take_along_axis(one, met[:, None], axis=1)[:, 0] for one in (path, length))
@@ -130,14 +130,14 @@ class EventByEvent(base.Engine):
         order = np.argsort(gone >= path, kind="stable")  # the attached first
         held, gone = np.count_nonzero(gone < path), gone[order]
         pending = (length[order] - gone)[held:] / velocity
-        return (begun[order] + gone), strength[order], pending, -gone / velocity
+        return (start[order] + gone), strength[order], pending, -gone / velocity
 
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
         """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
         count = min(_BLOCK, max(2 * self._state.size, 64)) if self._interface.track_scatter else _BLOCK
         x, threshold = beginnings.newborns(self._interface, count, self._factor, self._newborns, self._thresholds)
         self._state.motion[0].thresholds_used = 0
-        return draws._replace(thresholds=threshold, stretchings=x)
+        return draws._replace(thresholds=threshold, stretchings=x if self._interface.newborn else np.empty(0))
 
     def _refill(self) -> None:
         """Draw what is used up."""

@@ -67,8 +67,7 @@ class ThermalPopulation(Cohorts):
         breaking = node.size * min(_BAND * width / (mean + float(np.ptp(node))), 1.0)
         seconds, room = (_COHORT + _NODE * breaking) * steps * cohorts, 16.0 * cohorts * node.size
         what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
-        part = Part("interface.temperature", width, None, -2.0, what, seconds, room, instead="use Contacts(...), or ")
-        return (part,)
+        return (Part("interface.temperature", width, None, -2.0, what, seconds, room, "use Contacts(...), or "),)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts now."""
