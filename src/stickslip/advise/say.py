@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from stickslip.advise.bands import MOTIONS
+from stickslip.advise.runs import OSCILLATES
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
@@ -67,9 +68,13 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
 
 
 def headline(found: Prediction) -> str:
-    """What the rig does at its own speed, in a line."""
+    """What the rig does at its own speed, in a line, and when it oscillates along a drive that starts smoothly."""
     words, _ = _motion(found)
-    return f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}" if found.judged else words
+    here = f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}" if found.judged else words
+    spells = [band for kind in OSCILLATES for band in found.in_time if band.kind == kind]
+    if spells and found.regime.kind not in OSCILLATES:
+        return f"{spells[0].kind} from {quantity(found.rig, spells[0].low, 'time', 3)} on; {here}"
+    return here
 
 
 def _motion(found: Prediction) -> tuple[str, str]:
@@ -117,23 +122,22 @@ def speeds(found: Prediction) -> Iterator[str]:
     elif known and {*where} <= {"smooth sliding", "stable", "unknown"}:
         kind = "smooth sliding" if found.complete and "stable" not in where else "linearly stable"
         yield f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}"
+    elif "smooth sliding" in where:
+        yield f"smooth sliding {' and '.join(where['smooth sliding'])}"
     if found.complete and "stable" in where:
         yield f"linearly stable {' and '.join(where['stable'])} (starts from rest not judged)"
     if "unknown" in where and not found.theory_note:
         yield f"{' and '.join(where['unknown'])} linear theory cannot tell, or not in the time that is allowed"
-    for speed, kind in found.at_speeds:
-        if speed != found.rig.velocity:
-            yield f"at {_speed(found.rig, speed)}: {kind}"
-    if found.between is not None:
-        low, high = found.between
-        inside = [band for band in found.bands if band.low < high and band.high > low]
-        words = ", ".join(f"{band.motion} from {_speed(found.rig, max(band.low, low))}" for band in inside)
-        whose = "over its range" if found.rig.operation.between is not None else "along its drive"
-        yield f"{whose}, {_speed(found.rig, low)} to {_speed(found.rig, high)}: {words or 'undecided'}"
+    yield from (f"at {_speed(found.rig, v)}: {kind}" for v, kind in found.at_speeds if v != found.rig.velocity)
     if len(found.in_time) > 1:
         spells = (f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}" for band in found.in_time)
         end = quantity(found.rig, found.in_time[-1].high, "time", 3)
-        yield f"along its drive, in time: {', '.join(spells)}, to {end}"
+        yield f"along its drive, if each speed lasted: {', '.join(spells)}, to {end}"
+    elif found.between is not None:
+        low, high = found.between
+        inside = [band for band in found.bands if band.low < high and band.high > low]
+        words = ", ".join(f"{band.motion} from {_speed(found.rig, max(band.low, low))}" for band in inside)
+        yield f"over its range, {_speed(found.rig, low)} to {_speed(found.rig, high)}: {words or 'undecided'}"
 
 
 # What it rests on, and what would stop it
