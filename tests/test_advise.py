@@ -393,10 +393,14 @@ def test_a_range_of_speeds_is_made_smooth_by_one_change_or_by_two_smaller_ones()
             assert judged.kind == "smooth sliding", (changes, speed)
 
 
+FASTER = Mitigation(parameter="velocity", value=0.02, stops=0.22)
+
+
 @pytest.mark.takes(5)  # three pictures, a map among them
-def test_a_report_is_one_page_that_asks_for_no_other_file():
-    found = ss.predict(ss.example("brake_pad"), fast=True)
-    page = report(replace(found, mitigations=(Mitigation(parameter="velocity", value=0.02, stops=0.22),)))
+@pytest.mark.parametrize("found", [{"mitigations": [FASTER]}, {"pair": [FASTER, replace(FASTER, parameter="mass")]}])
+def test_a_report_is_one_page_that_asks_for_no_other_file(found):
+    found = replace(ss.predict(ss.example("brake_pad"), fast=True), **found)
+    page = report(found)
     assert page.count("data:image/svg+xml;base64,") == 3
     assert found.headline in page
     assert 'delay = "1 ms"' in html.unescape(page)

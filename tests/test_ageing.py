@@ -24,9 +24,6 @@ def aged(rate, newborn=0.0, **changes):
     return replace(FIG8.interface, ageing=ss.Langevin(rate=rate, newborn=newborn), **changes)
 
 
-# ---------------------------------------------------------------- thresholds, and the pieces of a step
-
-
 @pytest.mark.eq(13, 15, 16)
 def test_thresholds_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate_squared_t():
     rng, n, rate, lag = np.random.default_rng(3), 20_000, 1.3, 0.4
@@ -64,9 +61,6 @@ def test_the_moment_of_breaking_inside_a_step_is_that_of_a_bridge():
     mean, shape = start / end, start**2 / variance
     assert abs(clock.mean() - mean) < 4 * sqrt(mean**3 / shape / n)
     assert abs(np.mean(1 / clock) - (1 / mean + 1 / shape)) < 4 * sqrt((1 / (mean * shape) + 2 / shape**2) / n)
-
-
-# ---------------------------------------------------------------- steady friction
 
 
 def test_steady_friction_has_its_tail():
@@ -134,9 +128,6 @@ def test_fast_motion_to_and_fro_agrees_with_many_contacts():
     assert np.all(np.abs(density - contacts) < 4 * 0.5 / sqrt(n) + 0.004)
 
 
-# ---------------------------------------------------------------- with a slider
-
-
 @pytest.mark.eq(11)
 def test_recorded_friction_of_hot_contacts_moves_the_slider():
     """M X'' + M eta X' = K (X_lp - X) - F, over many steps."""
@@ -147,9 +138,6 @@ def test_recorded_friction_of_hot_contacts_moves_the_slider():
     push = (run["spring_force"] - run["friction_force"] - 0.02 * run["velocity"]).to_numpy()
     gained = np.concatenate([[0.0], np.cumsum(0.5 * (push[1:] + push[:-1]) * np.diff(t))]) / 0.01
     assert np.abs(gained - (v - v[0])).max() < 0.02 * np.abs(v).max()
-
-
-# ---------------------------------------------------------------- the paper's closure
 
 
 def test_the_closure_at_low_speed_is_that_of_an_exponential_life():
@@ -167,9 +155,6 @@ def test_the_closure_at_low_speed_is_that_of_an_exponential_life():
 def test_the_friction_of_the_closure_is_not_that_of_its_contacts():
     assert closure_friction(aged(1.0), 0.5) == pytest.approx(0.911 * ss.kinetic_friction(aged(1.0), 0.5), rel=2e-3)
     assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0889], rel=1e-3)
-
-
-# ---------------------------------------------------------------- what carries nothing
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.2])

@@ -161,9 +161,6 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     assert "`make verify`" in house.made_by(report)
 
 
-# ---------------------------------------------------------------- the built pages
-
-
 LINKS = r"<link rel=\"(?:canonical|index|search|next|prev|author)\"[^>]*>"
 """What a page leads to and does not load."""
 

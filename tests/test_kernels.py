@@ -14,8 +14,6 @@ from stickslip.kernels.drive import Quadratic, drive_at
 from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
 from stickslip.kernels.oscillator import Load, Motion, Slider, travel
 
-# ---------------------------------------------------------------- the smallest of many
-
 changes = st.lists(st.tuples(st.integers(0, 10_000), st.floats(0, 1) | st.just(math.inf)), max_size=80)
 
 
@@ -34,9 +32,6 @@ def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
     tournament.play(played, slots)
     assert np.array_equal(played, trees)  # the other one has not changed
     assert trees.shape[1] >= slots
-
-
-# ---------------------------------------------------------------- turning points
 
 
 def plain_turns(force, drop, rise):
@@ -76,8 +71,6 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
     few = np.full((2, 9), np.nan)
     assert turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), few) == 4  # no more are there
 
-
-# ---------------------------------------------------------------- rates of breaking
 
 HAZARDS = [
     Hazard(BELL, 3.0, 0.05, 1.0, 0.0),
@@ -123,8 +116,6 @@ def test_the_largest_rate_is_that_of_the_worst_contact(held, x):
     rates = [plain_rate(held, each, 1.0) for each in np.linspace(0.0, x, 200_001)]
     assert hazard.largest_rate(held, x, 1.0) == pytest.approx(max(rates), rel=1e-4)
 
-
-# ---------------------------------------------------------------- flights that need no search
 
 FLIGHTS = [
     # eta, w2, v, f0, f1: oscillation, creep, critical damping

@@ -273,8 +273,6 @@ def test_a_file_that_is_no_rig(tmp_path):
             rigs.read_rig(file)
 
 
-# ---------------------------------------------------------------- how a rig is used
-
 BRAKE = tomllib.loads(rigs.example_file("brake_pad").read_text(encoding="utf-8"))
 
 

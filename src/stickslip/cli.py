@@ -49,6 +49,8 @@ File = Path | None
 Output = Annotated[File, Parameter(alias="-o")]
 RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an example: `stickslip new` lists them.")]
 Json = Annotated[Switch, Parameter(help="Print JSON for a machine to read.")]
+Thorough = Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")]
+Smooth = Annotated[tuple[str, str] | None, Parameter(help="Speeds to be made smooth: '1 mm/s' '5 mm/s'.", negative="")]
 Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
 Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 Kind = Literal["overview", "phase", "energy", "spacetime", "fronts", "precursors", "slips", "contacts", "sound"]
@@ -186,10 +188,8 @@ def predict(
     rig: RigFile,
     *,
     fast: Annotated[Switch, Parameter(help="Stop at the verdict: linear theory and one run.")] = False,
-    thorough: Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")] = False,
-    smooth: Annotated[
-        tuple[str, str] | None, Parameter(help="Speeds, '0.5 mm/s' '5 mm/s', to be made smooth.", negative="")
-    ] = None,
+    thorough: Thorough = False,
+    smooth: Smooth = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -221,7 +221,8 @@ def report(
     rig: RigFile,
     *,
     output: Annotated[Path, Parameter(alias="-o", help="The page.")] = Path("report.html"),
-    thorough: Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")] = False,
+    thorough: Thorough = False,
+    smooth: Smooth = None,
 ) -> None:
     """Write what `predict` says as one page to forward, with its pictures: HTML that can be printed."""
     from stickslip.advise.report import report
@@ -229,7 +230,7 @@ def report(
     _check_outputs(output, read=rig)
     described = ss.read_rig(rig)
     with console.working("predicting") as progress:
-        found = ss.predict(described, thorough=thorough, progress=part(progress, 0.0, 0.7))
+        found = ss.predict(described, thorough=thorough, smooth=smooth, progress=part(progress, 0.0, 0.7))
         files.write(output, report(found, progress=part(progress, 0.7, 1.0)).encode())
     print(f"{found.headline}\nreport: {output}")
 

@@ -36,8 +36,8 @@ def report(found: Prediction | ElasticPrediction, *, progress: Progress | None =
     Parameters
     ----------
     found : Prediction or ElasticPrediction
-        What `stickslip.predict` returns. Where it has mitigations, the force before and after the smallest is shown,
-        and the way there on a map of stability.
+        What `stickslip.predict` returns. Where it has mitigations, the force before and after the smallest is shown, or
+        the smallest pair, and the way there on a map of stability.
     progress : callable, optional
         Called with the fraction of the work that is done.
 
@@ -47,8 +47,8 @@ def report(found: Prediction | ElasticPrediction, *, progress: Progress | None =
     """
     name, watch = html.escape(found.rig.name), progress or (lambda _done: None)
     shown = ((html.escape(title), base64.b64encode(plot.drawn(it, "svg"))) for title, it in _pictures(found, watch))
-    source = 'src="data:image/svg+xml;base64,'
-    pictures = "".join(f'<h2>{title}</h2><img alt="" {source}{image.decode()}">' for title, image in shown)
+    image = '<h2>{}</h2><img alt="" src="data:image/svg+xml;base64,{}">'
+    pictures = "".join(image.format(title, data.decode()) for title, data in shown)
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{name}</title>'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head><body>'
@@ -61,15 +61,16 @@ def report(found: Prediction | ElasticPrediction, *, progress: Progress | None =
 def _pictures(found: Prediction | ElasticPrediction, watch: Progress) -> Iterator[tuple[str, Figure]]:
     yield "What it does at each speed", found.plot()
     watch(0.3)
-    if not isinstance(found, Prediction) or not found.mitigations:
+    if not isinstance(found, Prediction) or not (changes := found.pair or found.mitigations[:1]):
         return
-    first, rig = found.mitigations[0], found.rig
-    after = rig.replace(**{first.parameter: first.stops})
-    before = found.recording.rig
+    rig, before, goal = found.rig, found.recording.rig, {each.parameter: each.stops for each in changes}
+    after = rig.replace(**goal)
     lasts = replace(after, drive=constant(after.natural.velocity, before.drive.duration), start=before.start)
-    yield f"Before and after: {found.changed(first)}", plot.side_by_side(found.run, simulate(lasts, long=True))
+    words = " and ".join(found.changed(each) for each in changes)
+    yield f"Before and after: {words}", plot.side_by_side(found.run, simulate(lasts, long=True))
     watch(0.5)
-    over: Any = ("velocity", "stiffness" if first.parameter == "velocity" else first.parameter)
-    around = max(_AROUND, 2.0 * max(first.stops / first.value, first.value / first.stops))
+    alone = "velocity", "stiffness" if "velocity" in goal else changes[0].parameter
+    over: Any = tuple(goal) if found.pair else alone
+    around = max(_AROUND, *(2.0 * max(each.stops / each.value, each.value / each.stops) for each in changes))
     found_map = chart(rig, over, around, _POINTS, part(watch, 0.5, 1.0))
-    yield "The way there, on the map of stability", plot.chart(found_map, to={first.parameter: first.stops})
+    yield "The way there, on the map of stability", plot.chart(found_map, to=goal)

@@ -23,9 +23,6 @@ Section = tuple[str, str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 SEEN = 0.05  # root mean square of a fluctuation over the mean force, by convention, that a rig is asked to stay below
 
 
-# Quantities
-
-
 def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
     """A value in the rig's own units, with its prefix."""
     return rig.in_units(value / rig.unit(unit), unit, digits)
