@@ -22,6 +22,7 @@ from stickslip.sliding.response import ComplexArray
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import rig_parts
 from stickslip.stability.neutral import Neutral, neutral_frequencies
+from stickslip.words import engineering
 
 _DEPTH = 6  # how often points about a hidden pair of crossings are set eight times as close
 _EIGHTHS = np.arange(1, 8) / 8
@@ -42,17 +43,13 @@ class Along(Answer, Generic[Item]):
     def where(self) -> str:
         """What was searched, in words."""
         low, high = self.searched
-        return f"for {self.parameter} from {low:g} to {high:g}{_after(self.unit)}"
+        return f"for {self.parameter} from {low:g} to {high:g} {self.unit}".removesuffix(" 1")
 
     def __iter__(self) -> Iterator[Item]:
         return iter(getattr(self, self._items))
 
     def __len__(self) -> int:
         return len(getattr(self, self._items))
-
-
-def _after(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,9 +108,9 @@ class Crossings(Along[Crossing]):
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} {self.where}; no stability limit in this range"
-        unit = _after(self.unit)
         words = [
-            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g}{unit} ({self._frequency(c)})"
+            f"{'loses' if c.loses_stability else 'regains'} stability at {engineering(c.value, self.unit, 7)} "
+            f"({self._frequency(c)})"
             for c in self.edges
         ]
         return f"{self.where}, smooth sliding " + ", ".join(words)
