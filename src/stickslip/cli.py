@@ -227,7 +227,7 @@ def report(
     """Write what `predict` says as one page to forward, with its pictures: HTML that can be printed."""
     from stickslip.advise.report import report
 
-    _check_outputs(output, read=rig)
+    _check_outputs(picture=output, read=rig, kind="page")
     described = ss.read_rig(rig)
     with console.working("predicting") as progress:
         found = ss.predict(described, thorough=thorough, smooth=smooth, progress=part(progress, 0.0, 0.7))

@@ -29,6 +29,7 @@ from stickslip.words import prefixed
 
 _STYLE = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
 _FORMATS = {"": ("picture", "png", "svg", "pdf"), "contacts": ("film", "gif"), "sound": ("sound", "wav")}
+_FORMATS |= {"page": ("page", "html")}
 PER_SECOND = 20  # frames of a film
 MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is the same, the file is not
 
@@ -185,7 +186,7 @@ def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]
 
 
 def format_of(path: str | os.PathLike[str], kind: str = "") -> str:
-    """Return the format of a picture, film or sound, by the suffix of its name; `InputError` if it has no such."""
+    """Return the format of a picture, film, sound or page, by the suffix of its name; else `InputError`."""
     what, *formats = _FORMATS.get(kind, _FORMATS[""])
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in formats:
