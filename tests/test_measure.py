@@ -198,7 +198,9 @@ FORCES = {
     "through zero": (lambda: trace(*even_sawtooth(cycles=40, drop=2.0, low=-1.1)), "stick-slip", "^(?!.*strokes)"),
     "saturated": (lambda: bench(noise=0.01, samples=100)[0].clip(max=5.7), "stick-slip", "flat at 5.7: .* saturated"),
     "rounded": (lambda: (bench(samples=100)[0] / 0.05).round() * 0.05, "stick-slip", "^(?!.*note)"),
-    "mirrored": (lambda: 12.0 - bench(samples=50, noise=0.02)[0], "undecided", "--flip on .*flip=True"),
+    "mirrored": (lambda: 6.0 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0], "undecided", "--flip on"),
+    "mirrored, restless": (lambda: 0.1 - paper("k168_v1100"), "undecided", "--flip on .*flip=True"),
+    "of either sign": (alone(9.0, 0.01, lambda t: -0.5 - tone(1.0, t)), None, "periodic, 133 % of the largest force"),
     "flipped": (lambda: (bench()[0] - 12.0).assign_attrs(flipped=1), "stick-slip", ""),  # by read_trace(flip=True)
     "smooth strokes": (lambda: to_and_fro(noisy_stroke, displacement=True), "smooth sliding", "6 strokes"),
     "strokes of slips": (lambda: to_and_fro(stroke_of_slips), "stick-slip", r"6 strokes .*\(6 stick-slip\)"),
@@ -481,7 +483,7 @@ def test_the_coefficient_of_friction_is_told_beside_the_force(tmp_path):
 
 def test_spikes_are_replaced_and_slips_are_not(tmp_path):
     rng, t = np.random.default_rng(1), np.arange(0.0, 20.0, 0.01)
-    spiky = np.arange(37, t.size, 190)
+    spiky = np.append(0, np.arange(37, t.size, 190))
     ringing = bench(samples=12, noise=0.03, ringing=0.4)[0]
     for force, spikes, slips in (
         (10.0 + 3.0 * (t / 0.5 % 1.0) + white(t.size, std=0.02), spiky, 38),
@@ -489,10 +491,10 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
         (ringing["spring_force"].values, spiky[:0], 100),
     ):
         force = force.copy()
-        force[spikes] += rng.choice([-1.0, 1.0], spikes.size) * rng.uniform(4.0, 9.0, spikes.size)
+        force[spikes] += np.resize([1.0, -1.0], spikes.size) * rng.uniform(4.0, 9.0, spikes.size)
         (file := tmp_path / "spikes.csv").write_text("force [N]\n" + "\n".join(map("{:.4f}".format, force)))
         data = read_trace(file, step=0.01)
-        assert int(data["filled"].sum()) == spikes.size
+        assert int(data["filled"].sum()) == spikes[1:].size  # a first row is left out
         assert (f"{spikes.size} spikes of a single sample" in data.attrs["note"]) == (spikes.size > 0)
         moving = ss.measure.motion(data, stiffness=10.0, velocity=1.0)
         assert ss.measure.kinematics(moving).spikes == data.attrs["spikes"] == spikes.size
@@ -848,12 +850,10 @@ def test_a_window_holds_two_cycles_at_every_velocity(wiper):
 
 def test_the_real_trace():
     data = read_trace(TRACE, step=0.25)
-    assert data.sizes["time"] == 4262
-    assert "1 of 4262 rows could not be read" in data.note
-    assert "(line 3295: 'NaN N1')" in data.note
+    assert re.search(r"1 of 4262 rows could not be read.*\(line 3295: 'NaN N1'\)", data.note)
     found = drops(data)
     mean = {name: column.attrs.get("mean") for name, column in found.data_vars.items()}
-    assert found.attrs["count"] == 168
+    assert (data.sizes["time"], found.attrs["count"]) == (4262, 168)
     assert 2.6 <= mean["drop"] <= 3.6
     assert 5.3 <= mean["recurrence"] <= 6.8
     assert 0.24 <= found["recurrence"].attrs["std"] / mean["recurrence"] <= 0.36

@@ -110,7 +110,6 @@ class Trace:
         alone = not data.attrs.get("flipped") and np.mean(force) < 0 and -np.min(force) > 3.0 * np.max(force)
         sign = -1.0 if (alone if drive is None else np.mean(drive) < 0) else 1.0
         arrays |= {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if key in arrays}
-        top = float(np.max(arrays["force"]))  # of a force that never pulls that way, the largest in size
         time, told = data["time"].attrs, data["spring_force"].attrs
         rig, contacts = None, data.attrs.get("contacts")
         with suppress(InputError):  # not every run says what it was made of
@@ -120,7 +119,7 @@ class Trace:
         return cls(
             **arrays,
             sign=sign,
-            largest=top if top > 0 else float(np.max(np.abs(force))),
+            largest=float(np.max(np.abs(force))),
             rig=rig,
             contacts=None if contacts is None else int(contacts),
             measured=drive is None or "stiffness" in data.attrs,

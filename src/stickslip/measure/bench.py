@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
-from stickslip.measure.arrays import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
+from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace
 from stickslip.measure.periods import rises
-from stickslip.measure.slips import Slips, find_slips, resolution, turning_points
+from stickslip.measure.slips import resolution, turning_points
 
 LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
 IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
-MIRRORED = 0.25  # largest part of the time that the jumps of a mirrored force take
 SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
 FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
@@ -64,7 +63,7 @@ def about_the_sensor(force: Array) -> tuple[str, ...]:
 
 
 def far_outside(force: Array) -> NDArray[np.bool_]:
-    """Samples between others, and farther from all of these than they ever are from one another: -9999, or a spark."""
+    """Samples farther from all others than these ever are from one another: -9999, or a spark."""
     found = ~np.isfinite(force)
     for side in (1.0, -1.0, 1.0):
         values = side * force[~found]
@@ -75,24 +74,33 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
         below = np.flatnonzero(np.diff(few) > values.max() - few[1:])
         if below.size:
             found |= side * force <= few[below[-1]]
-    inner = np.flatnonzero(~found)
-    if inner.size:
-        found[: inner[0]] = found[inner[-1] + 1 :] = False  # before and after the test there may be anything
-    return found & np.isfinite(force)
+    inner, known = np.flatnonzero(~found), np.isfinite(force)
+    for end in (slice(inner[0]), slice(inner[-1] + 1, None)) if inner.size else ():
+        found[end] &= ~_unloaded(force[end], force[inner])  # as a bench is before and after the test
+    return found & known
+
+
+def _unloaded(force: Array, others: Array) -> NDArray[np.bool_]:
+    """Which forces are smaller in size than all others: no load, rather than no reading."""
+    return np.asarray(np.abs(force) < np.abs(others).min())
 
 
 def spikes(force: Array) -> NDArray[np.bool_]:
     """Electrical spikes: samples farther from the four beside them than these, as in a slip, from one another."""
     found, known = np.zeros(force.size, dtype=bool), np.flatnonzero(np.isfinite(force))
     values = force[known]
-    if values.size < FEWEST_READINGS:
-        return found
     bend = float(np.median(np.abs(np.diff(values, 2))))
-    scatter = max(1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0))
+    least = SIGMAS * max(1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0))
     lowest, highest = (extreme(values, footprint=[1, 1, 0, 1, 1]) for extreme in (minimum_filter, maximum_filter))
     apart = np.maximum(lowest - values, values - highest) > highest - lowest
-    apart &= np.abs(values - median_filter(values, 5)) > SIGMAS * scatter
-    apart[:2] = apart[-2:] = False
+    apart &= np.abs(values - median_filter(values, 5)) > least
+    apart[[0, -1]] = False
+    # At an end it is not seen whether a force comes back as a spike does: there it must exceed what slips make of four.
+    rest = values[~apart][1:-1]
+    least = max(least, float((maximum_filter(rest, 4) - minimum_filter(rest, 4)).max()))
+    for at, beside in ((0, rest[:4]), (-1, rest[-4:])):
+        off = max(beside.min() - values[at], values[at] - beside.max())
+        apart[at] = off > least and not _unloaded(values[at], beside)
     if np.count_nonzero(apart) <= FEW * values.size:  # where many are so, they are no faults
         found[known[apart]] = True
     return found
@@ -107,12 +115,3 @@ def _is_flat(force: Array) -> bool:
     usual = float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 1.0
     often = FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size
     return bool(often and np.count_nonzero(runs >= FLAT_RUN) >= FLAT_PEAKS)
-
-
-def is_mirrored(trace: Trace, found: Slips) -> bool:
-    """Whether the force rises in jumps and relaxes slowly: stick-slip with the sign of the force reversed."""
-    if not found.size or not found.slip_phase(trace) > 1.0 - MIRRORED:
-        return False
-    other = replace(trace, force=-trace.force)
-    turned = find_slips(other)
-    return turned.size >= FEWEST_CYCLES and turned.slip_phase(other) <= MIRRORED

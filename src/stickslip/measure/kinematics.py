@@ -142,7 +142,7 @@ class Kinematics(Answer):
         if math.isfinite(self.effective_mass):
             of = f", {self.effective_mass / self.mass:.2g} of what it weighs" if math.isfinite(self.mass) else ""
             lines.append(f"it moves as {engineering(1e3 * self.effective_mass, 'g', 3)} would on this spring{of}")
-        spikes = f"; {self.spikes} spikes left out" if self.spikes else ""
+        spikes = f"; {self.spikes} spike{'s' * (self.spikes > 1)} left out" if self.spikes else ""
         return "\n".join([*lines, f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring{spikes}"])
 
 

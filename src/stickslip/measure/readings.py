@@ -107,8 +107,10 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     values = {name: columns[i] for name, i in chosen.items()}
     force = values["force"]
     outside = far_outside(force)
-    # What a logger writes for no reading is one value, however often it comes.
-    none = np.count_nonzero(outside) if np.unique(force[outside]).size == 1 else 0
+    # What a logger writes for no reading is one value, however often it comes; before and after a test may be anything.
+    first, last = np.flatnonzero(~outside)[[0, -1]]
+    within = force[first:last][outside[first:last]]
+    none = np.count_nonzero(outside) - (np.unique(within).size > 1) * within.size
     force[outside] = np.nan
     times = values.setdefault("time", step * np.arange(force.size, dtype=float))
     bad = lines[~(np.isfinite(times) & np.isfinite(force))].tolist()
@@ -130,12 +132,11 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
 
 def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
-    rows = pd.DataFrame(values)
-    known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
-    spiky = spikes(values["force"])
+    rows, spiky = pd.DataFrame(values), spikes(values["force"])
     count = int(np.count_nonzero(spiky))
-    notes += [f"{count} spikes of a single sample; the force there is interpolated"] if count else []
+    notes += [f"{count} spike{'s' * (count > 1)} of a single sample; the force there is interpolated"] if count else []
     rows.loc[spiky, "force"] = np.nan
+    known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
     missing = rows["force"].isna()
     rows = rows.interpolate("index", limit_direction="both")

@@ -25,7 +25,7 @@ from stickslip.measure.arrays import (
     mean_and_std,
     slope,
 )
-from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
+from stickslip.measure.bench import about_the_sensor, find_strokes
 from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
 from stickslip.measure.kinematics import strays_by
 from stickslip.measure.segments import segments
@@ -282,7 +282,7 @@ def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     seen, pace = Window(trace, found or find_slips(trace)), trace.pace
-    kind, reason = OPEN, _fault(trace, seen.found)
+    kind, reason = OPEN, _fault(trace, seen)
     if not reason:
         kind, reason = next(
             (kind, reason.format_map(_in_words(seen)))
@@ -324,10 +324,11 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     )
 
 
-def _fault(trace: Trace, found: Slips) -> str:
+def _fault(trace: Trace, seen: Window) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not constant; empty if it may have one."""
     if trace.drive is None or trace.measured:
-        if is_mirrored(trace, found):
+        other = replace(trace, force=-trace.force, velocity=None)  # which was read off the force as it is
+        if "slips" not in seen.facts and {"slips", "cycles"} <= Window(other, find_slips(other)).facts:
             return "the force jumps up and falls slowly: its sign seems reversed (--flip on a command line, flip=True)"
         return "" if np.any(trace.force != trace.largest) else "the force never changes: is the sensor connected?"
     if not trace.drive.any():
