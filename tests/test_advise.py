@@ -248,6 +248,31 @@ def test_what_was_not_simulated_is_not_called_smooth():
     assert known[0] < known[1] < known[2]
 
 
+ACTUATOR = """
+slider = { mass = "0.9 kg", stiffness = "120 kN/m", damping_ratio = 0.12 }
+interface = { normal_load = "60 N", mu_s = 0.5, mu_k = 0.34, v_half = "4 mm/s", breaking_displacement = "9 um" }
+drive = { velocity = "0.4 mm/s" }"""
+SAID = {
+    "mass": {"slider.mass": "to", "slider.damping_ratio": "held at .*damping ratio"},
+    "damping mass": {"slider.damping_ratio": "to .*damping ratio", "slider.mass": "mass.* to"},
+    "contact_stiffness": {"interface.breaking_displacement": "to .*displacement", "interface.v_half": "v_half"},
+    "delay": {"interface.v_half": "to .*v_half"},
+}
+
+
+@pytest.mark.parametrize("changes", SAID)
+def test_a_change_in_words_written_into_its_file_is_that_change(changes):
+    rig, written = (read(tomllib.loads(ACTUATOR)) for read in (rigs.from_document, dict))
+    made = [Mitigation(parameter=name, value=(v := rig.value(name)), stops=2.0 * v) for name in changes.split()]
+    words = ss.predict(rig, fast=True).changed(*made)
+    for (table, name), before in ((key.split("."), before) for key, before in SAID[changes].items()):
+        value = re.search(rf"{before} ([\d.]+( [^ ,)]+)?)", words)[1]
+        written[table][name] = float(value) if name == "damping_ratio" else value
+    for name in ("mass", "stiffness", "damping", "contact_stiffness", "delay", "friction"):
+        wanted = rig.replace(**{each.parameter: each.stops for each in made}).value(name)
+        assert rigs.from_document(written).value(name) == pytest.approx(wanted, rel=5e-3), words
+
+
 @pytest.mark.slow
 def test_mitigations_stay_within_what_could_be_built():
     feasible = {"mass": ["4 kg", "5 kg"], "load": ["24 N", "24 N"]}

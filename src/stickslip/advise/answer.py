@@ -94,6 +94,7 @@ class Foretold(Answer):
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
         names = ["headline", "verdict", "units", *self._derived, *(each.name for each in fields(self))]
         told = {name: getattr(self, name) for name in names if name not in ("rig", "recording")}
+        told["said"] = {name: rows for name, _, _, rows in self.sections if rows}
         assumed = {key: str(item) for key, item in self.rig.assumed.items()}
         found: dict[str, Any] = plain({"rig": self.rig.name, "velocity": self.rig.velocity, **told, "assumed": assumed})
         return found

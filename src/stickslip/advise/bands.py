@@ -25,7 +25,7 @@ PRECISION = 0.05  # where motion changes is found to this part of the value; nor
 # What is said of contacts whose linear response is 0; what kinds of motion are called, where that is another word.
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
 MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
-_PER_DECADE, _DEAR_PER_DECADE = 16, 6  # points at which growing modes are counted; the latter where `is_dear` says so
+_PER_DECADE = {False: 16, True: 6}  # points at which growing modes are counted, by what `is_dear` says
 _PER_EDGE = 12  # looks that a limit takes: some four steps of Newton's method, each at three values of the parameter
 _NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
 Turn = tuple[Parameter, int]  # a parameter that a factor makes larger, or on side -1 smaller
@@ -93,10 +93,6 @@ def is_dear(rig: Rig) -> bool:
     return rig.interface.ageing is not None or rig.interface.temperature is not None
 
 
-def _per_decade(rig: Rig) -> int:
-    return _DEAR_PER_DECADE if is_dear(rig) else _PER_DECADE
-
-
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
     """Growth rate and frequency, in cycles, in the rig's own units; None if no mode grows or decays exponentially."""
     try:
@@ -125,7 +121,7 @@ def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> 
     """
     factor = factor_on((parameter, 1))
     try:
-        found = search(factor, rig.natural, low, high, density=_per_decade(rig), edges_only=True)
+        found = search(factor, rig.natural, low, high, density=_PER_DECADE[is_dear(rig)], edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
         if high < (1.0 + _NARROW) * low or all(linearly_unstable(factor.set(rig, end)) is None for end in (low, high)):
             return (Band(kind="unknown", low=low, high=high),)
@@ -143,7 +139,7 @@ def theory_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, hig
     ends = [factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high)]
     known = len({(there.interface, there.velocity) for there in ends}) == 1
     each = sum(cost.again if known else cost.look for cost in map(effort, ends)) / len(ends)
-    looks = each * (1.0 + _per_decade(rig) * math.log10(high / low))
+    looks = each * (1.0 + _PER_DECADE[is_dear(rig)] * math.log10(high / low))
     before, found = trials.spent, trials.theory(stability_along, rig, parameter, low, high, looks=looks)
     trials.spent += each * _PER_EDGE * (len(found) - 1) if trials.spent > before else 0.0
     return found
@@ -154,8 +150,7 @@ def theory_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, hig
 
 def works_at(rig: Rig) -> list[float]:
     """The speeds at which a rig works, and the ends of a range of them."""
-    speeds = [*rig.operation.speeds, *(rig.operation.between or ())]
-    return [speed / rig.natural.velocity for speed in speeds]
+    return [speed / rig.natural.velocity for speed in (*rig.operation.speeds, *(rig.operation.between or ()))]
 
 
 class Survey:
@@ -240,8 +235,7 @@ def _grid(linear: Sequence[Band]) -> list[float]:
         count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
         inside += np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
     stable = [band for band in linear if band.kind == "stable" and band.high > near * band.low]
-    beside = [v for band in stable for v in (band.low * near, band.high / near)]
-    return [*inside, *beside]
+    return [*inside, *(v for band in stable for v in (band.low * near, band.high / near))]
 
 
 def _part(band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool) -> Band:

@@ -127,8 +127,7 @@ def speeds_of(found: Prediction) -> list[float]:
         return list(found.rig.operation.speeds) or [found.rig.natural.velocity]
     low, high = (end / found.rig.unit("velocity") for end in found.between)
     count = math.ceil(math.log(high / low) / math.log(_APART)) + 1
-    speeds: list[float] = np.geomspace(low, high, count).tolist()
-    return speeds
+    return [float(speed) for speed in np.geomspace(low, high, count)]
 
 
 class _Outcome(NamedTuple):

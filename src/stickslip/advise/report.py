@@ -66,8 +66,7 @@ def _pictures(found: Prediction | ElasticPrediction, watch: Progress) -> Iterato
     rig, before, goal = found.rig, found.recording.rig, {each.parameter: each.stops for each in changes}
     after = rig.replace(**goal)
     lasts = replace(after, drive=constant(after.natural.velocity, before.drive.duration), start=before.start)
-    words = " and ".join(found.changed(each) for each in changes)
-    yield f"Before and after: {words}", plot.side_by_side(found.run, simulate(lasts, long=True))
+    yield f"Before and after: {found.changed(*changes)}", plot.side_by_side(found.run, simulate(lasts, long=True))
     watch(0.5)
     alone = "velocity", "stiffness" if "velocity" in goal else changes[0].parameter
     over: Any = tuple(goal) if found.pair else alone

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from stickslip.advise.bands import MOTIONS
+from stickslip.advise.mitigations import Mitigation, has
 from stickslip.advise.runs import OSCILLATES
 from stickslip.elastic.precursors import distance_to_the_first_break
-from stickslip.model.parameters import parameter_named
+from stickslip.errors import InputError
+from stickslip.model.newborn import half_distance
+from stickslip.model.parameters import DELAY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.words import engineering, number
 
 if TYPE_CHECKING:
     from stickslip.advise.answer import ElasticPrediction, Prediction
-    from stickslip.advise.mitigations import Mitigation
 
 Section = tuple[str, str, str, Sequence[str] | Sequence[tuple[str, ...]]]
 """Name, title, the rest of its line, and sentences, or rows of a table, whose first, below a title, is its head."""
@@ -189,7 +192,8 @@ def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
     for each in found.margins:
         ends = [each.value, each.lower, each.upper, *each.searched]
         value, lower, upper, low, high = ("" if end is None else amount(found.rig, each.parameter, end) for end in ends)
-        title = parameter_named(each.parameter).title
+        held = _held(found.rig, each.parameter)
+        title = parameter_named(each.parameter).title + (f", {held.title} held" if held else "")
         yield title, value, lower or f"none down to {low}", upper or f"none up to {high}"
 
 
@@ -214,21 +218,38 @@ def mitigations(found: Prediction) -> Iterator[str]:
     for each in found.mitigations:
         yield f"{changed(found, each)}, and {decays}"
     if found.pair:
-        yield f"the smallest two together: {' and '.join(changed(found, each) for each in found.pair)}"
+        yield f"the smallest two together: {changed(found, *found.pair)}"
     if found.complete and found.ill and not found.mitigations:
         tried = found.attempts or found.unreliable
         yield "none found of a single parameter; what was tried:" if tried else "none: nothing can be varied"
 
 
-def changed(found: Prediction, each: Mitigation) -> str:
-    """A mitigation in words: which parameter, from what value to what."""
-    now, goal = (_value(found.rig, each.parameter, value) for value in (each.value, each.stops))
-    return f"{parameter_named(each.parameter).title}: from {now} to {goal}"
+def changed(found: Prediction, *changes: Mitigation) -> str:
+    """Changes made together in words: of each parameter from what value to what, and what they hold."""
+    rig, there = found.rig, found.rig.replace(**{each.parameter: each.stops for each in changes})
+    names = [each.parameter for each in changes]
+    words = [f"{parameter_named(name).title}: from {_value(rig, name)} to {_value(there, name)}" for name in names]
+    held = {kept for name in names if (kept := _held(there, name)) and kept.name not in names}
+    return " and ".join(words) + "".join(f", with {kept.title} held at {_value(there, kept.name)}" for kept in held)
 
 
-def _value(rig: Rig, parameter: str, value: float) -> str:
-    ratio = value / rig.unit("1/time") / (2.0 * rig.slider.frequency)
-    return amount(rig, parameter, value) + (f" (damping ratio {ratio:.3g})" if parameter == "damping" else "")
+def _held(rig: Rig, name: str) -> Parameter | None:
+    """The parameter that another holds, if a rig has it."""
+    holds = parameter_named(name).holds
+    return parameter_named(holds) if holds and has(rig, parameter_named(holds)) else None
+
+
+def _value(rig: Rig, name: str) -> str:
+    """The value of a parameter, with what a rig file may give in its place, or has to give anew with it."""
+    also = [f"damping ratio {rig.slider.damping_ratio:.3g}"] if name == "damping" else []
+    if name == "delay":
+        with suppress(InputError):  # the friction never halves
+            also.append(f"v_half {rig.in_units(half_distance(rig.interface) / DELAY.get(rig), 'velocity')}")
+    if name in ("friction", "contact_stiffness"):
+        also.append(f"breaking displacement {rig.in_units(1.0, 'length')}")
+    if name in ("friction", "load") and (force := rig.interface.sliding_force):
+        also.append(f"sliding force {rig.in_units(force, 'force')}")
+    return amount(rig, name, rig.value(name)) + (f" ({', '.join(also)})" if also else "")
 
 
 def attempts(found: Prediction) -> Iterator[str]:

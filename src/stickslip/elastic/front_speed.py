@@ -12,7 +12,7 @@ from stickslip.elastic.precursors import elastic_parts, screening_length
 from stickslip.elastic.threshold_front import Medium, rising, shoot, threshold
 from stickslip.errors import InputError, number
 from stickslip.model import ElasticBody, Interface, Rig
-from stickslip.model.records import Number, rescaled
+from stickslip.model.records import Number, converted
 
 SLOWEST = 0.01  # speed, in units of that of sound, below which no front in a lattice is looked for
 
@@ -113,7 +113,7 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
         blocks="lattice" if alike else "continuum",
         caveats=_caveats(speed * body.sound_speed, length, interface.delay.moment(1)),
     )
-    return rescaled(front, rig.unit)
+    return converted(front, lambda value, unit: value * rig.unit(unit))
 
 
 def front_threshold(rig: Rig) -> float:

@@ -13,7 +13,7 @@ from itertools import accumulate
 from typing import Annotated, Self
 
 from stickslip.errors import InputError, instance, number
-from stickslip.model.records import Number, Part, Record, rescaled
+from stickslip.model.records import Number, Part, Record, converted
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Drive:
 
     def faster(self, factor: float) -> Self:
         """Return the same path at velocities that are larger by a factor, in as much less time."""
-        return rescaled(self, lambda unit: {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0))
+        return converted(self, lambda value, unit: value * {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0))
 
 
 USUAL_DISTANCE = 120.0

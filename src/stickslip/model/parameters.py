@@ -24,6 +24,7 @@ class Parameter:
     title: str = ""  #: what it is, in words
     zero: bool = False  #: whether it may be 0
     rescales: bool = False  #: whether it is a unit of the rig's own: varying it changes all that is measured in it
+    holds: str = ""  #: name of a parameter that stays, though what a file may give in its place does not
     get: Callable[[Rig], float] = field(repr=False)  #: the value in a rig in natural units
     set: Callable[[Rig, float], Rig] = field(repr=False)  #: the same rig with another value
 
@@ -31,38 +32,31 @@ class Parameter:
         object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
-def _of(name: str, unit: str, title: str, part: str = "slider", field: str = "", *, zero: bool = False) -> Parameter:
+def _of(name: str, unit: str, title: str, part: str = "slider", field: str = "", **more: Any) -> Parameter:
     """Parameter of the slider or of a part of the interface: a field, or what it has by this name and sets `with_`."""
     field = field or name
 
     def held(rig: Rig) -> Any:
         found = rig.slider if part == "slider" else getattr(rig.interface, part)
         if not hasattr(found, field):
-            place = "Rig.slider" if part == "slider" else f"Interface.{part}"
-            raise InputError(f"{place} = {found!r}: has no {name} to vary; give a Parameter of your own")
+            where = "Rig" if part == "slider" else "Interface"
+            raise InputError(f"{where}.{part} = {found!r}: has no {name} to vary; give a Parameter of your own")
         return found
 
     def set_(rig: Rig, new: float) -> Rig:
         found = held(rig)
-        set_itself = getattr(found, f"with_{field}", None)
-        changed = replace(found, **{field: new}) if set_itself is None else set_itself(new)
-        if part == "slider":
-            return replace(rig, slider=changed)
-        return replace(rig, interface=replace(rig.interface, **{part: changed}))
+        changes = {part: getattr(found, f"with_{field}", lambda value: replace(found, **{field: value}))(new)}
+        return replace(rig, **changes if part == "slider" else {"interface": replace(rig.interface, **changes)})
 
     def get(rig: Rig) -> float:
         return float(getattr(held(rig), field))
 
-    return Parameter(name=name, unit=unit, title=title, zero=zero, get=get, set=set_)
-
-
-def _get_velocity(rig: Rig) -> float:
-    return rig.drive.pieces[0].start
+    return Parameter(name=name, unit=unit, title=title, get=get, set=set_, **more)
 
 
 def _set_velocity(rig: Rig, value: float) -> Rig:
     """The same path of the drive at another speed; from rest a constant velocity, for as long."""
-    before, duration = _get_velocity(rig), rig.drive.duration
+    before, duration = VELOCITY.get(rig), rig.drive.duration
     if before == 0:
         return replace(rig, drive=constant(value, duration))
     if rig.drive.pieces == constant(before, duration).pieces:
@@ -72,13 +66,15 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     return replace(rig, drive=rig.drive.faster(value / before))
 
 
-STIFFNESS = _of("stiffness", "k", "stiffness of the driving spring")
+STIFFNESS = _of("stiffness", "k", "stiffness of the driving spring", holds="damping")
 """Stiffness of the driving spring ``K/N``."""
-MASS = _of("mass", "f_s time^2/x_s", "mass of the slider", zero=True)
-"""Mass ``M/N``, at constant ``eta``."""
+MASS = _of("mass", "f_s time^2/x_s", "mass of the slider", zero=True, holds="damping")
+"""Mass ``M/N``."""
 DAMPING = _of("damping", "1/time", "damping eta", zero=True)
 """``eta`` of Eq. (11)."""
-VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_velocity, set=_set_velocity)
+VELOCITY = Parameter(
+    name="velocity", unit="x_s/time", title="speed", get=lambda rig: rig.drive.pieces[0].start, set=_set_velocity
+)
 """Velocity of the drive at its beginning; the path of the drive stays."""
 DELAY = _of("delay", "time", "delay of re-attachment", "delay", "mean", zero=True)
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
@@ -88,7 +84,7 @@ AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "ti
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 
-def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) -> Parameter:
+def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int, holds: str = "") -> Parameter:
     """Parameter that is a unit of the rig: 1 in natural units; force and length follow it with these powers."""
 
     def set_(rig: Rig, factor: float) -> Rig:
@@ -104,14 +100,14 @@ def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) 
             and replace(scales, force=scales.si(larger.force, "f_s"), stretching=scales.si(larger.stretching, "x_s")),
         )
 
-    return Parameter(name=name, unit=unit, title=title, rescales=True, get=lambda _rig: 1.0, set=set_)
+    return Parameter(name=name, unit=unit, title=title, rescales=True, holds=holds, get=lambda _rig: 1.0, set=set_)
 
 
 LOAD = _unit_of_the_rig("load", "f_s", "contact strength (normal load)", 1, 0)
 """Number of contacts, as it goes with the normal load."""
-FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1)
+FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1, "delay")
 """Strength of each contact at constant stiffness: it breaks at a displacement as much larger."""
-CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1)
+CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1, "delay")
 """Stiffness of each contact at constant strength: it breaks at a displacement as much smaller."""
 
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)

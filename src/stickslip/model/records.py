@@ -123,11 +123,6 @@ def converted(record: AnyRecord, change: Change) -> AnyRecord:
     return replace(record, **changes)  # type: ignore[type-var]
 
 
-def rescaled(record: AnyRecord, factor: Callable[[str], float]) -> AnyRecord:
-    """Return a record with every number that has a unit multiplied by the factor of its unit."""
-    return converted(record, lambda value, unit: value * factor(unit))
-
-
 def hashable(record: object) -> Any:
     """Return a record, checked to be fit for the key of a table."""
     try:

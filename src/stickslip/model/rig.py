@@ -25,7 +25,6 @@ Ends = tuple[float | str, float | str]
 USUAL_RANGE = 30.0
 """Factor by which a parameter is varied up and down from its value in a rig where no range is given."""
 
-
 _Speeds = tuple[Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")], ...]
 
 

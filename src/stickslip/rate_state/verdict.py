@@ -11,7 +11,7 @@ from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import Array
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
-from stickslip.model.records import Number, rescaled
+from stickslip.model.records import Number, converted
 from stickslip.model.units import si_unit
 from stickslip.rate_state.contacts import ROUGH, contact_stiffness, finite_step, small_step
 from stickslip.rate_state.fitting import Estimate, Fit, least_squares
@@ -71,7 +71,7 @@ class RateAndStateFit(Answer):
         scales = of.scales if isinstance(of, Rig) else of
         if scales is None or self.scales is not None:
             return self
-        return replace(rescaled(self, scales.unit), scales=scales)
+        return replace(converted(self, scales.si), scales=scales)
 
     @property
     def parameters(self) -> RateAndState:
