@@ -97,10 +97,8 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     start, end = found.start, found.end
-    time, force, way, speed = (
-        str(data[name].attrs.get("units", "")) if name in data else ""
-        for name in ("time", "spring_force", "displacement", "velocity")
-    )
+    names = ("time", "spring_force", "displacement", "velocity")
+    time, force, way, speed = (str(data[name].attrs.get("units", "")) if name in data else "" for name in names)
     mu, rate = "coefficient of friction", f"{force or 1}/{time}" if time else ""
     name = mu if force == "1" else "force"
     recurrence, loading = np.full((2, start.size), math.nan)

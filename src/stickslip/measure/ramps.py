@@ -28,7 +28,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     Stick-slip is where the spring force oscillates by more than `level` (in its unit, by default .4 ``f_s``), peak to
     peak, over a window of two cycles; it starts at the end of the first such window and ends at the start of the last
     one. A state shorter than half a window is passed over. An oscillation that is there from the very start may be a
-    transient: its end counts if it has grown by `level`, or has lasted for 25 windows. A cycle is the time in which the
+    transient: it counts if it has grown by `level`, or has lasted for 25 windows. A cycle is the time in which the
     drive loads spring and contacts by the largest change of the force in the run, and one free oscillation of the
     slider; of a rig that is not known, or is elastic, a window is 4 ``x_s`` of travel.
 
@@ -60,19 +60,19 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     seen = _oscillation(run, trace, level)
     height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", *_TIMES))
     on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
-    change = np.flatnonzero(on[1:] != on[:-1]) + 1
-    starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
     # What the start leaves behind only decays, and within some tens of windows.
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
-    transient = middle[min([*grown[:1], _LONGEST_TRANSIENT * _PARTS, middle.size - 1])]
-    stops = stops[(stops > min([*starts[:1], transient])) | (trace.t[0] >= top)]
     notes = ["the force oscillates above the level from the start"] if on[0] else []
+    if (ends := int(np.argmin(on))) <= min([*grown[:1], _LONGEST_TRANSIENT * _PARTS]):
+        on[:ends] = False
+    change = np.flatnonzero(on[1:] != on[:-1]) + 1
+    starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
     for (way, _, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
         here, there = (times[(times > first) & (times <= last)] for times in (starts, stops))
         for name, what, at in ((onset, "sets in", here[:1]), (ending, "ends", there[-1:])):
             velocity = trace.sign * np.interp(at, trace.t, trace.drive).sum() if at.size else np.nan
-            unit = seen["drive_velocity"].attrs["units"]
-            seen[name] = labelled(f"stick-slip {what} on the way {way}", (), velocity, unit)
+            title = f"stick-slip {what} on the way {way}"
+            seen[name] = labelled(title, (), velocity, seen["drive_velocity"].attrs["units"])
         if unseen := [name.replace("_down", "'") for name in (onset, ending) if np.isnan(seen[name])]:
             inside = on[(middle > first) & (middle <= last)]
             count = f"{np.count_nonzero(inside)} of {inside.size} windows"
@@ -155,10 +155,11 @@ def in_words(run: xr.Dataset) -> str:
     except (InputError, UndecidedError) as error:
         return f"{begin}; {error}"
     said = []
-    for _, how, *names in _WAYS:
-        sets_in, ends = (engineering(float(found[name]), found[name].attrs["units"], 3) for name in names)
-        seen = [bool(np.isfinite(found[name])) for name in names]
-        onset = f"sets in at {sets_in}" if seen[0] else "is there from the start"
-        ending = f"ends at {ends}" if seen[1] else "persists to the end"
-        said += [f"{how}, it {onset} and {ending}"] * any(seen)
+    for way, how, *names in _WAYS:
+        at = {what: found[name] for what, name in zip(("sets in", "ends"), names, strict=True) if found[name].notnull()}
+        turns = sorted(at, key=lambda what: abs(float(at[what])), reverse=way == "down")  # as they come in time
+        told = [f"{what} at {engineering(float(at[what]), at[what].attrs['units'], 3)}" for what in turns]
+        told = ["is there from the start"] * (turns[:1] == ["ends"]) + told
+        told += ["persists to the end"] * (turns[-1:] == ["sets in"])
+        said += [f"{how}, it {', '.join(told[:-1])} and {told[-1]}"] if told else []
     return f"{begin}; stick-slip: {'; '.join(said)}" if said else f"{begin}; {found.attrs['notes']}"
