@@ -391,7 +391,7 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     found, count = advise.Doubt.of(rig, trials), 60
     names = {"slider.stiffness": "stiffness", "interface.thresholds": "std", "interface.delay": "delay"}
     names |= {"interface.breaking_displacement": "contact_stiffness"}
-    assert {key for key, _ in found.matters} == set(names)
+    assert {key for key, *_ in found.matters} == set(names)
     seen = []
     for _ in range(count):
         there = rig
@@ -402,7 +402,17 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     told = [kind for kind in seen if kind != "undecided"]
     part = sum(kind != "smooth sliding" for kind in told) / len(told)
     assert abs(part - found.oscillates) < 3.0 * math.sqrt(0.25 / count + 0.25 / found.draws) + found.undecided
-    assert found.matters[0][0] == "interface.breaking_displacement"
+    key, larger, smaller = found.matters[0]
+    assert f"{key} would decide most: oscillates in {100 * smaller:.0f} % where it is smaller, in" in str(found)
+    assert (key, larger < smaller) == ("interface.breaking_displacement", True)
+
+
+def test_what_the_doubt_cannot_tell_counts_neither_way():
+    found = advise.Doubt(oscillates=1.0, undecided=0.75, draws=64, matters=(("slider.mass", 1.0, math.nan),))
+    assert "in 25 to 100 % of" in str(found)
+    assert "in 100 % of the 25 % that could be told" in str(found)
+    none = advise.Doubt.of(ss.example("precision_stage"), Trials(0.0))
+    assert "0 to 100 % of what was not measured: none could be told in the time" in str(none)
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Self
@@ -30,9 +29,7 @@ _CONTACTS = Parameter(
 )
 # What of a rig its file may call assumed, by the key: the parameter that varies it, and whether that rises with it.
 _VARIED = {
-    "slider.mass": (parameters.MASS, 1),
-    "slider.stiffness": (parameters.STIFFNESS, 1),
-    "slider.damping": (parameters.DAMPING, 1),
+    **{f"slider.{each.name}": (each, 1) for each in (parameters.MASS, parameters.STIFFNESS, parameters.DAMPING)},
     "slider.damping_ratio": (parameters.DAMPING, 1),
     "interface.contact_strength": (parameters.LOAD, 1),
     "interface.breaking_displacement": (parameters.CONTACT_STIFFNESS, -1),
@@ -50,14 +47,18 @@ _VARIED = {
 class Doubt(Answer):
     """What a rig does at its own speed over the rigs that its fit and its assumptions allow."""
 
-    oscillates: float  #: fraction of these that do not slide smoothly: by linear theory, or in a run from rest
-    undecided: float  #: fraction of which neither tells
+    #: Fraction that does not slide smoothly, by linear theory or in a run from rest, of those of which either tells.
+    oscillates: float
+    undecided: float  #: fraction of all of which neither tells
     draws: int
 
-    #: Keys of the rig's file that were fitted or varied, each with how much more often the rig oscillates where the
-    #: value is larger: the difference between the upper and the lower half. The first matters most.
-    matters: tuple[tuple[str, float], ...]
+    #: Keys of the rig's file that were fitted or varied, each with the fractions that oscillate of the half where the
+    #: value is larger, and of the other; not a number if none of a half is told. The first matters most: there these
+    #: differ by most standard errors.
+    matters: tuple[tuple[str, float, float], ...]
+    decides: bool = False  #: whether the first does: by more than two standard errors
     assumed: tuple[str, ...] = ()  #: those that were assumed
+    ended: bool = False  #: whether the runs that are allowed were spent before all was told
 
     @classmethod
     def of(cls, rig: Rig, trials: Trials) -> Self | None:
@@ -81,29 +82,35 @@ class Doubt(Answer):
         ranks = np.random.default_rng(0).permuted(np.tile(np.arange(count), (len(varied), 1)), axis=1)
         ends = (np.log(rig.assumed[key].factors or (1.0 / WIDEST, WIDEST)) for key in varied)
         factors = [np.exp(low + (high - low) * (at + 0.5) / count) for (low, high), at in zip(ends, ranks, strict=True)]
-        found = np.full(count, np.nan)
+        found, ended = np.full(count, np.nan), False
         for i, drawn in enumerate(rigs):
             there = drawn.natural
-            with suppress(InputError, Spent):
+            try:
                 for (parameter, side), factor in zip(varied.values(), factors, strict=True):
                     raised = min(float(factor[i]) ** side, highest(there, parameter))
                     there = parameter.set(there, raised * parameter.get(there))
                 grows = bool(trials.theory(linearly_unstable, there))
                 kind = "" if grows else trials.judge(trial(there)).kind
                 found[i] = math.nan if kind == "undecided" else grows or kind in OSCILLATES
+            except (InputError, Spent) as why:
+                ended |= isinstance(why, Spent)
         told = np.isfinite(found)
         values = np.array([*(draws[:count] for draws in fitted.values()), *factors])
         upper = values > np.median(values, axis=1, keepdims=True)
-        halves = {key: (told & half, told & ~half) for key, half in zip([*fitted, *varied], upper, strict=True)}
-        if not all(half.any() for each in halves.values() for half in each):
-            return None
-        more = {key: float(found[one].mean() - found[other].mean()) for key, (one, other) in halves.items()}
+        halves, keys = np.stack([upper, ~upper]) & told, [*fitted, *varied]
+        with np.errstate(divide="ignore", invalid="ignore"):  # where nothing is told, it is not a number
+            part = np.nansum(found) / told.sum()
+            parts = halves @ np.nan_to_num(found) / halves.sum(axis=2)
+            errors = np.sqrt((0.25 / halves.sum(axis=2)).sum(axis=0))  # the largest that the differences can have
+            apart = np.nan_to_num(abs(parts[0] - parts[1]) / errors)
         return cls(
-            oscillates=float(np.nansum(found) / count),
+            oscillates=float(part),
             undecided=float(1.0 - told.mean()),
             draws=count,
-            matters=tuple(sorted(more.items(), key=lambda each: -abs(each[1]))),
+            matters=tuple((keys[i], float(parts[0, i]), float(parts[1, i])) for i in np.argsort(-apart, kind="stable")),
+            decides=bool(apart.max() > 2.0),
             assumed=tuple(varied),
+            ended=ended,
         )
 
     def __str__(self) -> str:
@@ -111,14 +118,19 @@ class Doubt(Answer):
 
     def said(self) -> Iterator[str]:
         """What it comes to, in sentences."""
-        part, untold = f"{100 * self.oscillates:.0f} %", f"{100 * self.undecided:.0f} % not told"
-        fitted = len(self.matters) > len(self.assumed)
-        of = f"the {self.draws} draws of the fit" if fitted else "what was not measured"
-        yield f"oscillates at this speed in {part} of {of}{f', {untold}' if self.undecided else ''}"
-        key, difference = self.matters[0]
-        if abs(difference) > 2.0 / math.sqrt(self.draws):  # two standard errors of a difference of halves
-            sign = "larger" if difference > 0 else "smaller"
-            yield f"measuring {key} would decide most: {100 * abs(difference):.0f} % more often where it is {sign}"
+        told, part = 1.0 - self.undecided, f"{100 * self.oscillates:.0f} %"
+        of = f"the {self.draws} draws of the fit" if len(self.matters) > len(self.assumed) else "what was not measured"
+        if self.undecided:
+            least = self.oscillates * told if told else 0.0
+            of += f": in {part} of the {100 * told:.0f} % that could be told" if told else ": none could be told"
+            of += " in the time that is allowed; see --thorough" * self.ended
+            part = f"{100 * least:.0f} to {100 * (least + self.undecided):.0f} %"
+        yield f"oscillates at this speed in {part} of {of}"
+        if self.decides:
+            key, *parts = self.matters[0]
+            sides = sorted(zip(parts, ("larger", "smaller"), strict=True), reverse=True)
+            where = ", ".join(f"in {100 * part:.0f} % where it is {side}" for part, side in sides)
+            yield f"measuring {key} would decide most: oscillates {where}"
         if self.assumed:
-            keys = ", ".join(key for key, _ in self.matters if key in self.assumed)
+            keys = ", ".join(key for key, *_ in self.matters if key in self.assumed)
             yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
