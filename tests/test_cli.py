@@ -133,7 +133,7 @@ def unusable(tmp_path, monkeypatch):
         ("measure trace.csv --events no/where.csv", "no/where.csv"),
         ("measure trace.csv --force load", "load"),
         ("measure trace.csv --force " + "9" * 5_000, "no such column"),
-        ("measure trace.csv --after 1e9", "1e+09"),
+        ("measure trace.csv --after 1e9", "after = 1e+09 s: fewer than 16 samples"),
         ("measure trace.csv --step fast", "fast"),
         ("measure trace.csv --step 0,25", "write '0.25': decimal point"),
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),

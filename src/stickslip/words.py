@@ -23,6 +23,7 @@ PREFIXES: dict[str, tuple[str, int]] = {
 """SI prefixes as they are read: their names and powers of ten."""
 _WRITTEN = {0: "", **{power: symbol for symbol, (_, power) in PREFIXES.items() if power % 3 == 0}}
 _PREFIXED = re.compile(rf"({'|'.join(PREFIXES)}|)(N|m|s|g|J|Pa|Hz|V|A)([/*].*)?")
+_PER_SECOND = {f"/{symbol}s": power for symbol, (_, power) in PREFIXES.items()}
 _LARGEST = {"s": 0, "g": 3}
 """Largest power of ten of the units that people give no larger prefix: 5000 s, 5000 kg."""
 _POSITIONAL = 7  # digits before the decimal point up to which a number is written without an exponent
@@ -43,22 +44,22 @@ def number(value: float, digits: int = 4) -> str:
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
     """The prefix that suits a value in an SI unit: what to divide it by, and the unit with that prefix.
 
-    Any other unit stays as it is. 999.96 N in four significant digits is 1 kN.
+    Any other unit stays as it is. 999.96 N in four significant digits is 1 kN. Rates are given per second.
 
     Examples
     --------
-    >>> prefixed(2.094e5, "mN"), prefixed(3.0, "x_s/time")
-    ((1000.0, 'N'), (1.0, 'x_s/time'))
+    >>> prefixed(2.094e5, "mN"), prefixed(5e-4, "N/ms"), prefixed(3.0, "x_s/time")
+    ((1000.0, 'N'), (0.001, 'N/s'), (1.0, 'x_s/time'))
     """
     found = _PREFIXED.fullmatch(unit)
     if found is None or value == 0 or not math.isfinite(value):
         return 1.0, unit
     letter, symbol, rest = found.groups(default="")
-    here = PREFIXES[letter][1] if letter else 0
+    here = (PREFIXES[letter][1] if letter else 0) - _PER_SECOND.get(rest, 0)
     decade = math.floor(math.log10(abs(float(f"{value:.{digits}g}"))) + 1e-12) + here
     decade = 0 if symbol == "Hz" and decade == -1 else decade  # 0.7 Hz, not 700 mHz
     power = min(max(decade // 3 * 3, min(_WRITTEN)), _LARGEST.get(symbol, max(_WRITTEN)))
-    return 10.0 ** (power - here), _WRITTEN[power] + symbol + rest
+    return 10.0 ** (power - here), _WRITTEN[power] + symbol + ("/s" if rest in _PER_SECOND else rest)
 
 
 def engineering(value: float, unit: str, digits: int = 4) -> str:

@@ -173,9 +173,7 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
     for one, other in combinations(chosen, 2):
         if chosen[one] == chosen[other]:
             raise InputError(f"column {chosen[one] + 1} cannot be both {one} and {other}; there are {table.listed()}")
-    for name in ("time", "force", "displacement", "load"):
-        if name in chosen:
-            continue
+    for name in [each for each in ("time", "force", "displacement", "load") if each not in chosen]:
         free = {i: table.headings[i].quantity for i in table.numeric if i not in chosen.values()}
         found = [i for i, quantity in free.items() if quantity == name]
         if name == "force" and not found:

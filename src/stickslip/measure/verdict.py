@@ -181,8 +181,9 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     if after is not None:
         end, trace = trace.t[-1], trace.part(begin := number("after", after, hint="a time, in the unit of t"))
         if trace.t.size < FEWEST_READINGS:
+            given, last = (words.engineering(time, trace.time_unit, 6) for time in (begin, end))
             least = f"fewer than {FEWEST_READINGS} samples lie after it"
-            raise InputError(f"after = {begin:g}: {least}; the data end at t = {end:g}")
+            raise InputError(f"after = {given}: {least}; the data end at t = {last}")
     if trace.drive is None or trace.measured:
         seen = _of_a_bench(trace, whole=after is None)
     else:
@@ -292,7 +293,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     notes = list[str]()
     if kind != OPEN and trace.measured and (rate := _drift(trace)):
         unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-        notes.append(f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip())
+        notes.append(f"the force drifts by {words.engineering(trace.sign * rate, unit, 3)}")
     slips = fast_ones(trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
@@ -333,9 +334,8 @@ def _fault(trace: Trace, seen: Window) -> str:
         return "" if np.any(trace.force != trace.largest) else "the force never changes: is the sensor connected?"
     if not trace.drive.any():
         return "the drive stands still"
-    if np.ptp(trace.drive) <= 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
-        return ""
-    return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))"
+    changes = np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive))
+    return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))" if changes else ""
 
 
 def _in_words(seen: Window) -> dict[str, object]:
