@@ -407,6 +407,20 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     assert (key, larger < smaller) == ("interface.breaking_displacement", True)
 
 
+@pytest.mark.parametrize(("key", "now", "then"), [("mu_s", 0.47, 0.55), ("mu_k", 0.33, 0.31)])
+def test_an_assumed_coefficient_of_friction_is_varied_as_in_the_file(key, now, then):
+    coefficients = {"normal_load": "3.1 kN", "mu_s": 0.47, "mu_k": 0.33, "breaking_displacement": "12 um"}
+    rest = {
+        "slider": {"mass": "1.7 kg", "stiffness": "6 MN/m", "damping_ratio": 0.02},
+        "drive": {"velocity": "40 mm/s"},
+    }
+    rig, read = (ss.read_rig(rest | {"interface": coefficients | {key: value}}) for value in (now, then))
+    parameter, _ = advise.doubt._VARIED[f"interface.{key}"]
+    varied = parameter.set(rig, parameter.get(rig) * then / now)
+    assert varied.interface.thresholds.std == pytest.approx(read.interface.thresholds.std)
+    assert varied.unit("f_s") == pytest.approx(read.unit("f_s"))
+
+
 def test_what_the_doubt_cannot_tell_counts_neither_way():
     found = advise.Doubt(oscillates=1.0, undecided=0.75, draws=64, matters=(("slider.mass", 1.0, math.nan),))
     assert "in 25 to 100 % of" in str(found)

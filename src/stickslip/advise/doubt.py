@@ -18,6 +18,7 @@ from stickslip.errors import InputError
 from stickslip.model import Contacts, parameters
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
+from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
 
 WIDEST = 3.0  # factor either way, by convention, within which an assumption is varied that the file gives no range of
 _DRAWS = 64  # then the error of a fraction is at most .06
@@ -27,11 +28,29 @@ _CONTACTS = Parameter(
     get=lambda rig: float(getattr(rig.method, "count", 0)),
     set=lambda rig, count: replace(rig, method=Contacts(max(round(count), 1), seed=getattr(rig.method, "seed", 1))),
 )
+
+
+def _friction(which: int) -> Parameter:
+    """Static or kinetic friction in slow motion, the other one kept: thresholds follow as they do in a rig file."""
+
+    def set_(rig: Rig, new: float) -> Rig:
+        forces = [*slow_friction(rig.interface.thresholds, rig.interface.initial)]
+        forces[which] = new
+        thresholds, strength = thresholds_of(*forces, rig.interface.initial)
+        return parameters.LOAD.set(replace(rig, interface=replace(rig.interface, thresholds=thresholds)), strength)
+
+    get = lambda rig: slow_friction(rig.interface.thresholds, rig.interface.initial)[which]  # noqa: E731
+    return Parameter(name="friction", unit="f_s", rescales=True, get=get, set=set_)
+
+
 # What of a rig its file may call assumed, by the key: the parameter that varies it, and whether that rises with it.
 _VARIED = {
     **{f"slider.{each.name}": (each, 1) for each in (parameters.MASS, parameters.STIFFNESS, parameters.DAMPING)},
     "slider.damping_ratio": (parameters.DAMPING, 1),
     "interface.contact_strength": (parameters.LOAD, 1),
+    "interface.normal_load": (parameters.LOAD, 1),
+    "interface.mu_s": (_friction(0), 1),
+    "interface.mu_k": (_friction(1), 1),
     "interface.breaking_displacement": (parameters.CONTACT_STIFFNESS, -1),
     "interface.contact_stiffness": (parameters.CONTACT_STIFFNESS, 1),
     "interface.thresholds": (parameters.STD, 1),
@@ -58,6 +77,7 @@ class Doubt(Answer):
     matters: tuple[tuple[str, float, float], ...]
     decides: bool = False  #: whether the first does: by more than two standard errors
     assumed: tuple[str, ...] = ()  #: those that were assumed
+    left: tuple[str, ...] = ()  #: those of the file that cannot be varied by a number
     ended: bool = False  #: whether the runs that are allowed were spent before all was told
 
     @classmethod
@@ -110,6 +130,7 @@ class Doubt(Answer):
             matters=tuple((keys[i], float(parts[0, i]), float(parts[1, i])) for i in np.argsort(-apart, kind="stable")),
             decides=bool(apart.max() > 2.0),
             assumed=tuple(varied),
+            left=tuple(k for k, one in rig.assumed.items() if not one.default and k not in fitted and k not in varied),
             ended=ended,
         )
 
@@ -134,3 +155,5 @@ class Doubt(Answer):
         if self.assumed:
             keys = ", ".join(key for key, *_ in self.matters if key in self.assumed)
             yield f"{self.draws} rigs, each of {keys} within the range of the file, or a factor {WIDEST:g} of its value"
+        if self.left:
+            yield f"left as the file has it, as no parameter of the rig varies it: {', '.join(self.left)}"
