@@ -4,6 +4,7 @@ Every mistake is noted, and all are reported in one line.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial, reduce
@@ -25,6 +26,7 @@ from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Operation, Rig
 from stickslip.model.units import Scales, si_unit
 
+_NUMBER = re.compile(r"\d*\.?\d+(?:e[-+]?\d+)?( \S+)?")  # with or without a unit
 _START = "simulation.start"
 _SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
 
@@ -287,16 +289,20 @@ class _Reader:
     def _marked(self, path: str, between: str | list[Any]) -> Assumption:
         """The assumption of a value that the file marks by how to measure it, or by the range in which it may lie."""
         if isinstance(between, str):
-            return Assumption(self._value_at(path), between)
+            ends = [_NUMBER.fullmatch(end) for end in between.split(" to ")]
+            if len(ends) != 2 or None in ends:
+                return Assumption(self._value_at(path), between)
+            between = [end[0] if end[1] else float(end[0]) for end in ends if end]
         value, place = self._at(path), f"assumed.{path}"
         unit = natural_unit_of(value) if isinstance(value, str) else ""
         if not unit and type(value) not in (int, float):
-            raise _refused(place, between, f"{path} is no number; say in words how to measure it")
+            other = "is not in the file, so at its default; write it, too" if value == "" else "is no number"
+            raise _refused(place, between, f"{path} {other}, or say in words how to measure it")
         key = Key(value if unit else 1.0, unit=unit, sign="above 0")
-        own, *ends = (key.read(each, place, natural=self.file.natural) for each in (value, *between))
-        if len(ends) != 2 or ends[0] >= ends[1]:
-            raise _refused(place, between, "must be two values, the lowest first")
-        return Assumption(self._value_at(path), "", between=tuple(between), factors=(ends[0] / own, ends[1] / own))
+        own, *limits = (key.read(each, place, natural=self.file.natural) for each in (value, *between))
+        if len(limits) != 2 or limits[0] >= limits[1] or not limits[0] <= own <= limits[1]:
+            raise _refused(place, between, f"must be two values, the lowest first, with {path} = {value} between them")
+        return Assumption(self._value_at(path), "", between=tuple(between), factors=tuple(end / own for end in limits))
 
     def _fitted(self, content: object) -> dict[str, Fitted]:
         """The fitted values that the file marks, with intervals and draws; only of a file without mistakes."""
