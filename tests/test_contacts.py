@@ -18,9 +18,6 @@ from stickslip.kernels.event_queue import clear, drop, first_slot, make_queue, p
 from stickslip.simulation.engines import Beginning, Leg, contacts
 from stickslip.simulation.follow import follow
 
-# ------------------------------------------------------------------------------------------------ the bucket queue
-
-
 keys = st.one_of(
     st.floats(-5, 5),
     st.integers(-3, 3).map(float),  # many equal keys, and keys on the edges of bins
@@ -54,8 +51,6 @@ def test_the_queue_gives_the_smallest_and_leaves_room_where_others_were(steps, b
             assert peek(queue) == min(held.values(), default=math.inf)
         assert size(queue) == len(held)
 
-
-# ------------------------------------------------------------------------------------------------ between events
 
 COEFFICIENTS = [
     # eta, w2, v, f0, f1, f2: under, over, critically and not damped, and all terms of the force
@@ -136,9 +131,6 @@ def test_no_crossing_hides_behind_a_turn_of_the_drive(damping, lasting, end, for
     farthest = np.abs([flights.at(flight, float(time))[0] for time in t]).max()
     slack = 1e-12 * (abs(flight.q0) + abs(flight.y0) + abs(flight.q1) * most + abs(flight.q2) * most**2)
     crossed(flight, np.array(walls) * farthest + slack, most, t, slack)
-
-
-# ------------------------------------------------------------------------------------------------ event by event
 
 
 def test_pauses_change_nothing(monkeypatch):

@@ -53,9 +53,6 @@ def of_run(run: xr.Dataset) -> dict[str, object]:
     }
 
 
-# ---------------------------------------------------------------- runs
-
-
 def _more_runs(method: str) -> dict[str, xr.Dataset]:
     """Runs of other bodies, starts and drives than the laws ask for."""
     if method not in ("Contacts", "MasterEquation"):
@@ -94,9 +91,6 @@ def test_runs_are_kept(method):
     runs = {name: run_of(name) for name in PAIRS if name.startswith(method)} | _more_runs(method)
     rows = {name.removeprefix(f"{method}, "): of_run(run) for name, run in runs.items()}
     assert_kept(table(rows), f"runs_{method}", rtol=RTOL.get(method, ROUNDING), atol=1e-12)
-
-
-# ---------------------------------------------------------------- theory
 
 
 def _growth(rig: ss.Rig) -> float | str:
@@ -156,9 +150,6 @@ def test_bars_are_kept():
         "precursor": {"forces": ss.elastic.precursor_force(pulled).to_numpy()[:4]},
     }
     assert_kept(table(found), "bars", rtol=ROUNDING, atol=1e-12)
-
-
-# ---------------------------------------------------------------- what is measured
 
 
 def _made_up_forces() -> dict[str, np.ndarray]:

@@ -48,9 +48,6 @@ def quick():
     return data
 
 
-# ---------------------------------------------------------------- each figure
-
-
 @pytest.mark.parametrize("name", QUICKLY)
 def test_claims_come_out_as_settled_and_are_what_they_were(quick, name):
     claims = FIGURES[name].check(quick(name))
@@ -123,9 +120,6 @@ def test_data_that_say_otherwise_fail_their_claim(quick, figure, number, name, w
     assert f"expected: {claim.settled}" in str(claim)
 
 
-# ---------------------------------------------------------------- the physics that the figures bring along
-
-
 @pytest.mark.eq(6, 7)
 @pytest.mark.parametrize(
     ("interface", "expected"), [(FIG5.interface, reference.INSTABILITY_NEVER), (FIG2.interface, reference.INSTABILITY)]
@@ -145,9 +139,6 @@ def test_fig_4_smooth_sliding_carries_the_mean_force_of_the_closed_form(quick):
     off = abs(data["mean_force"] - data["mean_force_smooth"])
     assert float(off.where(smooth & (data["peak_to_peak"] < 0.01)).max()) < 1e-3
     assert int(smooth.sum()) >= 7
-
-
-# ---------------------------------------------------------------- records
 
 
 def claim(value=2.9891, **said):

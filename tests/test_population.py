@@ -51,9 +51,6 @@ DELAYS = [
     Several(),
 ]
 
-
-# ---------------------------------------------------------------- conservation
-
 interfaces = st.builds(
     ss.Interface,
     thresholds=st.sampled_from([TENTH, ss.Uniform(low=0.5, high=1.5), ss.Exponential(mean=1.0)]),
@@ -85,9 +82,6 @@ def test_every_contact_is_attached_or_waits(interface, drive, end, count, dampin
     if math.isfinite(interface.delay.moment(1)):
         assert attached.sum() + waiting.sum() == count
     assert attached.sum() == round(count * state.motion.mass_in)
-
-
-# ---------------------------------------------------------------- fluctuations
 
 
 def moments(interface):
@@ -154,9 +148,6 @@ def test_cycles_are_those_of_contacts(count):
     means = [part.mean(axis=0) for part in found]
     errors = np.sqrt(sum(part.var(axis=0, ddof=1) / seeds for part in found))
     assert np.all(np.abs(means[1] - means[0]) < 4.5 * errors), (means, errors)
-
-
-# ---------------------------------------------------------------- drives, files, refusals
 
 
 def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():

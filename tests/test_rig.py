@@ -196,7 +196,6 @@ MISTAKES = [
     ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
     ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
     ("simulation", {"method": "master equation", "seed": 3}, "simulation.seed", "unknown key"),
-    ("assumed", {"interface.delay": ["1 s", "2 s"]}, "interface.delay", "with interface.delay = "),
     ("assumed", {"interface.delay": "2 ms to 1 ms"}, "interface.delay", "two values, the lowest first"),
     ("assumed", {"simulation.rtol": [0.1, 0.2]}, "simulation.rtol", "is not in the file, so at its default"),
     ("assumed", {"interface.delay": ["1 ms", "1 kg"]}, "interface.delay", "write it as in '"),

@@ -71,9 +71,6 @@ def run_of(case, delay, method, samples=2000):
     return ss.simulate(ss.Rig(interface, case.slider, case.drive), method=method, output=output)
 
 
-# ------------------------------------------------------------------------------------------------ a plain reference
-
-
 def matrix_of(slider, held):
     """Rates of position, velocity, the drive's position, velocity and acceleration, and the pull of contacts."""
     matrix = np.zeros((6, 6))
@@ -174,9 +171,6 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     assert np.abs(samples[:, [0, 2, 3]] - exact).max() < 1e-6
 
 
-# ------------------------------------------------------------------------------------------------ what always holds
-
-
 @every_rig
 @pytest.mark.parametrize(
     ("method", "slack"), [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)], ids=["contacts", "master equation"]
@@ -195,9 +189,6 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
         assert attached == pytest.approx(1.0, abs=1e-11)
     if delay.time == math.inf:  # between the ends of a step of the master equation each value has its error
         assert np.all(np.diff(attached) <= (2.0 * COARSE.rtol if method is COARSE else 1e-12))
-
-
-# ------------------------------------------------------------------------------------------------ ageing contacts
 
 
 @pytest.mark.parametrize("damping", [10.0, 1e3, 1e4, 1e6])

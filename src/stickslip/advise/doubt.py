@@ -33,28 +33,28 @@ _CONTACTS = Parameter(
 def _friction(which: int) -> Parameter:
     """Static or kinetic friction in slow motion, the other one kept: thresholds follow as they do in a rig file."""
 
-    def set_(rig: Rig, new: float) -> Rig:
-        forces = [*slow_friction(rig.interface.thresholds, rig.interface.initial)]
-        forces[which] = new
-        thresholds, strength = thresholds_of(*forces, rig.interface.initial)
-        return parameters.LOAD.set(replace(rig, interface=replace(rig.interface, thresholds=thresholds)), strength)
+    def both(rig: Rig) -> list[float]:
+        return [*slow_friction(rig.interface.thresholds, rig.interface.initial)]
 
-    get = lambda rig: slow_friction(rig.interface.thresholds, rig.interface.initial)[which]  # noqa: E731
-    return Parameter(name="friction", unit="f_s", rescales=True, get=get, set=set_)
+    def set_(rig: Rig, new: float) -> Rig:
+        wanted = [force if at != which else new for at, force in enumerate(both(rig))]
+        thresholds, strength = thresholds_of(*wanted, rig.interface.initial)
+        there = replace(rig, interface=replace(rig.interface, thresholds=thresholds))
+        return parameters.LOAD.set(there, strength * parameters.LOAD.get(there))
+
+    return Parameter(name="friction", unit="f_s", rescales=True, get=lambda rig: both(rig)[which], set=set_)
 
 
 # What of a rig its file may call assumed, by the key: the parameter that varies it, and whether that rises with it.
 _VARIED = {
     **{f"slider.{each.name}": (each, 1) for each in (parameters.MASS, parameters.STIFFNESS, parameters.DAMPING)},
     "slider.damping_ratio": (parameters.DAMPING, 1),
-    "interface.contact_strength": (parameters.LOAD, 1),
-    "interface.normal_load": (parameters.LOAD, 1),
+    **dict.fromkeys(("interface.contact_strength", "interface.normal_load"), (parameters.LOAD, 1)),
     "interface.mu_s": (_friction(0), 1),
     "interface.mu_k": (_friction(1), 1),
     "interface.breaking_displacement": (parameters.CONTACT_STIFFNESS, -1),
     "interface.contact_stiffness": (parameters.CONTACT_STIFFNESS, 1),
-    "interface.thresholds": (parameters.STD, 1),
-    "interface.thresholds.std": (parameters.STD, 1),
+    **dict.fromkeys(("interface.thresholds", "interface.thresholds.std"), (parameters.STD, 1)),
     "interface.delay": (parameters.DELAY, 1),
     "interface.v_half": (parameters.DELAY, -1),
     "interface.ageing.time": (parameters.AGEING, 1),

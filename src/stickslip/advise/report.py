@@ -33,17 +33,7 @@ pre { font-size: 8.5pt; white-space: pre-wrap; background: #f6f6f6; padding: .8e
 def report(found: Prediction | ElasticPrediction, *, progress: Progress | None = None) -> str:
     """Return a page with the verdict, its pictures, what it rests on, and the rig; HTML that asks for no other file.
 
-    Parameters
-    ----------
-    found : Prediction or ElasticPrediction
-        What `stickslip.predict` returns. Where it has mitigations, the force before and after the smallest is shown, or
-        the smallest pair, and the way there on a map of stability.
-    progress : callable, optional
-        Called with the fraction of the work that is done.
-
-    Returns
-    -------
-    str
+    Where it has mitigations, the force before and after the smallest is shown, or the smallest pair, and the way there.
     """
     name, watch = html.escape(found.rig.name), progress or (lambda _done: None)
     shown = ((html.escape(title), base64.b64encode(plot.drawn(it, "svg"))) for title, it in _pictures(found, watch))

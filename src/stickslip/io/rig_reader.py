@@ -300,8 +300,8 @@ class _Reader:
             raise _refused(place, between, f"{path} {other}, or say in words how to measure it")
         key = Key(value if unit else 1.0, unit=unit, sign="above 0")
         own, *limits = (key.read(each, place, natural=self.file.natural) for each in (value, *between))
-        if len(limits) != 2 or limits[0] >= limits[1] or not limits[0] <= own <= limits[1]:
-            raise _refused(place, between, f"must be two values, the lowest first, with {path} = {value} between them")
+        if len(limits) != 2 or limits[0] >= limits[1]:
+            raise _refused(place, between, "must be two values, the lowest first")
         return Assumption(self._value_at(path), "", between=tuple(between), factors=tuple(end / own for end in limits))
 
     def _fitted(self, content: object) -> dict[str, Fitted]:

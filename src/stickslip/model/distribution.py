@@ -193,8 +193,6 @@ def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
     return total
 
 
-# ---------------------------------------------------------------- quadrature
-
 _legendre = lru_cache(np.polynomial.legendre.leggauss)
 
 

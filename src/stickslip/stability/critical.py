@@ -235,9 +235,6 @@ def _range(rig: Rig, parameter: Parameter | str, between: Ends | None) -> tuple[
     return varied, rig.natural, low, high
 
 
-# ---------------------------------------------------------------- the search
-
-
 class Point(NamedTuple):
     """The neutral frequencies at one value of the parameter."""
 
