@@ -251,12 +251,13 @@ def test_what_was_not_simulated_is_not_called_smooth():
 ACTUATOR = """
 slider = { mass = "0.9 kg", stiffness = "120 kN/m", damping_ratio = 0.12 }
 interface = { normal_load = "60 N", mu_s = 0.5, mu_k = 0.34, v_half = "4 mm/s", breaking_displacement = "9 um" }
-drive = { velocity = "0.4 mm/s" }"""
+drive = { velocity = "0.4 mm/s" }
+feasible = { load = ["20 N", "90 N"] }"""
 SAID = {
     "mass": {"slider.mass": "to", "slider.damping_ratio": "held at .*damping ratio"},
     "damping mass": {"slider.damping_ratio": "to .*damping ratio", "slider.mass": "mass.* to"},
     "contact_stiffness": {"interface.breaking_displacement": "to .*displacement", "interface.v_half": "v_half"},
-    "delay": {"interface.v_half": "to .*v_half"},
+    "load": {"interface.normal_load": "to"},
 }
 
 
@@ -268,9 +269,11 @@ def test_a_change_in_words_written_into_its_file_is_that_change(changes):
     for (table, name), before in ((key.split("."), before) for key, before in SAID[changes].items()):
         value = re.search(rf"{before} ([\d.]+( [^ ,)]+)?)", words)[1]
         written[table][name] = float(value) if name == "damping_ratio" else value
-    for name in ("mass", "stiffness", "damping", "contact_stiffness", "delay", "friction"):
-        wanted = rig.replace(**{each.parameter: each.stops for each in made}).value(name)
-        assert rigs.from_document(written).value(name) == pytest.approx(wanted, rel=5e-3), words
+    there, wanted = rigs.from_document(written), rig.replace(**{each.parameter: each.stops for each in made})
+    for name in ("mass", "stiffness", "damping", "contact_stiffness", "delay", "friction", "load"):
+        assert there.value(name) == pytest.approx(wanted.value(name), rel=5e-3), words
+    for each in (rig, rigs.from_document(rigs.to_document(rig))):  # which gives the contact strength
+        assert each.operation.range_of("load")[0] == pytest.approx(each.natural.value("load") / 3.0)
 
 
 @pytest.mark.slow

@@ -187,7 +187,7 @@ MISTAKES = [
     (THRESHOLDS, {"distribution": "uniform", "low": 2.0, "high": 1.0}, f"{THRESHOLDS}.high = 1", "above 2"),
     (THRESHOLDS, {"distribution": "empirical"}, f"{THRESHOLDS}.samples", "missing"),
     ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "interface.initial", "nearer to 0"),
-    ("interface.mu_s", 0.4, "interface", "give contact_strength or normal_load, mu_s and mu_k, not both"),
+    ("interface.mu_s", 0.4, "interface", "give contact_strength or mu_s and mu_k, not both"),
     ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
     ("drive.pieces", [], "drive", "give velocity or pieces, not both"),

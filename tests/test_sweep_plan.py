@@ -472,7 +472,7 @@ def test_the_load_is_an_axis():
     rig, short = ss.example("pmma_slider"), Runs(distance="40 um", cycles=0)
     loads = [0.5 * rig.value("load"), rig.value("load")]
     found = ss.sweep(rig, {"load": loads, "seed": [3]}, runs=short)
-    assert found["load"].attrs == {"units": "N", "long_name": "contact strength (normal load)", "spacing": "linear"}
+    assert found["load"].attrs == {"units": "N", "long_name": "normal load or contact strength", "spacing": "linear"}
     for load in loads:
         alone = ss.sweep(rig.replace(load=load), {"velocity": [rig.value("velocity")], "seed": [3]}, runs=short)
         np.testing.assert_allclose(found["mean_force"].sel(load=load), alone["mean_force"][0], rtol=1e-12)

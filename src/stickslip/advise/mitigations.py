@@ -158,7 +158,7 @@ class _Search:
         """The factor up to which parameters are varied, as far as that could be built."""
         ends = list[float]()
         for parameter, side in turns:
-            value, (low, high) = parameter.get(self._rigs[0]), reach(self._rigs[0], parameter)
+            value, (low, high) = parameter.get(self._own.natural), reach(self._rigs[0], parameter)
             least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
             ends.append(min(high, most / value) if side > 0 else 1.0 / max(low, least / value))
         return min(ends)

@@ -245,6 +245,8 @@ def _value(rig: Rig, name: str) -> str:
     if name == "delay":
         with suppress(InputError):  # the friction never halves
             also.append(f"v_half {rig.in_units(half_distance(rig.interface) / DELAY.get(rig), 'velocity')}")
+    if name == "load" and rig.operation.normal_load:
+        also.append(f"contact strength {rig.in_units(1.0, 'force')}")
     if name in ("friction", "contact_stiffness"):
         also.append(f"breaking displacement {rig.in_units(1.0, 'length')}")
     if name in ("friction", "load") and (force := rig.interface.sliding_force):

@@ -13,12 +13,11 @@ from typing import Any
 
 from stickslip.errors import InputError, instance, shortened
 from stickslip.io.rig_reader import from_document as from_document
+from stickslip.io.rig_writer import Document
 from stickslip.io.rig_writer import to_document as to_document
 from stickslip.io.tables import read_toml
 from stickslip.model.body import BODIES
 from stickslip.model.rig import Rig
-
-Document = dict[str, Any]
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 """Folder of the rigs that come with the package."""

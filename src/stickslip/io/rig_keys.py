@@ -41,7 +41,7 @@ RULES: Mapping[str, tuple[Either, ...]] = {
         for body, material in MATERIAL.items()
     },
     "interface": (
-        Either("contact_strength", "normal_load mu_s mu_k", needed=True),
+        Either("contact_strength", "mu_s mu_k", needed=True),
         Either("thresholds", "mu_s mu_k", needed=True),
         Either("delay", "v_half"),
         Either("newborn", "mu_s mu_k"),  # coefficients are read as of unstretched newborns, and of equal contacts

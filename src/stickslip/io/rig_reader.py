@@ -70,6 +70,8 @@ class _Reader:
         names = (self.body, "interface", "drive", "simulation")
         slider, interface, drive, simulation = (self._table(name, top.get(name, {})) for name in names)
         self._check_body(slider)
+        if "mu_s" in interface and "normal_load" not in interface:
+            file.missing("interface.normal_load", TABLES["interface"]["normal_load"])
         # What cannot be read is noted, and the rest is looked through.
         self.length = interface.get("breaking_displacement", 1.0)
         for name in (name for name in rig_keys.KINDS if name in interface):
@@ -85,6 +87,7 @@ class _Reader:
         blocks = 1 if file.natural else blocks  # forces are those of all blocks in SI files only
         scales = self._scales(interface, pulled, blocks)
         interface["sliding_force"] /= blocks
+        speeds |= {name: value / blocks for name, value in interface.items() if name == "normal_load"}
         of_method = simulation | {"count": simulation.get("contacts", 10_000 if self.body == "slider" else 100)}
         method = _made(METHODS[simulation["method"]], of_method, "simulation", {"count": "contacts"})
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
@@ -111,8 +114,8 @@ class _Reader:
         """The rig with what the file gives by numbers that belong together, found in natural units."""
         if "damping_ratio" in values:
             with at("slider"):
-                slider = replace(rig.slider, damping=2.0 * values["damping_ratio"] * rig.slider.frequency)
-            rig = replace(rig, slider=slider)
+                damping = 2.0 * values["damping_ratio"] * rig.slider.frequency
+                rig = replace(rig, slider=replace(rig.slider, damping=damping))
         if "v_half" in values:
             with at("interface.v_half"):
                 path = half_distance(rig.interface)

@@ -114,6 +114,8 @@ class _Writer:
         blocks, found = 1 if self.natural else getattr(self.rig.slider, "size", 1), {}
         if not self.natural:
             found["contact_strength"] = self.quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
+            if load := self.rig.operation.normal_load:
+                found["normal_load"] = self.quantity(blocks * load, "f_s")
             found["breaking_displacement"] = self.quantity(1.0, "x_s", lambda si: si == scales.stretching)
         # A default that was taken is left out, so that it is taken, and reported, again.
         found |= self._values(interface, TABLES["interface"], defaults=False)

@@ -87,24 +87,29 @@ AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "ti
 def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int, holds: str = "") -> Parameter:
     """Parameter that is a unit of the rig: 1 in natural units; force and length follow it with these powers."""
 
-    def set_(rig: Rig, factor: float) -> Rig:
+    def set_(rig: Rig, value: float) -> Rig:
         STIFFNESS.get(rig)  # an impedance has no unit to rescale
+        factor = value / BY_NAME[name].get(rig)
         larger, scales = Scales(force=factor**force, stretching=factor**length), rig.scales
-        operation = converted(rig.operation, larger.natural)
+        kept: Any = {"normal_load": rig.operation.normal_load} if name == "load" else {}  # that of each contact
+        ranges = converted_ranges(rig.operation.feasible, larger.natural)
         return replace(
             rig,
             slider=converted(rig.slider, larger.natural),
             drive=converted(rig.drive, larger.natural),
-            operation=replace(operation, feasible=converted_ranges(operation.feasible, larger.natural)),
+            operation=replace(converted(rig.operation, larger.natural), feasible=ranges, **kept),
             scales=scales
             and replace(scales, force=scales.si(larger.force, "f_s"), stretching=scales.si(larger.stretching, "x_s")),
         )
 
-    return Parameter(name=name, unit=unit, title=title, rescales=True, holds=holds, get=lambda _rig: 1.0, set=set_)
+    def get(rig: Rig) -> float:
+        return (name == "load" and rig.operation.normal_load) or 1.0
+
+    return Parameter(name=name, unit=unit, title=title, rescales=True, holds=holds, get=get, set=set_)
 
 
-LOAD = _unit_of_the_rig("load", "f_s", "contact strength (normal load)", 1, 0)
-"""Number of contacts, as it goes with the normal load."""
+LOAD = _unit_of_the_rig("load", "f_s", "normal load or contact strength", 1, 0)
+"""Number of contacts, as it goes with the normal load: that where it is known, else the contact strength."""
 FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1, "delay")
 """Strength of each contact at constant stiffness: it breaks at a displacement as much larger."""
 CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1, "delay")

@@ -34,6 +34,7 @@ class Operation(Record):
 
     speeds: _Speeds = ()  #: speeds at which it works, that of its drive first
     between: _Speeds | None = None  #: in place of single speeds, a range of them
+    normal_load: Annotated[float | None, Number("f_s", above=0)] = None  #: if it is known; `load` is that then
     feasible: tuple[tuple[str, float, float], ...] = ()  #: parameters, each with the range that could be built or set
 
     def __post_init__(self) -> None:
