@@ -115,7 +115,8 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     bold = found.text(40, "\033[1m{}\033[0m")  # a terminal shows no signs for bold
     assert bold.startswith("\033[1mBrake pad, creep groan\033[0m: at 20 mm/s:\n")
     assert re.sub("\033\\[[01]m", "", bold) == found.text(40)
-    natural = ss.predict(rig.natural, fast=True)
+    natural = ss.predict(rig.natural, fast=True, smooth=("0.5", "3"))  # as a command line gives numbers
+    assert natural.between == (0.5, 3.0)
     assert found.critical_stiffness == pytest.approx(natural.critical_stiffness * rig.unit("k"))
     assert found.frequency == pytest.approx(natural.frequency / rig.scales.time)
     assert found.bands[1].high == pytest.approx(natural.bands[1].high * rig.unit("x_s/time"))

@@ -131,6 +131,7 @@ def unusable(tmp_path, monkeypatch):
         ("plot none.nc out.png", "none.nc"),
         *((f"measure {file}", file) for file in ("none.csv", "empty.csv", "damaged.nc")),
         ("measure trace.csv --events no/where.csv", "no/where.csv"),
+        ("predict rig.toml --smooth '1 m/s' 2", "smooth[0] = '1 m/s': must be a plain number"),
         ("measure trace.csv --force load", "load"),
         ("measure trace.csv --force " + "9" * 5_000, "no such column"),
         ("measure trace.csv --after 1e9", "after = 1e+09 s: fewer than 16 samples"),

@@ -78,7 +78,7 @@ def predict(
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
     if smooth is not None:
-        rig = replace(rig, operation=replace(rig.operation, speeds=(), between=rig.span(VELOCITY, smooth)))
+        rig = replace(rig, operation=replace(rig.operation, speeds=(), between=rig.span(VELOCITY, smooth, "smooth")))
     with reporting(progress, "predict") as report:
         if isinstance(rig.natural.slider, ElasticBody):
             return _predict_waves(rig, report)

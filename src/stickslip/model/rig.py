@@ -12,7 +12,7 @@ from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, Start
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
-from stickslip.model.quantities import read_value
+from stickslip.model.quantities import read_number, read_value
 from stickslip.model.records import Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
@@ -217,7 +217,11 @@ class Rig(Answer):
         """Return a number in the rig's own unit, or a text with a unit, in the natural unit; errors name the place."""
         unit = self.unit_name(natural)
         if isinstance(value, str) and self.scales is None:
-            raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
+            try:
+                value = read_number(value)  # as a command line gives it
+            except InputError:
+                told = f"{place} = {value!r}: must be a plain number, as the rig is in natural units"
+                raise InputError(told) from None
         return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(natural)
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
@@ -227,13 +231,13 @@ class Rig(Answer):
             raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
         return here / USUAL_RANGE, here * USUAL_RANGE
 
-    def span(self, parameter: Parameter, between: Ends) -> tuple[float, float]:
+    def span(self, parameter: Parameter, between: Ends, place: str = "between") -> tuple[float, float]:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
-        ends = sequence("between", between, "two values, such as (0.1, 10)")
+        ends = sequence(place, between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
-            raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
-        low = self.read("between[0]", ends[0], parameter.unit, above=0)
-        high = self.read("between[1]", ends[1], parameter.unit, above=low * self.unit(parameter.unit))
+            raise InputError(f"{place} = {shown(between)}: must be two values, such as (0.1, 10)")
+        low = self.read(f"{place}[0]", ends[0], parameter.unit, above=0)
+        high = self.read(f"{place}[1]", ends[1], parameter.unit, above=low * self.unit(parameter.unit))
         return low, high
 
     def __str__(self) -> str:
