@@ -85,9 +85,6 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     return tuple(found)
 
 
-# By linear theory
-
-
 def is_dear(rig: Rig) -> bool:
     """Whether a look at the linear response costs a hundred times as much: contacts age, or heat breaks them."""
     return rig.interface.ageing is not None or rig.interface.temperature is not None
@@ -143,9 +140,6 @@ def theory_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, hig
     before, found = trials.spent, trials.theory(stability_along, rig, parameter, low, high, looks=looks)
     trials.spent += each * _PER_EDGE * (len(found) - 1) if trials.spent > before else 0.0
     return found
-
-
-# By runs
 
 
 def works_at(rig: Rig) -> list[float]:

@@ -56,7 +56,8 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
     """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
     rig, search = found.rig, _Search(found, trials)
     changes, tried = dict[Parameter, Mitigation](), dict[Parameter, tuple[float, float]]()
-    rough, left, pair, some = dict[Parameter, float](), list[Parameter](), tuple[Mitigation, ...](), tried.copy()
+    rough, left, pair = dict[Parameter, float](), list[Parameter](), tuple[Mitigation, ...]()
+    some = dict[Parameter, tuple[float, float]]()
     # What can be changed on a machine first: by one run at a time, each with a fair share of half of what is left; then
     # by all runs, the smallest change first.
     for step, (group, seeds) in enumerate(product((TURNABLE, _OTHERS), (1, SEEDS))):
@@ -87,7 +88,7 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
         mitigations=tuple(changes[each] for each in mitigations),
         pair=pair,
         attempts={each.name: ends for each, ends in tried.items() if each not in changes},
-        unreliable={each.name: found for each, found in some.items() if each not in changes},
+        unreliable={each.name: furthest for each, furthest in some.items() if each not in changes},
         not_searched=tuple(each.title for each in left if each not in changes),
     )
 

@@ -64,9 +64,6 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
     return rate + (f" at {engineering(frequency, frequency_unit(rig), digits)}" if frequency else ", non-oscillatory")
 
 
-# The verdict
-
-
 def headline(found: Prediction) -> str:
     """What the rig does at its own speed, in a line, and when it oscillates along a drive that starts smoothly."""
     words, _ = _motion(found)
@@ -138,9 +135,6 @@ def speeds(found: Prediction) -> Iterator[str]:
         inside = [band for band in found.bands if band.low < high and band.high > low]
         words = ", ".join(f"{band.motion} from {_speed(found.rig, max(band.low, low))}" for band in inside)
         yield f"over its range, {_speed(found.rig, low)} to {_speed(found.rig, high)}: {words or 'undecided'}"
-
-
-# What it rests on, and what would stop it
 
 
 def sections(found: Prediction) -> Iterator[Section]:
@@ -262,9 +256,6 @@ def attempts(found: Prediction) -> Iterator[str]:
     for name, (value, part) in found.unreliable.items():
         times, furthest = round(8 * part), amount(found.rig, name, value)
         yield f"{parameter_named(name).title}: at {furthest}, the furthest, smooth sliding in {times} of 8 runs"
-
-
-# Elastic sliders
 
 
 def _grows(found: ElasticPrediction, speeds: tuple[tuple[float, float], ...]) -> str:

@@ -137,8 +137,6 @@ class _Reader:
             keys = {key: each for key, each in keys.items() if key not in SCALES}
         return self.file.table(content, keys, name, RULES.get(name, ()))
 
-    # -------------------------------------------------- records in the units of the file
-
     def _record(self, content: Any, place: str) -> Any:
         """The record that a table names; a delay may be a time or a word."""
         name = place.rpartition(".")[2]
@@ -257,8 +255,6 @@ class _Reader:
         # The unit of time drops out of every result; this one keeps the numbers near 1.
         with at("interface", {"force": "contact_strength", "stretching": "breaking_displacement"}):
             return Scales(force=strength / blocks, stretching=x_s, time=x_s / fastest if fastest else 1.0)
-
-    # -------------------------------------------------- feasible, assumed and fitted
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
         """The ranges within which parameters could be set."""

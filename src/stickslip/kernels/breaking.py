@@ -122,9 +122,6 @@ def later(width: float, u: float, w: float) -> float:
     return max(u, w) + width * math.log1p(math.exp(-abs(u - w) / width))
 
 
-# ---------------- What survives
-
-
 @bare
 def survival(breaking: Breaking, u: float, r: float) -> tuple[float, float, float]:
     """Fraction that survives a clock and a reach; its slopes in the two."""
@@ -169,9 +166,6 @@ def survivals(breaking: Breaking, u: Floats, r: Floats) -> Floats:
     values = np.empty(u.size)
     _fill(breaking, u.ravel(), r.ravel(), values)
     return values.reshape(u.shape)
-
-
-# ---------------- Clocks
 
 
 class _Piece(NamedTuple):

@@ -47,9 +47,6 @@ _ULPS = 4.0 * 2.0**-52
 _TRIES = 64  # thresholds from which a newborn without strength may choose
 
 
-# ---------------- The state
-
-
 class Draws(NamedTuple):
     """Random numbers in the order of use: thresholds of contacts that attach, and delays of those that break.
 
@@ -183,9 +180,6 @@ def attached_contacts(state: State) -> Records:
 
 def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
-
-
-# ---------------- Contacts attach, break, and get boxes
 
 
 @inlined
@@ -411,9 +405,6 @@ def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constan
         _leave(state, place, draws, boxes, c)
 
 
-# ---------------- The detached contacts
-
-
 class _Edges(NamedTuple):
     """The element of the detached contacts yields where the slider passes `ahead` or `behind`.
 
@@ -496,9 +487,6 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
     if not _yields(m, edges, side, first):
         _pass(state, side, draws, boxes, c)
     return True
-
-
-# ---------------- The engine
 
 
 @inlined

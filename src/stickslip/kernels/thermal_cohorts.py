@@ -102,9 +102,6 @@ class _Trial(NamedTuple):
     slid: float
 
 
-# ---------------- What survives
-
-
 @bare
 def _lay(course: Floats, growth: Growth, age: float, dt: float, x: float, dx: float) -> int:
     """Lay a course over a time in which the stretching goes from `x` by `dx`, uniformly: how many nodes it has."""
@@ -152,9 +149,6 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
             fraction += 1.0 - seen
             break
     return fraction
-
-
-# ---------------- A step
 
 
 @bare
@@ -403,9 +397,6 @@ def advance(
         else:
             state = state._replace(history=longer(state.history))
     return state, rows[: state.used.sampled], reason
-
-
-# ---------------- The beginning
 
 
 def initial_state(model: Model, delays: Delays, x: Floats, weight: Floats, since: float, velocity: float) -> State:
