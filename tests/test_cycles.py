@@ -223,7 +223,7 @@ def test_what_is_found_is_in_the_units_of_the_rig():
 def test_reasons_are_in_the_units_of_the_rig():
     rig = ss.read_rig("precision_stage")
     assert re.search(r"\d N\b", is_sustained(rig).reason)
-    assert re.search(r"stability at 0\.00086\d* m/s \(38\.\d+ Hz\)", str(ss.critical(rig, "velocity")))
+    assert re.search(r"stability at 861\.\d* um/s \(38\.\d+ Hz\)", str(ss.critical(rig, "velocity")))
     with pytest.raises(ss.InputError, match=r"begin = 1: .* at most 0\.003 \(m/s\)"):
         cycle_branch(rig, "velocity", between=(2e-4, 3e-3), begin=1.0)
     found = ss.bistable_range(rig, "velocity", between=(7e-4, 1e-3))
